@@ -1,0 +1,1 @@
+"""cvxlimit: certified collapse loads of dry-jointed masonry."""

@@ -1,0 +1,417 @@
+"""Contact detection: facing coplanar faces that overlap, found from geometry alone.
+
+Faces are grouped by plane (sorting), pairs within a plane come from an R-tree, overlaps are
+exact interval products for aligned rectangles and polygon clipping otherwise: near n log n.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from cvxlimit.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.contacts import Contacts
+from cvxlimit.errors import InputError
+from cvxlimit.polygons import area_and_centroid, convex_overlap
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _FaceTable:
+    """All faces of all blocks; ``corners`` (f, k, 3) repeat a face's last corner up to k."""
+
+    block: IntArray
+    corners: FloatArray
+    sides: IntArray
+    normal: FloatArray
+    size: FloatArray
+
+    def take(self, rows: IntArray) -> _FaceTable:
+        return _FaceTable(
+            self.block[rows], self.corners[rows], self.sides[rows],
+            self.normal[rows], self.size[rows],
+        )  # fmt: skip
+
+
+def detect_contacts(
+    blocks: Sequence[Block],
+    fixed: Collection[str] = (),
+    friction: float = 0.6,
+    tolerance: float = RELATIVE_TOLERANCE,
+) -> Contacts:
+    """Find all contacts between ``blocks``, except those between two ``fixed`` ones.
+
+    Two faces are in contact when their planes coincide and face each other, within
+    ``tolerance`` times the smaller block's size, and their overlap is a polygon whose mean
+    width exceeds the same length. A pair of blocks may have several contacts.
+
+    Raises
+    ------
+    InputError
+        If blocks interpenetrate, or a block touches no other.
+
+    Example
+    -------
+    >>> ground = Block.box("ground", (0, 0, -1), (1, 1, 0))
+    >>> brick = Block.box("brick", (0, 0, 0), (1, 1, 1), density=1.0)
+    >>> [c.name for c in detect_contacts([ground, brick], fixed=["ground"])]
+    ['ground-brick']
+    """
+    is_fixed = np.array([b.id in fixed for b in blocks])
+    sizes = np.array([b.size for b in blocks])
+    faces = _face_table(blocks, sizes)
+    first, second = _facing_pairs(faces, tolerance)
+    a, b = faces.block[first], faces.block[second]
+    swap = a > b
+    first, second = np.where(swap, second, first), np.where(swap, first, second)
+    contacts = _overlaps(faces.take(first), faces.take(second), blocks, friction, tolerance)
+    _check_every_block_touches(blocks, contacts)
+    check_no_interpenetration(blocks, contacts, sizes, tolerance)
+    return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
+
+
+def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:
+    """Blocks with the same face lists (all bricks, say) are handled in one array operation."""
+    same_faces: dict[object, list[int]] = defaultdict(list)
+    for i, block in enumerate(blocks):
+        same_faces[block.faces].append(i)
+    width = max(len(face) for block_faces in same_faces for face in block_faces)  # type: ignore[attr-defined]
+    parts = []
+    for block_faces, members in same_faces.items():
+        vertices = np.stack([blocks[i].vertices for i in members])
+        for face in block_faces:  # type: ignore[attr-defined]
+            padded = list(face) + [face[-1]] * (width - len(face))
+            corners = vertices[:, padded]
+            parts.append((np.array(members), corners, np.full(len(members), len(face))))
+    block = np.concatenate([p[0] for p in parts])
+    corners = np.concatenate([p[1] for p in parts])
+    spokes = corners - corners[:, :1]
+    area = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
+    normal = area / np.linalg.norm(area, axis=1)[:, None]
+    return _FaceTable(block, corners, np.concatenate([p[2] for p in parts]), normal, sizes[block])
+
+
+def _facing_pairs(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
+    """Pairs of faces on a common plane, from opposite sides, whose bounding boxes meet."""
+    side, plane = _planes(faces, tolerance)
+    t1, t2 = _plane_axes(faces, side, plane)
+    middle = faces.corners.reshape(-1, 3).mean(axis=0)
+    local = faces.corners - middle
+    u = np.einsum("fkc,fc->fk", local, t1)
+    v = np.einsum("fkc,fc->fk", local, t2)
+    margin = tolerance * faces.size
+    span = 2.0 * (np.abs(u).max() + margin.max()) * 1.01
+    shift = plane * span
+    boxes = shapely.box(
+        u.min(axis=1) - margin + shift, v.min(axis=1) - margin,
+        u.max(axis=1) + margin + shift, v.max(axis=1) + margin,
+    )  # fmt: skip
+    up, down = np.flatnonzero(side > 0), np.flatnonzero(side < 0)
+    found = shapely.STRtree(boxes[down]).query(boxes[up])
+    first, second = up[found[0]], down[found[1]]
+    differ = faces.block[first] != faces.block[second]
+    first, second = first[differ], second[differ]
+    length = tolerance * np.minimum(faces.size[first], faces.size[second])
+    gap = np.einsum(
+        "fkc,fc->fk", faces.corners[second] - faces.corners[first][:, :1], faces.normal[first]
+    )
+    opposite = np.einsum("fc,fc->f", faces.normal[first], faces.normal[second]) < 0.0
+    near = (np.abs(gap).max(axis=1) <= length) & opposite
+    return first[near], second[near]
+
+
+def _planes(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
+    """Side (+1, -1) and plane number of each face.
+
+    The side is the sign along a direction that no normal is close to perpendicular to, so that
+    rounding cannot put two faces of one plane on the same side. Faces whose keys agree within
+    the tolerance in every coordinate always get the same number; the converse is checked later.
+    """
+    generator = np.random.default_rng(0)
+    for _ in range(50):
+        direction = generator.normal(size=3)
+        projection = faces.normal @ (direction / np.linalg.norm(direction))
+        if np.abs(projection).min() > 1e-4:
+            break
+    side = np.where(projection > 0.0, 1, -1)
+    normal = faces.normal * side[:, None]
+    middle = faces.corners.reshape(-1, 3).mean(axis=0)
+    reach = np.abs(faces.corners - middle).max()
+    offset = np.einsum("fc,fc->f", faces.corners.mean(axis=1) - middle, normal)
+    angle = 2.0 * tolerance
+    length = tolerance * (faces.size.max() + 2.0 * reach)
+    labels = np.stack(
+        [_gap_labels(normal[:, c], angle) for c in range(3)] + [_gap_labels(offset, length)]
+    )
+    number = np.unique(labels, axis=1, return_inverse=True)[1]
+    return side, np.asarray(number).reshape(-1)
+
+
+def _gap_labels(values: FloatArray, gap: float) -> IntArray:
+    """Number the runs of sorted values that are separated by more than ``gap``."""
+    order = np.argsort(values)
+    runs = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
+    labels = np.empty(len(values), dtype=np.int64)
+    labels[order] = runs
+    return labels
+
+
+def _plane_axes(
+    faces: _FaceTable, side: IntArray, plane: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """In-plane axes shared by all faces of a plane: t1 along an edge of its first face."""
+    first_of_plane = np.unique(plane, return_index=True)[1][plane]
+    along = faces.corners[first_of_plane, 1] - faces.corners[first_of_plane, 0]
+    t1 = along / np.linalg.norm(along, axis=1)[:, None]
+    normal = (faces.normal * side[:, None])[first_of_plane]
+    return t1, np.cross(normal, t1)
+
+
+def _overlaps(
+    lower: _FaceTable, upper: _FaceTable, blocks: Sequence[Block], friction: float, tol: float
+) -> Contacts:
+    """Contact polygons of facing pairs; ``lower`` belongs to block a, its normal is the contact's."""
+    t1 = _canonical(_unit(lower.corners[:, 1] - lower.corners[:, 0]))
+    t2 = np.cross(lower.normal, t1)
+    axes = np.stack([t1, t2, lower.normal], axis=1)
+    base = lower.corners[:, 0]
+    flat_lower = np.einsum("pkc,pic->pki", lower.corners - base[:, None], axes[:, :2])
+    flat_upper = np.einsum("pkc,pic->pki", upper.corners - base[:, None], axes[:, :2])
+    length = tol * np.minimum(lower.size, upper.size)
+    boxes = _is_aligned_rectangle(flat_lower, lower) & _is_aligned_rectangle(flat_upper, upper)
+    polygons: list[FloatArray] = [np.empty((0, 2))] * len(boxes)
+    for j, corners in zip(
+        np.flatnonzero(boxes), _rectangle_overlap(flat_lower[boxes], flat_upper[boxes]), strict=True
+    ):
+        polygons[j] = corners
+    others = np.flatnonzero(~boxes)
+    for j, corners in zip(
+        others, convex_overlap(flat_lower[others], flat_upper[others]), strict=True
+    ):
+        polygons[j] = corners
+    return _assemble(polygons, boxes, base, axes, lower.block, upper.block, blocks, friction, length)
+
+
+def _is_aligned_rectangle(flat: FloatArray, faces: _FaceTable) -> NDArray[np.bool_]:
+    """Four corners, all edges along the axes to 1e-9 of the block size."""
+    corners = flat[:, :4]
+    edges = np.roll(corners, -1, axis=1) - corners
+    straight = np.abs(edges).min(axis=2).max(axis=1) <= 1e-9 * faces.size
+    result: NDArray[np.bool_] = straight & (faces.sides == 4)
+    return result
+
+
+def _rectangle_overlap(first: FloatArray, second: FloatArray) -> FloatArray:
+    low = np.maximum(first.min(axis=1), second.min(axis=1))
+    high = np.maximum(np.minimum(first.max(axis=1), second.max(axis=1)), low)
+    x0, y0, x1, y1 = low[:, 0], low[:, 1], high[:, 0], high[:, 1]
+    return np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 4, 2)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    result: FloatArray = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+    return result
+
+
+def _canonical(vectors: FloatArray) -> FloatArray:
+    """Turn each vector so that its largest component is positive."""
+    largest = np.abs(vectors).argmax(axis=1)
+    sign = np.sign(vectors[np.arange(len(vectors)), largest])
+    result: FloatArray = vectors * sign[:, None]
+    return result
+
+
+def _assemble(
+    polygons: list[FloatArray],
+    aligned: NDArray[np.bool_],
+    base: FloatArray,
+    axes: FloatArray,
+    a: IntArray,
+    b: IntArray,
+    blocks: Sequence[Block],
+    friction: float,
+    length: FloatArray,
+) -> Contacts:
+    """Keep overlaps of non-negligible width, centre them, recognise rectangles."""
+    kept, area, centre, sides, corners = [], [], [], [], []
+    frames = axes.copy()
+    for j in np.lexsort((b, a)):
+        polygon = polygons[j]
+        if len(polygon) < 3:
+            continue
+        if aligned[j]:
+            extent = polygon[2] - polygon[0]
+            surface, middle = float(extent.prod()), 0.5 * (polygon[0] + polygon[2])
+            width = float(extent.min())
+        else:
+            surface, middle = area_and_centroid(polygon)
+            perimeter = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
+            width = 2.0 * surface / float(perimeter)
+        if width <= length[j]:
+            continue
+        local = polygon - middle
+        if aligned[j]:
+            side = extent
+        else:
+            local, side, turn = _along_own_sides(local)
+            frames[j, :2] = turn @ frames[j, :2]
+        kept.append(j)
+        area.append(surface)
+        centre.append(base[j] + middle @ axes[j, :2])
+        sides.append(side)
+        corners.append(local)
+    index = np.array(kept, dtype=np.int64)
+    counts = [len(c) for c in corners]
+    return Contacts(
+        names=_names(a[index], b[index], blocks),
+        block_ids=tuple(block.id for block in blocks),
+        a=a[index],
+        b=b[index],
+        origin=np.array(centre).reshape(-1, 3),
+        axes=frames[index],
+        corner_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        corner_xy=np.concatenate(corners) if corners else np.empty((0, 2)),
+        sides=np.array(sides).reshape(-1, 2),
+        area=np.array(area),
+        friction=np.full(len(index), friction),
+    )
+
+
+def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Turn a centred polygon so that t1 runs along its longest edge.
+
+    Returns the turned corners, (l1, l2) if it is a rectangle to 1e-9 of its size else NaN,
+    and the rotation (2, 2) that maps old to new plane axes.
+    """
+    edges = np.roll(corners, -1, axis=0) - corners
+    longest = edges[int(np.linalg.norm(edges, axis=1).argmax())]
+    c, s = longest / np.linalg.norm(longest)
+    turn = np.array([[c, s], [-s, c]])
+    turned = corners @ turn.T
+    extent = np.ptp(turned, axis=0)
+    steps = np.roll(turned, -1, axis=0) - turned
+    square = len(corners) == 4 and np.abs(steps).min(axis=1).max() <= 1e-9 * extent.max()
+    return turned, extent if square else np.full(2, np.nan), turn
+
+
+def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:
+    seen: Counter[tuple[int, int]] = Counter()
+    names = []
+    for i, k in zip(a.tolist(), b.tolist(), strict=True):
+        seen[i, k] += 1
+        repeat = f"#{seen[i, k]}" if seen[i, k] > 1 else ""
+        names.append(f"{blocks[i].id}-{blocks[k].id}{repeat}")
+    return tuple(names)
+
+
+def _select(contacts: Contacts, keep: NDArray[np.bool_]) -> Contacts:
+    if keep.all():
+        return contacts
+    counts = np.diff(contacts.corner_start)
+    return Contacts(
+        names=tuple(n for n, k in zip(contacts.names, keep, strict=True) if k),
+        block_ids=contacts.block_ids,
+        a=contacts.a[keep],
+        b=contacts.b[keep],
+        origin=contacts.origin[keep],
+        axes=contacts.axes[keep],
+        corner_start=np.concatenate([[0], np.cumsum(counts[keep])]),
+        corner_xy=contacts.corner_xy[np.repeat(keep, counts)],
+        sides=contacts.sides[keep],
+        area=contacts.area[keep],
+        friction=contacts.friction[keep],
+    )
+
+
+def _check_every_block_touches(blocks: Sequence[Block], contacts: Contacts) -> None:
+    touched = np.zeros(len(blocks), dtype=bool)
+    touched[contacts.a] = True
+    touched[contacts.b] = True
+    if not touched.all():
+        lonely = blocks[int(np.flatnonzero(~touched)[0])]
+        raise InputError(
+            f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
+            "block: move it so that a face meets another block's face, or remove it"
+        )
+
+
+def check_no_interpenetration(
+    blocks: Sequence[Block], contacts: Contacts, sizes: FloatArray, tolerance: float
+) -> None:
+    """Refuse blocks that share volume.
+
+    A contact's plane separates its two convex blocks, so only pairs without a contact whose
+    bounding boxes overlap need a look: a separating plane is sought among their faces, then
+    among the planes spanned by pairs of edges.
+    """
+    low = np.array([b.vertices.min(axis=0) for b in blocks])
+    high = np.array([b.vertices.max(axis=0) for b in blocks])
+    margin = tolerance * sizes
+    flat, third = _two_longest_axes(low, high)
+    inner = margin[:, None]
+    boxes = shapely.box(
+        *(low[:, flat] + inner).T, *(np.maximum(high[:, flat] - inner, low[:, flat] + inner)).T
+    )
+    first, second = shapely.STRtree(boxes).query(boxes)
+    once = first < second
+    first, second = first[once], second[once]
+    depth = np.minimum(high[first, third], high[second, third]) - np.maximum(
+        low[first, third], low[second, third]
+    )
+    deep = depth > np.minimum(margin[first], margin[second])
+    touching = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
+    for i, k in zip(first[deep].tolist(), second[deep].tolist(), strict=True):
+        if (i, k) in touching:
+            continue
+        overlap = penetration(blocks[i], blocks[k])
+        if overlap > min(margin[i], margin[k]):
+            raise InputError(
+                f"blocks {blocks[i].id!r} and {blocks[k].id!r} interpenetrate by about "
+                f"{overlap:.3g}: move or cut one of them"
+            )
+
+
+def _two_longest_axes(low: FloatArray, high: FloatArray) -> tuple[list[int], int]:
+    order = np.argsort(np.ptp(0.5 * (low + high), axis=0))
+    return [int(order[2]), int(order[1])], int(order[0])
+
+
+def penetration(first: Block, second: Block) -> float:
+    """Smallest overlap of two convex blocks over all candidate separating directions.
+
+    Zero or negative when they are apart or only touch; length unit of the scene.
+    """
+    directions = np.concatenate([_face_normals(first), -_face_normals(second)])
+    overlap = _least_overlap(first, second, directions)
+    if overlap <= 0.0:
+        return overlap
+    crosses = np.cross(_edge_directions(first)[:, None], _edge_directions(second)[None])
+    crosses = crosses.reshape(-1, 3)
+    norms = np.linalg.norm(crosses, axis=1)
+    crosses = crosses[norms > 1e-9] / norms[norms > 1e-9, None]
+    return min(overlap, _least_overlap(first, second, np.concatenate([crosses, -crosses])))
+
+
+def _least_overlap(first: Block, second: Block, directions: FloatArray) -> float:
+    if not len(directions):
+        return np.inf
+    reach = (first.vertices @ directions.T).max(axis=0)
+    return float((reach - (second.vertices @ directions.T).min(axis=0)).min())
+
+
+def _face_normals(block: Block) -> FloatArray:
+    corners = [block.vertices[list(face)] for face in block.faces]
+    areas = np.array([np.cross(c - c[0], np.roll(c, -1, axis=0) - c[0]).sum(axis=0) for c in corners])
+    return _unit(areas)
+
+
+def _edge_directions(block: Block) -> FloatArray:
+    pairs = {(min(i, k), max(i, k)) for f in block.faces for i, k in zip(f, f[1:] + f[:1], strict=True)}
+    return _unit(np.array([block.vertices[k] - block.vertices[i] for i, k in sorted(pairs)]))

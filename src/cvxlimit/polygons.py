@@ -1,0 +1,169 @@
+"""Plane geometry of contacts: torsion arms, polygon integrals, overlaps, effective regions."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+_SLENDER = 1e-3
+"""Below this side ratio the gradient of c_T is taken at the ratio itself: its log term's slope
+is unbounded at zero, and a wrong slope there does not change c_T by more than 1e-6."""
+
+
+def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
+    """c_T of rectangles (Eq. 16): the mean distance of their points from their centre.
+
+    ``l1``, ``l2`` are side lengths >= 0 of any common shape; the result has their unit.
+    Written with r = min / max so that it keeps all digits when a side goes to zero, where
+    Eq. 16 as printed does not. Convex and homogeneous of degree 1; 0 for a point.
+
+    >>> torsion_arm([1.0, 1.0, 1.0], [1.0, 0.5, 0.0]).round(6).tolist()
+    [0.382598, 0.296617, 0.25]
+    """
+    a, b = np.asarray(l1, dtype=float), np.asarray(l2, dtype=float)
+    longer = np.maximum(a, b)
+    r = np.minimum(a, b) / np.where(longer > 0.0, longer, 1.0)
+    safe = np.where(r > 0.0, r, 1.0)
+    thin = np.where(r > 0.0, np.arcsinh(safe) / safe, 1.0)
+    log_term = np.where(r > 0.0, safe**2 * np.arcsinh(1.0 / safe), 0.0)
+    arm: FloatArray = longer * (thin + log_term + 2.0 * np.hypot(1.0, r)) / 12.0
+    return arm
+
+
+def torsion_arm_gradient(l1: ArrayLike, l2: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of :func:`torsion_arm` by ``l1`` and by ``l2`` (dimensionless).
+
+    >>> d1, d2 = torsion_arm_gradient(1.0, 0.5)
+    >>> bool(np.isclose(1.0 * d1 + 0.5 * d2, torsion_arm(1.0, 0.5)))  # Euler, degree 1
+    True
+    """
+    a, b = np.asarray(l1, dtype=float), np.asarray(l2, dtype=float)
+    point = np.maximum(a, b) <= 0.0
+    a, b = np.where(point, 1.0, a), np.where(point, 1.0, b)
+    return _slope(a, b), _slope(b, a)
+
+
+def _slope(a: FloatArray, b: FloatArray) -> FloatArray:
+    r = np.clip(a / np.maximum(b, 1e-300), _SLENDER, 1.0 / _SLENDER)
+    slope: FloatArray = (
+        2.0 * r * np.arcsinh(1.0 / r) - np.arcsinh(r) / r**2 + np.hypot(1.0, r) / r
+    ) / 12.0
+    return slope
+
+
+def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
+    """Area and centroid (2,) of a simple polygon with counter-clockwise ``corners`` (k, 2)."""
+    points = np.asarray(corners, dtype=float)
+    spokes = points - points[0]
+    ahead = np.roll(spokes, -1, axis=0)
+    doubled = spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
+    area = float(doubled.sum()) / 2.0
+    centroid = points[0] + (doubled[:, None] * (spokes + ahead)).sum(axis=0) / (6.0 * area)
+    return area, centroid
+
+
+def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
+    """Mean distance of a polygon's points from ``point``: c_T of a general contact.
+
+    Exact: over the triangle between the point and an edge at distance h, with s along the edge,
+    the integral of r is (h s sqrt(h2 + s2) + h3 asinh(s / h)) / 6 between the edge's ends.
+    ``corners`` (k, 2) counter-clockwise; a degenerate polygon is treated as its longest segment.
+
+    >>> square = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+    >>> round(mean_distance(square, [0.0, 0.0]), 6)
+    0.382598
+    """
+    points = np.asarray(corners, dtype=float) - np.asarray(point, dtype=float)
+    if len(points) == 0:
+        return 0.0
+    extent = float(np.ptp(points, axis=0).max())
+    area = area_and_centroid(points)[0] if len(points) > 2 else 0.0
+    if area <= 1e-12 * extent**2:
+        return _mean_distance_on_segment(points)
+    ends = np.roll(points, -1, axis=0)
+    along = ends - points
+    length = np.linalg.norm(along, axis=1)
+    kept = length > 0.0
+    unit = along[kept] / length[kept, None]
+    start = (points[kept] * unit).sum(axis=1)
+    height = points[kept, 0] * unit[:, 1] - points[kept, 1] * unit[:, 0]
+    integral = _edge_integral(height, start + length[kept]) - _edge_integral(height, start)
+    return float(integral.sum() / area)
+
+
+def _edge_integral(h: FloatArray, s: FloatArray) -> FloatArray:
+    safe = np.where(h != 0.0, h, 1.0)
+    log_term = np.where(h != 0.0, h**3 * np.arcsinh(s / safe), 0.0)
+    result: FloatArray = (h * s * np.hypot(h, s) + log_term) / 6.0
+    return result
+
+
+def _mean_distance_on_segment(points: FloatArray) -> float:
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
+    i, j = np.unravel_index(int(gaps.argmax()), gaps.shape)
+    length = gaps[i, j]
+    if length == 0.0:
+        return float(np.linalg.norm(points[0]))
+    unit = (points[j] - points[i]) / length
+    start = float(points[i] @ unit)
+    height = abs(float(points[i, 0] * unit[1] - points[i, 1] * unit[0]))
+
+    def primitive(s: float) -> float:
+        log_term = height**2 * np.arcsinh(s / height) if height > 0.0 else 0.0
+        return float(0.5 * (s * np.hypot(s, height) + log_term))
+
+    return (primitive(start + length) - primitive(start)) / float(length)
+
+
+def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArray:
+    """P ∩ (2e - P): the largest part of a convex contact centred on the pressure centre.
+
+    For a rectangle this is the effective area of Eq. 26. ``corners`` (k, 2), ``pressure_centre``
+    (2,); returns corners (m, 2) counter-clockwise: two of them for a centre on an edge, one in a
+    corner, none outside.
+    """
+    points = np.asarray(corners, dtype=float)
+    e = np.asarray(pressure_centre, dtype=float)
+    overlap = shapely.intersection(shapely.Polygon(points), shapely.Polygon(2.0 * e - points))
+    coordinates = shapely.get_coordinates(overlap)
+    if isinstance(overlap, shapely.Polygon) and not overlap.is_empty:
+        return np.asarray(shapely.get_coordinates(shapely.normalize(overlap))[:-1][::-1])
+    return np.unique(coordinates, axis=0)
+
+
+def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
+    """Pairwise overlaps of convex polygons; arrays (p, k, 2) and (p, m, 2), corners repeated
+    where polygons have fewer. Returns p counter-clockwise corner lists, empty where the overlap
+    has no area.
+    """
+    shapes = shapely.intersection(shapely.polygons(first), shapely.polygons(second))
+    return [_polygon_corners(shape) for shape in shapes]
+
+
+def _polygon_corners(shape: shapely.Geometry) -> FloatArray:
+    if not isinstance(shape, shapely.Polygon) or shape.is_empty:
+        return np.empty((0, 2))
+    corners = np.asarray(shapely.get_coordinates(shape)[:-1])
+    if area_and_centroid(corners)[0] < 0.0:
+        corners = corners[::-1]
+    return _without_straight_corners(corners)
+
+
+def _without_straight_corners(corners: FloatArray) -> FloatArray:
+    """Drop corners that lie on the line between their neighbours, within 1e-9 of the size."""
+    tolerance = 1e-9 * float(np.ptp(corners, axis=0).max())
+    before = corners - np.roll(corners, 1, axis=0)
+    corners = corners[np.linalg.norm(before, axis=1) > tolerance]
+    while len(corners) > 3:
+        back, ahead = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+        chord = ahead - back
+        offset = corners - back
+        distance = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0])
+        straight = distance <= tolerance * np.linalg.norm(chord, axis=1)
+        if not straight.any():
+            break
+        corners = np.delete(corners, int(np.flatnonzero(straight)[0]), axis=0)
+    return corners

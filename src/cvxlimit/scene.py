@@ -1,0 +1,304 @@
+"""Scenes: blocks, supports, friction, dead and live loads. Immutable; ``with_...`` copies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.blocks import Block
+from cvxlimit.checks import finite_vector, not_negative
+from cvxlimit.contacts import Contacts
+from cvxlimit.detection import detect_contacts
+from cvxlimit.errors import InputError
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Names of the user's units; results come back in them. Nothing is converted."""
+
+    length: str = "m"
+    force: str = "kN"
+
+
+@dataclass(frozen=True)
+class Load:
+    """A load case, dead or live.
+
+    Attributes
+    ----------
+    gravity : (3,) or None
+        Unit vector; every free block is pulled along it by its own weight.
+    acceleration : (3,) or None
+        In multiples of gravity: the force on each free block is its weight times this vector.
+    forces : mapping of block id to (6,)
+        fx, fy, fz, mx, my, mz at the block's centroid, in the scene's units.
+
+    Example
+    -------
+    >>> Load(acceleration=(0, 1, 0)).acceleration
+    (0.0, 1.0, 0.0)
+    """
+
+    gravity: Vector | None = None
+    acceleration: Vector | None = None
+    forces: Mapping[str, Vector] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("gravity", "acceleration"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, tuple(finite_vector(value, 3, name).tolist()))
+        if self.gravity is not None and not np.isclose(np.linalg.norm(self.gravity), 1.0, atol=1e-6):
+            raise InputError(
+                f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
+                "weight per volume; use acceleration for multiples of the weight"
+            )
+        checked = {
+            id: tuple(finite_vector(f, 6, f"force on block {id!r}").tolist())
+            for id, f in self.forces.items()
+        }
+        object.__setattr__(self, "forces", MappingProxyType(checked))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Load, (self.gravity, self.acceleration, dict(self.forces))
+
+    def on(self, blocks: Iterable[Block]) -> FloatArray:
+        """Generalised forces (n, 6) on ``blocks``, about their centroids."""
+        members = list(blocks)
+        vector = np.zeros(3)
+        for part in (self.gravity, self.acceleration):
+            vector += 0.0 if part is None else np.array(part)
+        result = np.zeros((len(members), 6))
+        result[:, :3] = np.array([b.weight for b in members])[:, None] * vector
+        for i, block in enumerate(members):
+            if block.id in self.forces:
+                result[i] += self.forces[block.id]
+        return result
+
+
+GRAVITY = Load(gravity=(0.0, 0.0, -1.0))
+"""Dead load of most scenes: own weight along -z."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is to be analysed: blocks, which of them are fixed, friction, and two load cases.
+
+    Attributes
+    ----------
+    blocks : tuple of Block
+        Free and fixed blocks; order gives the rows of mechanisms.
+    supports : tuple of str
+        Ids of fixed blocks (the ground is one).
+    live : Load
+        Multiplied by the unknown load factor.
+    dead : Load
+        Always there; own weight along -z unless given.
+    friction : float
+        Coulomb coefficient of all contacts without their own.
+    contact_friction : mapping of (id, id) to float
+        Coefficient of the contacts between two blocks, in either order.
+    units : Units
+    name : str
+
+    Raises
+    ------
+    InputError
+        For duplicate or unknown ids, a free block without density, no free block, a live load
+        that is zero everywhere, friction that is negative or not finite. Geometric faults
+        (overlap, loose blocks) are found with the contacts.
+
+    Example
+    -------
+    >>> ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    >>> tower = Block.box("tower", (0, 0, 0), (1, 1, 4), density=20.0)
+    >>> scene = Scene([ground, tower], ["ground"], Load(acceleration=(1, 0, 0)), friction=0.7)
+    >>> len(scene.contacts), scene.total_weight
+    (1, 80.0)
+    """
+
+    blocks: tuple[Block, ...]
+    supports: tuple[str, ...]
+    live: Load
+    dead: Load = GRAVITY
+    friction: float = 0.6
+    contact_friction: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    units: Units = Units()
+    name: str = "scene"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "blocks", tuple(self.blocks))
+        object.__setattr__(self, "supports", tuple(self.supports))
+        object.__setattr__(self, "friction", not_negative(self.friction, "friction of the scene"))
+        overrides = {
+            tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]}-{pair[1]}")
+            for pair, mu in self.contact_friction.items()
+        }
+        object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
+        _check_ids(self)
+        _check_loads(self)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
+        return Scene, (*fields, dict(self.contact_friction), self.units, self.name)
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """All contacts, detected on first use and kept; see :func:`detect_contacts`."""
+        found = detect_contacts(self.blocks, self.supports, self.friction)
+        return self._with_own_friction(found)
+
+    @cached_property
+    def free(self) -> NDArray[np.int64]:
+        """Indices of the free blocks in ``blocks``."""
+        fixed = set(self.supports)
+        return np.array([i for i, b in enumerate(self.blocks) if b.id not in fixed])
+
+    @cached_property
+    def dead_forces(self) -> FloatArray:
+        """Dead load on the free blocks (n_free, 6), about their centroids."""
+        return self.dead.on(self.blocks[i] for i in self.free)
+
+    @cached_property
+    def live_forces(self) -> FloatArray:
+        """Live load on the free blocks (n_free, 6), for load factor 1."""
+        return self.live.on(self.blocks[i] for i in self.free)
+
+    @cached_property
+    def total_weight(self) -> float:
+        """Weight of all free blocks."""
+        return float(sum(self.blocks[i].weight for i in self.free))
+
+    def with_live(self, live: Load) -> Scene:
+        """The same scene under another live load; contacts are kept."""
+        return self._copy(live=live)
+
+    def with_dead(self, dead: Load) -> Scene:
+        """The same scene under another dead load; contacts are kept."""
+        return self._copy(dead=dead)
+
+    def with_friction(
+        self, friction: float, contact_friction: Mapping[tuple[str, str], float] | None = None
+    ) -> Scene:
+        """The same scene with other friction; ``contact_friction`` None keeps the overrides."""
+        kept = self.contact_friction if contact_friction is None else contact_friction
+        return self._copy(friction=friction, contact_friction=kept)
+
+    def with_name(self, name: str) -> Scene:
+        """The same scene under another name."""
+        return self._copy(name=name)
+
+    def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Scene:
+        """The scene after x -> rotation @ x + translation, loads included."""
+        turn = np.asarray(rotation, dtype=float)
+        return replace(
+            self,
+            blocks=tuple(b.moved(turn, translation) for b in self.blocks),
+            dead=_turned(self.dead, turn),
+            live=_turned(self.live, turn),
+        )
+
+    def in_units(self, units: Units, length: float, force: float) -> Scene:
+        """The scene in other units: lengths times ``length``, forces times ``force``.
+
+        From m and kN to mm and N: ``scene.in_units(Units("mm", "N"), 1e3, 1e3)``.
+        """
+        factor = np.array([force] * 3 + [force * length] * 3)
+        loads = [
+            replace(load, forces={id: tuple(factor * f) for id, f in load.forces.items()})
+            for load in (self.dead, self.live)
+        ]
+        return replace(
+            self,
+            blocks=tuple(b.scaled(length, force / length**3) for b in self.blocks),
+            dead=loads[0],
+            live=loads[1],
+            units=units,
+        )
+
+    def _copy(self, **changes: object) -> Scene:
+        copy = replace(self, **changes)  # type: ignore[arg-type]
+        if "contacts" in self.__dict__:
+            copy.__dict__["contacts"] = copy._with_own_friction(self.contacts)
+        return copy
+
+    def _with_own_friction(self, contacts: Contacts) -> Contacts:
+        friction = np.full(len(contacts), self.friction)
+        ids = contacts.block_ids
+        pairs = [
+            tuple(sorted((ids[a], ids[b]))) for a, b in zip(contacts.a, contacts.b, strict=True)
+        ] if self.contact_friction else []  # fmt: skip
+        unknown = set(self.contact_friction) - set(pairs)
+        if unknown:
+            a, b = sorted(unknown)[0]
+            raise InputError(
+                f"friction is given for contact {a}-{b}, but these blocks do not touch: "
+                "remove the entry or move the blocks"
+            )
+        for j, pair in enumerate(pairs):
+            friction[j] = self.contact_friction.get(pair, self.friction)  # type: ignore[call-overload]
+        return contacts.with_friction(friction)
+
+
+def _check_ids(scene: Scene) -> None:
+    ids = [block.id for block in scene.blocks]
+    known = set(ids)
+    if len(known) < len(ids):
+        twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+        raise InputError(f"block id {twice!r} is used twice: ids must be unique")
+    for id in scene.supports:
+        if id not in known:
+            raise InputError(f"support {id!r} is not a block of the scene; add it to the blocks")
+    if len(set(scene.supports)) < len(scene.supports):
+        twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
+        raise InputError(f"support {twice!r} is listed twice")
+    for pair in scene.contact_friction:
+        for id in pair:
+            if id not in known:
+                raise InputError(
+                    f"friction is given for contact {pair[0]}-{pair[1]}, but there is no "
+                    f"block {id!r}"
+                )
+    if not len(scene.free):
+        raise InputError(
+            f"scene {scene.name!r} has no free block: at least one block must not be a support"
+        )
+    for i in scene.free:
+        if scene.blocks[i].density is None:
+            raise InputError(
+                f"free block {scene.blocks[i].id!r} has no density; give its weight per volume"
+            )
+
+
+def _check_loads(scene: Scene) -> None:
+    known = {block.id for block in scene.blocks}
+    for case, load in (("dead", scene.dead), ("live", scene.live)):
+        for id in load.forces:
+            if id not in known:
+                raise InputError(f"the {case} load names block {id!r}, which is not in the scene")
+            if id in scene.supports:
+                raise InputError(
+                    f"the {case} load acts on block {id!r}, which is a support and cannot move"
+                )
+    if not np.any(scene.live_forces):
+        raise InputError(
+            "the live load is zero everywhere: give it an acceleration or forces on free blocks"
+        )
+
+
+def _turned(load: Load, turn: FloatArray) -> Load:
+    def apply(vector: Vector | None) -> Vector | None:
+        return None if vector is None else tuple(turn @ vector)
+
+    forces = {
+        id: tuple(np.concatenate([turn @ f[:3], turn @ f[3:]])) for id, f in load.forces.items()
+    }
+    return Load(apply(load.gravity), apply(load.acceleration), forces)

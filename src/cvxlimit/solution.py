@@ -1,0 +1,143 @@
+"""What comes out: a load factor, its bracket, contact forces, mechanism and history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """How an analysis ended; :attr:`advice` gives likely causes and a cure."""
+
+    CERTIFIED = "certified"
+    NOT_CERTIFIED = "not certified"
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    CYCLING = "cycling"
+    DEAD_LOAD_UNSTABLE = "dead load cannot stand"
+    LIVE_LOAD_HARMLESS = "live load does no harm"
+
+    @property
+    def has_answer(self) -> bool:
+        """False when no load factor exists at all."""
+        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS)
+
+    @property
+    def is_good(self) -> bool:
+        """True when the answer keeps its promise: bracket closed, or iteration converged."""
+        return self in (Status.CERTIFIED, Status.CONVERGED)
+
+    @property
+    def advice(self) -> str:
+        """One sentence: what it means and what to do."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.CERTIFIED: "the bracket, recomputed outside the solver, is within the tolerance",
+    Status.NOT_CERTIFIED: (
+        "the bracket is wider than the tolerance: use its bounds, ask for a wider tolerance, "
+        "or try another surface or solver"
+    ),
+    Status.CONVERGED: "the iteration met its tolerance (Eq. 43)",
+    Status.NOT_CONVERGED: (
+        "the fixed point did not settle; its last load factor is not an answer: "
+        "use the certified interaction, or another old-value weight"
+    ),
+    Status.CYCLING: (
+        "the fixed point returns to earlier load factors; none of them is an answer: "
+        "use the certified interaction, or another old-value weight"
+    ),
+    Status.DEAD_LOAD_UNSTABLE: (
+        "a mechanism without live load was found and checked: change the geometry, the supports, "
+        "the friction or the dead load"
+    ),
+    Status.LIVE_LOAD_HARMLESS: (
+        "forces that carry any multiple of the live load were found and checked: "
+        "change the direction of the live load"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """One solve: an attempt of the solver ladder, or an iterate of an interaction loop.
+
+    Numbers that do not apply are None. ``equilibrium_residual`` and ``yield_excess`` are in
+    units of the total load, ``flow_violation`` in units of the mechanism's largest rate;
+    ``change`` is the convergence measure of Eq. 43.
+    """
+
+    load_factor: float | None
+    seconds: float
+    solver: str
+    status: str
+    lower: float | None = None
+    upper: float | None = None
+    change: float | None = None
+    equilibrium_residual: float | None = None
+    yield_excess: float | None = None
+    flow_violation: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of an analysis. Plain numbers and NumPy arrays only: pickles, and goes to JSON.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    surface : str
+        ``"conic"``, ``"octagon"``, ``"16-gon"`` ...
+    interaction : str
+        ``"none"``, ``"fixed-point"`` or ``"certified"``.
+    moments : str
+        ``"independent"`` or ``"signed"``; matters with interaction only.
+    blocks, contacts : int
+        Numbers of free blocks and of contacts.
+    load_factor : float or None
+        Best certified value; None when no answer exists.
+    lower, upper : float
+        Bracket recomputed outside the solver; infinite where there is no bound.
+    status : Status
+    history : tuple of Iterate
+    seconds : mapping
+        ``detect``, ``compile``, ``solve``, ``certify`` and ``total``.
+    forces : (contacts, 6) array or None
+        V1, V2, N, M1, M2, MT on block b of each contact, user's units.
+    mechanism : mapping of block id to (6,) array, or None
+        ux, uy, uz, rx, ry, rz rates of the free blocks at their centroids, scaled to live
+        power 1.
+    note : str
+        What the status rests on, in a sentence; empty if there is nothing to add.
+    """
+
+    scene: str
+    surface: str
+    interaction: str
+    moments: str
+    blocks: int
+    contacts: int
+    load_factor: float | None
+    lower: float
+    upper: float
+    status: Status
+    history: tuple[Iterate, ...]
+    seconds: Mapping[str, float]
+    forces: FloatArray | None = field(default=None, repr=False)
+    mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+    note: str = ""
+
+    @property
+    def gap(self) -> float:
+        """Width of the bracket relative to its upper end; infinite without a bracket."""
+        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
+            return float("inf")
+        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
