@@ -68,9 +68,7 @@ class Block:
     bounds: FloatArray | None = field(default=None, repr=False)
 
     @classmethod
-    def box(
-        cls, id: str, low: ArrayLike, high: ArrayLike, density: float | None = None
-    ) -> Block:
+    def box(cls, id: str, low: ArrayLike, high: ArrayLike, density: float | None = None) -> Block:
         """An axis-aligned box between two opposite corners, ``low`` < ``high`` in x, y and z.
 
         Raises
@@ -79,7 +77,10 @@ class Block:
             If a corner is not three finite numbers, or an edge has no positive length.
         """
         bounds = np.stack(
-            [finite_vector(x, 3, f"box {end} of block {id!r}") for end, x in (("min", low), ("max", high))]
+            [
+                finite_vector(x, 3, f"box {end} of block {id!r}")
+                for end, x in (("min", low), ("max", high))
+            ]
         )
         edges = bounds[1] - bounds[0]
         if not edges.min() > 0.0:
@@ -168,7 +169,7 @@ class Block:
             raise InputError("rotation must be an orthogonal 3 x 3 matrix")
         if np.linalg.det(turn) < 0.0:
             raise InputError("rotation must not mirror: its determinant is -1")
-        shift = np.asarray(translation, dtype=float)
+        shift = finite_vector(translation, 3, "translation")
         return replace(
             self,
             vertices=_frozen(self.vertices @ turn.T + shift),
@@ -181,6 +182,8 @@ class Block:
 
         From m and kN to mm and N: ``block.scaled(1e3, 1e-6)``.
         """
+        if not (0.0 < length < np.inf and 0.0 < density < np.inf):
+            raise InputError(f"scales must be positive, got {length:g} and {density:g}")
         return replace(
             self,
             vertices=_frozen(self.vertices * length),
@@ -210,18 +213,14 @@ def _points(id: str, value: ArrayLike) -> FloatArray:
     try:
         points = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InputError(
-            f"vertices of block {id!r} must be a list of [x, y, z] numbers"
-        ) from error
+        raise InputError(f"vertices of block {id!r} must be a list of [x, y, z] numbers") from error
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
         raise InputError(
             f"block {id!r} needs at least four vertices [x, y, z], got shape {points.shape}"
         )
     if not np.isfinite(points).all():
         bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(
-            f"vertex {bad} of block {id!r} must be finite, got {points[bad].tolist()}"
-        )
+        raise InputError(f"vertex {bad} of block {id!r} must be finite, got {points[bad].tolist()}")
     return points
 
 
@@ -240,6 +239,8 @@ def _oriented_faces(id: str, points: FloatArray, faces: Sequence[Sequence[int]])
 
 
 def _face_indices(id: str, number: int, face: Sequence[int], count: int) -> tuple[int, ...]:
+    if not isinstance(face, Sequence | np.ndarray):
+        raise InputError(f"face {number} of block {id!r} must list vertices, got {face!r}")
     wrong = [
         i for i in face if isinstance(i, bool) or not isinstance(i, (int, np.integer))
         or not 0 <= i < count
@@ -297,9 +298,7 @@ def _check_solid(id: str, points: FloatArray, faces: Faces, volume: float) -> No
         )
     unused = set(range(len(points))) - {i for f in faces for i in f}
     if unused:
-        raise InputError(
-            f"vertex {min(unused)} of block {id!r} belongs to no face; remove it"
-        )
+        raise InputError(f"vertex {min(unused)} of block {id!r} belongs to no face; remove it")
 
 
 def _check_face(

@@ -122,13 +122,13 @@ class Contacts:
     @cached_property
     def is_rectangle(self) -> NDArray[np.bool_]:
         """True for rectangles, (n,)."""
-        return np.isfinite(self.sides).all(axis=1)
+        return np.asarray(np.isfinite(self.sides).all(axis=1))
 
     @cached_property
     def torsion_arm(self) -> FloatArray:
         """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre."""
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
-        for j in np.flatnonzero(~self.is_rectangle):
+        for j in np.flatnonzero(~self.is_rectangle).tolist():
             arm[j] = mean_distance(self.corners_of(j), (0.0, 0.0))
         return arm
 

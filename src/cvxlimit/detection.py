@@ -14,9 +14,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from cvxlimit.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.blocks import RELATIVE_TOLERANCE, Block, Faces
 from cvxlimit.contacts import Contacts
 from cvxlimit.errors import InputError
+from cvxlimit.penetration import check_no_interpenetration
 from cvxlimit.polygons import area_and_centroid, convex_overlap
 
 FloatArray = NDArray[np.float64]
@@ -72,30 +73,30 @@ def detect_contacts(
     swap = a > b
     first, second = np.where(swap, second, first), np.where(swap, first, second)
     contacts = _overlaps(faces.take(first), faces.take(second), blocks, friction, tolerance)
-    _check_every_block_touches(blocks, contacts)
     check_no_interpenetration(blocks, contacts, sizes, tolerance)
+    _check_every_block_touches(blocks, contacts)
     return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
 
 
 def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:
     """Blocks with the same face lists (all bricks, say) are handled in one array operation."""
-    same_faces: dict[object, list[int]] = defaultdict(list)
+    same_faces: dict[Faces, list[int]] = defaultdict(list)
     for i, block in enumerate(blocks):
         same_faces[block.faces].append(i)
-    width = max(len(face) for block_faces in same_faces for face in block_faces)  # type: ignore[attr-defined]
+    width = max(len(face) for block_faces in same_faces for face in block_faces)
     parts = []
     for block_faces, members in same_faces.items():
         vertices = np.stack([blocks[i].vertices for i in members])
-        for face in block_faces:  # type: ignore[attr-defined]
+        for face in block_faces:
             padded = list(face) + [face[-1]] * (width - len(face))
             corners = vertices[:, padded]
             parts.append((np.array(members), corners, np.full(len(members), len(face))))
-    block = np.concatenate([p[0] for p in parts])
+    owner = np.concatenate([p[0] for p in parts])
     corners = np.concatenate([p[1] for p in parts])
     spokes = corners - corners[:, :1]
     area = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
     normal = area / np.linalg.norm(area, axis=1)[:, None]
-    return _FaceTable(block, corners, np.concatenate([p[2] for p in parts]), normal, sizes[block])
+    return _FaceTable(owner, corners, np.concatenate([p[2] for p in parts]), normal, sizes[owner])
 
 
 def _facing_pairs(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
@@ -119,12 +120,22 @@ def _facing_pairs(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArr
     differ = faces.block[first] != faces.block[second]
     first, second = first[differ], second[differ]
     length = tolerance * np.minimum(faces.size[first], faces.size[second])
-    gap = np.einsum(
-        "fkc,fc->fk", faces.corners[second] - faces.corners[first][:, :1], faces.normal[first]
-    )
+    gap = np.minimum(_gap(faces, first, second), _gap(faces, second, first))
     opposite = np.einsum("fc,fc->f", faces.normal[first], faces.normal[second]) < 0.0
-    near = (np.abs(gap).max(axis=1) <= length) & opposite
+    near = (gap <= length) & opposite
     return first[near], second[near]
+
+
+def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
+    """Largest distance of the ``other`` faces' corners from the planes of the ``plane`` faces.
+
+    Measured both ways the smaller is meant: a small face's plane, carried to the far corners of
+    a large one, multiplies the rounding of its coordinates.
+    """
+    offset = faces.corners[other] - faces.corners[plane][:, :1]
+    distance = np.abs(np.einsum("fkc,fc->fk", offset, faces.normal[plane]))
+    result: FloatArray = distance.max(axis=1)
+    return result
 
 
 def _planes(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
@@ -134,24 +145,34 @@ def _planes(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
     rounding cannot put two faces of one plane on the same side. Faces whose keys agree within
     the tolerance in every coordinate always get the same number; the converse is checked later.
     """
+    angle = _angle_tolerance(faces, tolerance)
     generator = np.random.default_rng(0)
     for _ in range(50):
         direction = generator.normal(size=3)
         projection = faces.normal @ (direction / np.linalg.norm(direction))
-        if np.abs(projection).min() > 1e-4:
+        if np.abs(projection).min() > max(1e-4, 4.0 * angle):
             break
     side = np.where(projection > 0.0, 1, -1)
     normal = faces.normal * side[:, None]
     middle = faces.corners.reshape(-1, 3).mean(axis=0)
     reach = np.abs(faces.corners - middle).max()
     offset = np.einsum("fc,fc->f", faces.corners.mean(axis=1) - middle, normal)
-    angle = 2.0 * tolerance
-    length = tolerance * (faces.size.max() + 2.0 * reach)
+    length = tolerance * faces.size.max() + angle * reach
     labels = np.stack(
         [_gap_labels(normal[:, c], angle) for c in range(3)] + [_gap_labels(offset, length)]
     )
     number = np.unique(labels, axis=1, return_inverse=True)[1]
     return side, np.asarray(number).reshape(-1)
+
+
+def _angle_tolerance(faces: _FaceTable, tolerance: float) -> float:
+    """Angle between faces whose corners are off by ``tolerance``: most for the narrowest face."""
+    spokes = faces.corners - faces.corners[:, :1]
+    cross = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
+    doubled = np.linalg.norm(cross, axis=1)
+    edges = np.linalg.norm(np.diff(faces.corners, axis=1, append=faces.corners[:, :1]), axis=2)
+    width = doubled / edges.sum(axis=1)
+    return float(min(2.0 * tolerance * (faces.size / width).max(), 1e-2))
 
 
 def _gap_labels(values: FloatArray, gap: float) -> IntArray:
@@ -177,7 +198,7 @@ def _plane_axes(
 def _overlaps(
     lower: _FaceTable, upper: _FaceTable, blocks: Sequence[Block], friction: float, tol: float
 ) -> Contacts:
-    """Contact polygons of facing pairs; ``lower`` belongs to block a, its normal is the contact's."""
+    """Contact polygons of facing pairs; ``lower`` belongs to block a and gives the normal."""
     t1 = _canonical(_unit(lower.corners[:, 1] - lower.corners[:, 0]))
     t2 = np.cross(lower.normal, t1)
     axes = np.stack([t1, t2, lower.normal], axis=1)
@@ -196,7 +217,9 @@ def _overlaps(
         others, convex_overlap(flat_lower[others], flat_upper[others]), strict=True
     ):
         polygons[j] = corners
-    return _assemble(polygons, boxes, base, axes, lower.block, upper.block, blocks, friction, length)
+    return _assemble(
+        polygons, boxes, base, axes, lower.block, upper.block, blocks, friction, length
+    )
 
 
 def _is_aligned_rectangle(flat: FloatArray, faces: _FaceTable) -> NDArray[np.bool_]:
@@ -340,78 +363,3 @@ def _check_every_block_touches(blocks: Sequence[Block], contacts: Contacts) -> N
             f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
             "block: move it so that a face meets another block's face, or remove it"
         )
-
-
-def check_no_interpenetration(
-    blocks: Sequence[Block], contacts: Contacts, sizes: FloatArray, tolerance: float
-) -> None:
-    """Refuse blocks that share volume.
-
-    A contact's plane separates its two convex blocks, so only pairs without a contact whose
-    bounding boxes overlap need a look: a separating plane is sought among their faces, then
-    among the planes spanned by pairs of edges.
-    """
-    low = np.array([b.vertices.min(axis=0) for b in blocks])
-    high = np.array([b.vertices.max(axis=0) for b in blocks])
-    margin = tolerance * sizes
-    flat, third = _two_longest_axes(low, high)
-    inner = margin[:, None]
-    boxes = shapely.box(
-        *(low[:, flat] + inner).T, *(np.maximum(high[:, flat] - inner, low[:, flat] + inner)).T
-    )
-    first, second = shapely.STRtree(boxes).query(boxes)
-    once = first < second
-    first, second = first[once], second[once]
-    depth = np.minimum(high[first, third], high[second, third]) - np.maximum(
-        low[first, third], low[second, third]
-    )
-    deep = depth > np.minimum(margin[first], margin[second])
-    touching = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
-    for i, k in zip(first[deep].tolist(), second[deep].tolist(), strict=True):
-        if (i, k) in touching:
-            continue
-        overlap = penetration(blocks[i], blocks[k])
-        if overlap > min(margin[i], margin[k]):
-            raise InputError(
-                f"blocks {blocks[i].id!r} and {blocks[k].id!r} interpenetrate by about "
-                f"{overlap:.3g}: move or cut one of them"
-            )
-
-
-def _two_longest_axes(low: FloatArray, high: FloatArray) -> tuple[list[int], int]:
-    order = np.argsort(np.ptp(0.5 * (low + high), axis=0))
-    return [int(order[2]), int(order[1])], int(order[0])
-
-
-def penetration(first: Block, second: Block) -> float:
-    """Smallest overlap of two convex blocks over all candidate separating directions.
-
-    Zero or negative when they are apart or only touch; length unit of the scene.
-    """
-    directions = np.concatenate([_face_normals(first), -_face_normals(second)])
-    overlap = _least_overlap(first, second, directions)
-    if overlap <= 0.0:
-        return overlap
-    crosses = np.cross(_edge_directions(first)[:, None], _edge_directions(second)[None])
-    crosses = crosses.reshape(-1, 3)
-    norms = np.linalg.norm(crosses, axis=1)
-    crosses = crosses[norms > 1e-9] / norms[norms > 1e-9, None]
-    return min(overlap, _least_overlap(first, second, np.concatenate([crosses, -crosses])))
-
-
-def _least_overlap(first: Block, second: Block, directions: FloatArray) -> float:
-    if not len(directions):
-        return np.inf
-    reach = (first.vertices @ directions.T).max(axis=0)
-    return float((reach - (second.vertices @ directions.T).min(axis=0)).min())
-
-
-def _face_normals(block: Block) -> FloatArray:
-    corners = [block.vertices[list(face)] for face in block.faces]
-    areas = np.array([np.cross(c - c[0], np.roll(c, -1, axis=0) - c[0]).sum(axis=0) for c in corners])
-    return _unit(areas)
-
-
-def _edge_directions(block: Block) -> FloatArray:
-    pairs = {(min(i, k), max(i, k)) for f in block.faces for i, k in zip(f, f[1:] + f[:1], strict=True)}
-    return _unit(np.array([block.vertices[k] - block.vertices[i] for i, k in sorted(pairs)]))

@@ -69,7 +69,8 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     """Mean distance of a polygon's points from ``point``: c_T of a general contact.
 
     Exact: over the triangle between the point and an edge at distance h, with s along the edge,
-    the integral of r is (h s sqrt(h2 + s2) + h3 asinh(s / h)) / 6 between the edge's ends.
+    the integral of r is (h s sqrt(h2 + s2) + h3 asinh(s / abs(h))) / 6 between the edge's ends;
+    h is negative for edges seen from outside.
     ``corners`` (k, 2) counter-clockwise; a degenerate polygon is treated as its longest segment.
 
     >>> square = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
@@ -96,7 +97,7 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
 
 def _edge_integral(h: FloatArray, s: FloatArray) -> FloatArray:
     safe = np.where(h != 0.0, h, 1.0)
-    log_term = np.where(h != 0.0, h**3 * np.arcsinh(s / safe), 0.0)
+    log_term = np.where(h != 0.0, h**3 * np.arcsinh(s / np.abs(safe)), 0.0)
     result: FloatArray = (h * s * np.hypot(h, s) + log_term) / 6.0
     return result
 
@@ -144,7 +145,11 @@ def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
 
 
 def _polygon_corners(shape: shapely.Geometry) -> FloatArray:
-    if not isinstance(shape, shapely.Polygon) or shape.is_empty:
+    if not isinstance(shape, shapely.Polygon):
+        # Rounding can hang a line or a point on the overlap of two convex polygons.
+        parts = [p for p in shapely.get_parts(shape) if isinstance(p, shapely.Polygon)]
+        shape = max(parts, key=shapely.area, default=shapely.Polygon())
+    if shape.is_empty:
         return np.empty((0, 2))
     corners = np.asarray(shapely.get_coordinates(shape)[:-1])
     if area_and_centroid(corners)[0] < 0.0:

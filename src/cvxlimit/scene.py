@@ -56,7 +56,9 @@ class Load:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, tuple(finite_vector(value, 3, name).tolist()))
-        if self.gravity is not None and not np.isclose(np.linalg.norm(self.gravity), 1.0, atol=1e-6):
+        if self.gravity is not None and not np.isclose(
+            np.linalg.norm(self.gravity), 1.0, atol=1e-6
+        ):
             raise InputError(
                 f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
                 "weight per volume; use acceleration for multiples of the weight"
@@ -142,6 +144,9 @@ class Scene:
             tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]}-{pair[1]}")
             for pair, mu in self.contact_friction.items()
         }
+        if len(overrides) < len(self.contact_friction):
+            twice = next(p for p in self.contact_friction if p[::-1] in self.contact_friction)
+            raise InputError(f"friction of contact {twice[0]}-{twice[1]} is given twice")
         object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
         _check_ids(self)
         _check_loads(self)
@@ -244,7 +249,7 @@ class Scene:
                 "remove the entry or move the blocks"
             )
         for j, pair in enumerate(pairs):
-            friction[j] = self.contact_friction.get(pair, self.friction)  # type: ignore[call-overload]
+            friction[j] = self.contact_friction.get(pair, self.friction)
         return contacts.with_friction(friction)
 
 

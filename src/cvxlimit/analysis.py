@@ -1,0 +1,282 @@
+"""From a scene to a certified solution: the ladder of solvers, and proofs that no answer exists."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.certificate import REFERENCE, Certificate, Certifier
+from cvxlimit.formulations import Formulation, corner_compressions
+from cvxlimit.problem import LimitProblem
+from cvxlimit.scene import Load, Scene
+from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.statics import DOF, Scaling
+from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.presets import surfaces_of
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+TOLERANCE = 1e-5
+"""Default width of the bracket, relative to its upper end."""
+
+_HARMLESS = 1e-8
+"""Residual and yield excess, as shares of the load, up to which forces are said to carry the live
+load: what solvers leave at their tightest settings, far below any share that could matter."""
+
+
+@dataclass
+class Clock:
+    """Seconds by phase."""
+
+    seconds: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("detect", "compile", "solve", "certify"), 0.0)
+    )
+    started: float = field(default_factory=time.perf_counter)
+
+    def measure(self, phase: str, since: float) -> None:
+        """Add the time since ``since`` to a phase."""
+        self.seconds[phase] += time.perf_counter() - since
+
+    def report(self) -> dict[str, float]:
+        """All phases and the total."""
+        return {**self.seconds, "total": time.perf_counter() - self.started}
+
+
+def analyse(
+    scene: Scene,
+    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    *,
+    tolerance: float = TOLERANCE,
+    ladder: Sequence[SolverSettings] | None = None,
+    formulation: Formulation = corner_compressions,
+    scaling: Scaling | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """Collapse load factor without interaction with bending, certified.
+
+    Parameters are those of :func:`cvxlimit.solve`; ``formulation`` and ``scaling`` are for
+    studies. Rungs of the ``ladder`` are climbed until the bracket, recomputed outside the solver,
+    is within ``tolerance``; every rung is in the solution's history.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> solution = analyse(builtin_scene("single-block"))
+    >>> str(solution.status), solution.gap < 1e-5
+    ('certified', True)
+    """
+    tell = progress or (lambda message: None)
+    surfaces, name = surfaces_of(surface)
+    clock = Clock()
+    tell("finding contacts")
+    start = time.perf_counter()
+    contacts = scene.contacts
+    clock.measure("detect", start)
+    tell(f"compiling {len(scene.free)} blocks x {len(contacts)} contacts")
+    start = time.perf_counter()
+    problem = LimitProblem(scene, surfaces, formulation, scaling)
+    clock.measure("compile", start)
+    run_ = _Run(scene, name, problem, surfaces, tolerance, ladder or default_ladder(), clock, tell)
+    return run_.solution()
+
+
+class _Run:
+    """State of one analysis: attempts so far and the best bracket."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        problem: LimitProblem,
+        surfaces: tuple[YieldSurface, ...],
+        tolerance: float,
+        ladder: Sequence[SolverSettings],
+        clock: Clock,
+        tell: Progress,
+    ) -> None:
+        self.scene, self.name, self.problem, self.surfaces = scene, name, problem, surfaces
+        self.tolerance, self.ladder, self.clock, self.tell = tolerance, ladder, clock, tell
+        self.certifier = Certifier(scene, problem.surfaces)
+        self.history: list[Iterate] = []
+        self.lower: tuple[float, bool, LimitState | None] = (-np.inf, False, None)
+        self.upper: tuple[float, bool, LimitState | None] = (np.inf, False, None)
+
+    def solution(self) -> Solution:
+        start = time.perf_counter()
+        stands = self.certifier.witnesses.dead_state is not None
+        self.clock.measure("certify", start)
+        if not stands:
+            mechanism = self._dead_load_mechanism()
+            if mechanism is not None:
+                return self._without_answer(Status.DEAD_LOAD_UNSTABLE, mechanism=mechanism)
+        for settings in self.ladder:
+            state = self._attempt(settings)
+            if self._gap() <= self.tolerance:
+                return self._finished(Status.CERTIFIED)
+            if state.outcome.claims_no_optimum:
+                break
+        forces = self._forces_for_live_load_alone()
+        if forces is not None:
+            return self._without_answer(Status.LIVE_LOAD_HARMLESS, forces=forces)
+        return self._finished(Status.NOT_CERTIFIED)
+
+    def _attempt(self, settings: SolverSettings) -> LimitState:
+        self.tell(f"solving with {settings}")
+        state = self.problem.solve(settings)
+        self._book(state)
+        self.tell("checking the bracket")
+        start = time.perf_counter()
+        c = self.certifier.certificate(state.forces, state.load_factor, state.mechanism)
+        self.clock.measure("certify", start)
+        if c.lower > self.lower[0]:
+            self.lower = (c.lower, c.lower_is_proved, state)
+        if c.upper < self.upper[0]:
+            self.upper = (c.upper, c.upper_is_proved, state)
+        self.history.append(_iterate(settings, state, c))
+        return state
+
+    def _book(self, state: LimitState) -> None:
+        self.clock.seconds["compile"] += state.outcome.compile_seconds
+        self.clock.seconds["solve"] += state.outcome.solve_seconds
+
+    def _gap(self) -> float:
+        return Certificate(self.lower[0], self.upper[0], True, True, 0.0, 0.0, 0.0).gap
+
+    def _finished(self, status: Status) -> Solution:
+        lower, lower_proved, static = self.lower
+        upper, upper_proved, kinematic = self.upper
+        note = _assumptions(lower_proved, upper_proved)
+        if lower > upper * (1.0 + 1e-9) + 1e-12:
+            status = Status.NOT_CERTIFIED
+            note = "the bounds contradict each other, so an assumption behind them fails; " + note
+        factor = None if static is None else static.load_factor
+        if factor is not None:
+            factor = float(np.clip(factor, lower, max(lower, upper)))
+        return self._solution(
+            status,
+            factor,
+            (lower, upper),
+            None if static is None else static.forces,
+            None if kinematic is None else kinematic.mechanism,
+            note,
+        )
+
+    def _without_answer(
+        self,
+        status: Status,
+        forces: FloatArray | None = None,
+        mechanism: FloatArray | None = None,
+    ) -> Solution:
+        return self._solution(status, None, (-np.inf, np.inf), forces, mechanism, status.advice)
+
+    def _solution(
+        self,
+        status: Status,
+        factor: float | None,
+        bounds: tuple[float, float],
+        forces: FloatArray | None,
+        mechanism: FloatArray | None,
+        note: str,
+    ) -> Solution:
+        return Solution(
+            scene=self.scene.name,
+            surface=self.name,
+            interaction="none",
+            moments="independent",
+            blocks=len(self.scene.free),
+            contacts=len(self.scene.contacts),
+            load_factor=factor,
+            lower=bounds[0],
+            upper=bounds[1],
+            status=status,
+            history=tuple(self.history),
+            seconds=self.clock.report(),
+            forces=forces,
+            mechanism=by_block(self.scene, mechanism),
+            note=note,
+        )
+
+    def _dead_load_mechanism(self) -> FloatArray | None:
+        """Rates (free, 6) on which the dead load alone does work, allowed by the flow rule.
+
+        Asks for the largest share t <= 1 of the dead load that can be carried: by homogeneity it
+        is 1 if the dead load stands and 0 if not, so an upper bound below 1 / 2 is a proof.
+        """
+        if not np.any(self.scene.dead_forces):
+            return None
+        self.tell("checking that the dead load can stand")
+        alone = self.scene.with_live(self.scene.dead).with_dead(Load())
+        for certificate, state in self._shares(alone):
+            if certificate.upper < 0.5:
+                return state.mechanism
+            if certificate.lower > 0.5:
+                break
+        return None
+
+    def _forces_for_live_load_alone(self) -> FloatArray | None:
+        """Forces (contacts, 6) that carry the live load alone, hence any multiple of it."""
+        self.tell("checking whether the live load does any harm")
+        alone = self.scene.with_dead(Load())
+        for certificate, state in self._shares(alone):
+            carried = state.load_factor is not None and state.load_factor > 0.5
+            exact = max(certificate.equilibrium_residual, certificate.yield_excess)
+            if carried and exact <= _HARMLESS:
+                return state.forces
+            if certificate.upper < 0.5:
+                break
+        return None
+
+    def _shares(self, scene: Scene) -> Iterator[tuple[Certificate, LimitState]]:
+        """Climb the first rungs on the question which share <= 1 of the live load is carried."""
+        problem = LimitProblem(scene, self.surfaces, most=1.0)
+        certifier = Certifier(scene, problem.surfaces)
+        for settings in self.ladder[:2]:
+            state = problem.solve(settings)
+            self._book(state)
+            certificate = certifier.certificate(state.forces, state.load_factor, state.mechanism)
+            self.history.append(_iterate(settings, state, certificate))
+            yield certificate, state
+
+
+def _iterate(settings: SolverSettings, state: LimitState, certificate: Certificate) -> Iterate:
+    def known(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return Iterate(
+        load_factor=state.load_factor,
+        seconds=state.outcome.compile_seconds + state.outcome.solve_seconds,
+        solver=str(settings),
+        status=state.outcome.status,
+        lower=known(certificate.lower),
+        upper=known(certificate.upper),
+        equilibrium_residual=known(certificate.equilibrium_residual),
+        yield_excess=known(certificate.yield_excess),
+        flow_violation=known(certificate.flow_violation),
+    )
+
+
+def _assumptions(lower_is_proved: bool, upper_is_proved: bool) -> str:
+    assumed = []
+    if not lower_is_proved:
+        assumed.append(
+            f"no rate of the exact mechanism exceeds {REFERENCE:g} times the largest found"
+        )
+    if not upper_is_proved:
+        assumed.append(f"no exact contact force exceeds {REFERENCE:g} times the total load")
+    if not assumed:
+        return "both bounds are proved, up to rounding"
+    return "the bracket holds if " + " and ".join(assumed)
+
+
+def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
+    """A mechanism (free, 6) as rates by block id."""
+    if mechanism is None:
+        return None
+    rows = np.asarray(mechanism).reshape(-1, DOF)
+    return {scene.blocks[i].id: rates for i, rates in zip(scene.free, rows, strict=True)}

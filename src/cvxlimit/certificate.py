@@ -1,0 +1,202 @@
+"""The bracket of a load factor, recomputed in NumPy from the unscaled scene.
+
+Nothing a solver says enters here: only forces and mechanism do, and the bounds hold whatever they
+are. Solvers have returned load factors wrong by 5 % with small residuals and no duality gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.scene import Scene
+from cvxlimit.statics import DOF, Statics
+from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.flow import corner_openings
+from cvxlimit.witnesses import Witnesses
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE = 10.0
+"""Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
+this multiple of the total load, and no rate this multiple of the given mechanism's largest."""
+
+_BALANCED = 1e-11
+"""Equilibrium residual, as a share of the total load, that counts as rounding."""
+
+_PROOF_LOSS = 1e-5
+"""A proved lower bound is preferred to a higher one with an assumption if it costs no more."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Bounds on the load factor and what they were computed from.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Static and kinematic bound; infinite where nothing could be concluded.
+    lower_is_proved, upper_is_proved : bool
+        True if the bound needs no assumption (see :class:`Certifier`), up to rounding.
+    equilibrium_residual, yield_excess : float
+        Largest over blocks and contacts, in units of the total load (moments over the typical
+        contact size).
+    flow_violation : float
+        Largest missing opening at a contact over the mechanism's largest rate.
+    """
+
+    lower: float
+    upper: float
+    lower_is_proved: bool
+    upper_is_proved: bool
+    equilibrium_residual: float
+    yield_excess: float
+    flow_violation: float
+
+    @property
+    def gap(self) -> float:
+        """Width of the bracket relative to the larger bound; infinite without a bracket."""
+        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
+            return float("inf")
+        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound needs an assumption."""
+        return self.lower_is_proved and self.upper_is_proved
+
+
+class Certifier:
+    """Certifies forces and mechanisms of one scene under given surfaces.
+
+    *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium (the
+    least change). If they then exceed a yield function by y, and the dead-load state x_d (exactly
+    in equilibrium, strictly inside) keeps a reserve m there, the mixture (1 - t) x + t x_d with
+    t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound.
+
+    *Upper bound.* The mechanism u, scaled to live power 1, misses openings s at contacts. If a
+    field u_0 opens every contact with r to spare, u + t u_0 with t = max s / r is admissible,
+    and the ratio of dead to live power bounds the load factor.
+
+    Where x_d or u_0 do not exist (a dead load about to fall; blocks wedged between supports),
+    the violations are weighted by :data:`REFERENCE` forces and rates, and the certificate says
+    that the bound rests on that assumption.
+    """
+
+    def __init__(self, scene: Scene, surfaces: Sequence[YieldSurface]) -> None:
+        self.statics = Statics.of(scene)
+        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != "rocking"))
+        self.witnesses = Witnesses(self.statics, self.surfaces)
+        self.size = float(np.median(np.sqrt(scene.contacts.area)))
+
+    def certificate(
+        self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
+    ) -> Certificate:
+        """The bracket from forces (n, 6) at ``load_factor`` and a mechanism (free blocks, 6).
+
+        Either side may be None: its bound is then infinite. Numbers that are not finite give
+        infinite bounds as well.
+        """
+        x, u = _finite(forces), _finite(mechanism)
+        lower = (-np.inf, False, np.nan, np.nan)
+        upper = (np.inf, False, np.nan)
+        rate = self._largest_rate(u) if u is not None else np.inf
+        if x is not None and load_factor is not None and np.isfinite(load_factor):
+            lower = self._lower(x, load_factor, rate)
+        if u is not None:
+            upper = self._upper(u)
+        return Certificate(lower[0], upper[0], lower[1], upper[1], lower[2], lower[3], upper[2])
+
+    def _lower(self, x: FloatArray, alpha: float, rate: float) -> tuple[float, bool, float, float]:
+        load = self._total_load(alpha)
+        residual = float((self._generalised(self.statics.residual(x, alpha)) / load).max())
+        excess = max(0.0, *(float(y.max()) for y in self._excess(x))) / load
+        x = self.witnesses.balanced(x, alpha)
+        if not np.isfinite(x).all():
+            return -np.inf, False, residual, excess
+        rest = self._generalised(self.statics.residual(x, alpha)).sum()
+        over = sum(float(np.maximum(y, 0.0).sum()) for y in self._excess(x))
+        error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
+        assumed = alpha - error if np.isfinite(error) else -np.inf
+        reserve = self.witnesses.dead_state
+        if reserve is None or rest > _BALANCED * load:
+            return assumed, False, residual, excess
+        share = self._mixing_share(x, reserve)
+        proved = (1.0 - share) * alpha
+        if share <= _PROOF_LOSS or proved >= assumed:
+            return proved, True, residual, excess
+        return assumed, False, residual, excess
+
+    def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
+        share = 0.0
+        for y, inside in zip(self._excess(forces), self._excess(reserve), strict=True):
+            over = np.maximum(y, 0.0)
+            share = max(share, float((over / (over - inside)).max()))
+        return share
+
+    def _upper(self, u: FloatArray) -> tuple[float, bool, float]:
+        live = float(self.statics.live @ u.ravel())
+        largest = self._largest_rate(u)
+        if not live > 0.0:
+            return np.inf, False, np.nan
+        u = u / live
+        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(u))
+        violation = max(float(missing.max()), 0.0) / largest
+        field = self.witnesses.opening_field
+        if field is not None and not np.abs(leftover).max() > 1e-15 * np.abs(u).max():
+            return *self._opened(u, field, missing), violation
+        bound = -float(self.statics.dead @ u.ravel())
+        force = REFERENCE * self._total_load(bound)
+        error = float(np.maximum(missing, 0.0).sum())
+        error += float(np.abs(leftover[:, :2]).sum() + self.size * np.abs(leftover[:, 2]).sum())
+        return bound + error * force, False, violation
+
+    def _opened(self, u: FloatArray, field: FloatArray, missing: FloatArray) -> tuple[float, bool]:
+        spare = -self.witnesses.flow.shortfall(self.statics.relative_rates(field))[0]
+        u = u + max(float((missing / spare).max()), 0.0) * field
+        live = float(self.statics.live @ u.ravel())
+        if not live > 0.0:
+            return np.inf, False
+        return -float(self.statics.dead @ u.ravel()) / live, True
+
+    def _excess(self, forces: FloatArray) -> list[FloatArray]:
+        """Yield functions as forces: rocking rows (moments) over the distance to their edge."""
+        contacts = self.statics.contacts
+        _, _, offset = contacts.edges
+        result = [self.surfaces[0].excess(forces, contacts)[0] / offset]
+        return result + [y for s in self.surfaces[1:] for y in s.excess(forces, contacts)]
+
+    def _generalised(self, residual: FloatArray) -> FloatArray:
+        """Size (free blocks,) of force residuals (free blocks, 6), moments over the size."""
+        moments = np.linalg.norm(residual[:, 3:], axis=1)
+        result: FloatArray = np.linalg.norm(residual[:, :3], axis=1) + moments / self.size
+        return result
+
+    def _total_load(self, alpha: float) -> float:
+        loads = self.statics.dead, alpha * self.statics.live
+        return sum(float(self._generalised(f.reshape(-1, DOF)).sum()) for f in loads) or 1.0
+
+    def _largest_rate(self, mechanism: FloatArray) -> float:
+        """Largest velocity of a block or opening of a corner, for live power 1."""
+        live = float(self.statics.live @ mechanism.ravel())
+        if not live > 0.0:
+            return np.inf
+        relative = self.statics.relative_rates(mechanism)
+        openings = np.abs(corner_openings(relative, self.statics.contacts)).max()
+        return float(max(self._generalised_rate(mechanism).max(), openings)) / live
+
+    def _generalised_rate(self, mechanism: FloatArray) -> FloatArray:
+        turning = self.size * np.linalg.norm(mechanism[:, 3:], axis=1)
+        result: FloatArray = np.linalg.norm(mechanism[:, :3], axis=1) + turning
+        return result
+
+
+def _finite(array: ArrayLike | None) -> FloatArray | None:
+    if array is None:
+        return None
+    values = np.asarray(array, dtype=float).reshape(-1, DOF)
+    return values if np.isfinite(values).all() else None

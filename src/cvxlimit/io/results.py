@@ -1,0 +1,281 @@
+"""Result files: ``cvxlimit-result``, version 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields as dataclass_fields
+
+import numpy as np
+
+from cvxlimit.contacts import COMPONENTS
+from cvxlimit.errors import InputError
+from cvxlimit.io.documents import Path, file_prefix, read_document, write_document
+from cvxlimit.io.fields import (
+    ANY_FINITE,
+    JsonObject,
+    check_header,
+    fields,
+    items,
+    mapping,
+    number,
+    numbers,
+    refusals,
+    shown,
+    text,
+    whole,
+)
+from cvxlimit.solution import FloatArray, Iterate, Solution, Status
+
+_REQUIRED = (
+    "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
+    "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
+)  # fmt: skip
+_OPTIONAL = ("note",)
+_RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
+
+_NO_BOUND = {"lower": -math.inf, "upper": math.inf}
+_NOT_FINITE = ("nan", "inf", "-inf")
+_ITERATE_TEXTS = ("solver", "status")
+_ITERATE_REQUIRED = ("seconds", *_ITERATE_TEXTS)
+_ITERATE_OPTIONAL = tuple(
+    f.name for f in dataclass_fields(Iterate) if f.name not in _ITERATE_REQUIRED
+)
+
+
+def read_result(path: Path) -> Solution:
+    """Read a result file written by :func:`write_result`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no valid result: one line naming the file, the field,
+        the value and the cure.
+
+    Example
+    -------
+    >>> import tempfile, pathlib
+    >>> solution = Solution(
+    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, 0.2499, float("inf"),
+    ...     Status.NOT_CERTIFIED, (), {"total": 0.01},
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "result.json")
+    ...     write_result(solution, file)
+    ...     read_result(file).upper
+    inf
+    """
+    with refusals(file_prefix(path)):
+        return result_from_dict(read_document(path))
+
+
+def write_result(solution: Solution, path: Path) -> None:
+    """Write a result file that :func:`read_result` reads back without loss.
+
+    The file is complete or untouched: a temporary file beside it is renamed at the end.
+
+    Raises
+    ------
+    InputError
+        If forces or mechanism are not finite, or the file cannot be written.
+
+    Example
+    -------
+    See :func:`read_result`.
+    """
+    with refusals(file_prefix(path)):
+        write_document(result_to_dict(solution), path)
+
+
+def result_to_dict(solution: Solution) -> JsonObject:
+    """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
+
+    The keys are those of the format, always all of them, plus ``note`` when there is one.
+    A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
+    finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
+    history, fields that do not apply are left out.
+
+    Raises
+    ------
+    InputError
+        If forces or mechanism are not finite, or not six numbers each.
+
+    Example
+    -------
+    >>> solution = Solution(
+    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, -float("inf"), 0.25,
+    ...     Status.NOT_CERTIFIED, (Iterate(0.25, 0.01, "CLARABEL", "optimal"),), {"total": 0.01},
+    ... )
+    >>> document = result_to_dict(solution)
+    >>> document["lower"], document["history"]
+    (None, [{'load_factor': 0.25, 'seconds': 0.01, 'solver': 'CLARABEL', 'status': 'optimal'}])
+    """
+    with refusals():
+        factor = solution.load_factor
+        document: JsonObject = {
+            "format": "cvxlimit-result",
+            "version": 1,
+            "scene": text(solution.scene, "scene"),
+            "surface": text(solution.surface, "surface"),
+            "interaction": text(solution.interaction, "interaction"),
+            "moments": text(solution.moments, "moments"),
+            "blocks": int(solution.blocks),
+            "contacts": int(solution.contacts),
+            "load_factor": None if factor is None else _to_json(factor),
+            "lower": _to_json(solution.lower, _NO_BOUND["lower"]),
+            "upper": _to_json(solution.upper, _NO_BOUND["upper"]),
+            "status": str(solution.status),
+            "history": [_iterate_to_dict(iterate) for iterate in solution.history],
+            "seconds": {text(k, "a phase"): _to_json(v) for k, v in solution.seconds.items()},
+            "forces": _forces_to_list(solution.forces),
+            "mechanism": _mechanism_to_dict(solution.mechanism),
+        }
+        if solution.note:
+            document["note"] = text(solution.note, "note")
+        return document
+
+
+def result_from_dict(document: object) -> Solution:
+    """The result described by the content of a result file; see :func:`result_to_dict`.
+
+    Raises
+    ------
+    InputError
+        If it is no valid result: one line naming the field, the value and the cure.
+
+    Example
+    -------
+    >>> result_from_dict({"format": "cvxlimit-scene"})
+    Traceback (most recent call last):
+    cvxlimit.errors.InputError: format must be 'cvxlimit-result', got 'cvxlimit-scene'; \
+this is not a result file
+    """
+    with refusals():
+        check_header(document, "result")
+        top = fields(document, "the result", _REQUIRED, _OPTIONAL)
+        contacts = whole(top["contacts"], "contacts")
+        factor = top["load_factor"]
+        return Solution(
+            scene=text(top["scene"], "scene"),
+            surface=text(top["surface"], "surface"),
+            interaction=text(top["interaction"], "interaction"),
+            moments=text(top["moments"], "moments"),
+            blocks=whole(top["blocks"], "blocks"),
+            contacts=contacts,
+            load_factor=None if factor is None else _from_json(factor, "load_factor"),
+            lower=_bound(top["lower"], "lower", "lower"),
+            upper=_bound(top["upper"], "upper", "upper"),
+            status=_status(top["status"]),
+            history=tuple(_iterate(i, x) for i, x in enumerate(items(top["history"], "history"))),
+            seconds={
+                phase: _from_json(x, f"seconds of phase {shown(phase)}")
+                for phase, x in mapping(top["seconds"], "seconds").items()
+            },
+            forces=_forces(top["forces"], contacts),
+            mechanism=_mechanism(top["mechanism"]),
+            note=text(top.get("note", ""), "note"),
+        )
+
+
+def _to_json(value: float, no_bound: float | None = None) -> float | str | None:
+    """A finite number as it is; others as texts, and None where they mean that nothing bounds."""
+    plain = float(value)
+    if plain == no_bound:
+        return None
+    return plain if math.isfinite(plain) else repr(plain)
+
+
+def _from_json(value: object, where: str) -> float:
+    if isinstance(value, str) and value in _NOT_FINITE:
+        return float(value)
+    return number(value, where, ANY_FINITE)
+
+
+def _bound(value: object, end: str, where: str) -> float:
+    return _NO_BOUND[end] if value is None else _from_json(value, where)
+
+
+def _status(value: object) -> Status:
+    try:
+        return Status(text(value, "status"))
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        known = ", ".join(repr(str(status)) for status in Status)
+        raise InputError(f"status must be one of {known}, got {shown(value)}") from error
+
+
+def _iterate_to_dict(iterate: Iterate) -> JsonObject:
+    values = {f.name: getattr(iterate, f.name) for f in dataclass_fields(iterate)}
+    return {
+        name: str(value) if name in _ITERATE_TEXTS else _to_json(value, _NO_BOUND.get(name))
+        for name, value in values.items()
+        if value is not None
+    }
+
+
+def _iterate(index: int, value: object) -> Iterate:
+    where = f"entry {index} of history"
+    entry = fields(value, where, _ITERATE_REQUIRED, _ITERATE_OPTIONAL)
+    optional = {
+        name: _iterate_number(entry[name], name, where)
+        for name in _ITERATE_OPTIONAL
+        if name in entry
+    }
+    return Iterate(
+        load_factor=optional.pop("load_factor", None),
+        seconds=_from_json(entry["seconds"], f"seconds of {where}"),
+        solver=text(entry["solver"], f"solver of {where}"),
+        status=text(entry["status"], f"status of {where}"),
+        **optional,
+    )
+
+
+def _iterate_number(value: object, name: str, where: str) -> float:
+    what = f"{name} of {where}"
+    return _bound(value, name, what) if name in _NO_BOUND else _from_json(value, what)
+
+
+def _forces_to_list(forces: FloatArray | None) -> list[list[float]] | None:
+    if forces is None:
+        return None
+    return [
+        list(numbers(row.tolist(), COMPONENTS, f"force on contact {j}", ANY_FINITE))
+        for j, row in enumerate(np.asarray(forces))
+    ]
+
+
+def _forces(value: object, contacts: int) -> FloatArray | None:
+    if value is None:
+        return None
+    rows = items(value, "forces")
+    if len(rows) != contacts:
+        raise InputError(f"forces must be {contacts} rows, one for each contact, got {len(rows)}")
+    checked = [
+        numbers(row, COMPONENTS, f"force on contact {j}", ANY_FINITE) for j, row in enumerate(rows)
+    ]
+    return np.array(checked, dtype=float).reshape(-1, len(COMPONENTS))
+
+
+def _mechanism_to_dict(mechanism: Mapping[str, FloatArray] | None) -> JsonObject | None:
+    if mechanism is None:
+        return None
+    return {
+        text(id, "a block id of the mechanism"): list(
+            numbers(np.asarray(rates).tolist(), _RATES, _rates_of(id), ANY_FINITE)
+        )
+        for id, rates in mechanism.items()
+    }
+
+
+def _mechanism(value: object) -> dict[str, FloatArray] | None:
+    if value is None:
+        return None
+    return {
+        id: np.array(numbers(rates, _RATES, _rates_of(id), ANY_FINITE))
+        for id, rates in mapping(value, "mechanism").items()
+    }
+
+
+def _rates_of(id: str) -> str:
+    return f"mechanism of block {shown(id)}"

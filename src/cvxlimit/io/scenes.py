@@ -1,0 +1,294 @@
+"""Scene files: ``cvxlimit-scene``, version 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.blocks import Block
+from cvxlimit.errors import InputError
+from cvxlimit.io.documents import Path, file_prefix, read_document, write_document
+from cvxlimit.io.fields import (
+    LARGEST,
+    JsonObject,
+    check_header,
+    fields,
+    items,
+    mapping,
+    number,
+    numbers,
+    refusals,
+    shown,
+    text,
+    whole,
+)
+from cvxlimit.scene import Load, Scene, Units
+
+_AXES = ("x", "y", "z")
+_FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
+_REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
+_OPTIONAL = ("name", "units", "contacts")
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a scene file.
+
+    ``name``, ``units`` and ``contacts`` may be left out and then take the defaults of
+    :class:`~cvxlimit.scene.Scene`. Everything else must be there: friction and both loads are
+    never guessed (``"dead": {}`` states that there is no dead load).
+
+    Parameters
+    ----------
+    path : str or path-like
+        File in JSON, UTF-8 (a byte order mark is allowed).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no valid scene: one line naming the file, the object
+        in it, the value and the cure. Contacts are detected later, on first use.
+
+    Example
+    -------
+    >>> import tempfile, pathlib
+    >>> ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    >>> tower = Block.box("tower", (0, 0, 0), (1, 1, 4), density=20.0)
+    >>> scene = Scene([ground, tower], ["ground"], Load(acceleration=(1, 0, 0)), name="tower")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "tower.json")
+    ...     write_scene(scene, file)
+    ...     read_scene(file).total_weight
+    80.0
+    """
+    with refusals(file_prefix(path)):
+        return scene_from_dict(read_document(path))
+
+
+def write_scene(scene: Scene, path: Path) -> None:
+    """Write a scene file that :func:`read_scene` reads back without loss.
+
+    The file is complete or untouched: a temporary file beside it is renamed at the end.
+
+    Raises
+    ------
+    InputError
+        If a number or text of the scene has no place in the format (see
+        :func:`scene_to_dict`), or the file cannot be written.
+
+    Example
+    -------
+    See :func:`read_scene`.
+    """
+    with refusals(file_prefix(path)):
+        write_document(scene_to_dict(scene), path)
+
+
+def scene_to_dict(scene: Scene) -> JsonObject:
+    """The scene as plain dicts, lists, texts and numbers, laid out as in a scene file.
+
+    Blocks given as boxes stay boxes (``min`` and ``max`` are kept bit for bit), all others are
+    written with vertices and faces. Detected contacts are not written, friction overrides are.
+
+    Raises
+    ------
+    InputError
+        If a number is larger than 1e30 or a text cannot be written in UTF-8.
+
+    Example
+    -------
+    >>> ground = Block.box("ground", (0, 0, -1), (1, 1, 0))
+    >>> brick = Block.box("brick", (0, 0, 0), (1, 1, 1), density=18.0)
+    >>> document = scene_to_dict(Scene([ground, brick], ["ground"], Load(acceleration=(1, 0, 0))))
+    >>> document["blocks"][0]
+    {'id': 'ground', 'box': {'min': [0.0, 0.0, -1.0], 'max': [1.0, 1.0, 0.0]}}
+    """
+    with refusals():
+        document: JsonObject = {
+            "format": "cvxlimit-scene",
+            "version": 1,
+            "name": text(scene.name, "name of the scene"),
+            "units": {
+                "length": text(scene.units.length, "length unit"),
+                "force": text(scene.units.force, "force unit"),
+            },
+            "blocks": [_block_to_dict(block) for block in scene.blocks],
+            "supports": list(scene.supports),
+            "friction": number(scene.friction, "friction of the scene"),
+        }
+        if scene.contact_friction:
+            document["contacts"] = [
+                {"between": list(pair), "friction": number(mu, f"friction of contact {pair}")}
+                for pair, mu in scene.contact_friction.items()
+            ]
+        loads = (("dead", scene.dead), ("live", scene.live))
+        document["loads"] = {case: _load_to_dict(case, load) for case, load in loads}
+        return document
+
+
+def scene_from_dict(document: object) -> Scene:
+    """The scene described by the content of a scene file; see :func:`read_scene`.
+
+    Raises
+    ------
+    InputError
+        If it is no valid scene: one line naming the object in it, the value and the cure.
+
+    Example
+    -------
+    >>> scene_from_dict({"format": "cvxlimit-scene", "version": 1, "blocs": []})
+    Traceback (most recent call last):
+    cvxlimit.errors.InputError: the scene has an unknown key 'blocs'; did you mean 'blocks'?
+    """
+    with refusals():
+        check_header(document, "scene")
+        top = fields(document, "the scene", _REQUIRED, _OPTIONAL)
+        loads = fields(top["loads"], "loads", ("dead", "live"))
+        supports = items(top["supports"], "supports")
+        return Scene(
+            blocks=_blocks(top["blocks"]),
+            supports=tuple(text(id, f"support {i}") for i, id in enumerate(supports)),
+            live=_load("live", loads["live"]),
+            dead=_load("dead", loads["dead"]),
+            friction=number(top["friction"], "friction of the scene"),
+            contact_friction=_contact_friction(top.get("contacts", [])),
+            units=_units(top["units"]) if "units" in top else Units(),
+            name=text(top.get("name", "scene"), "name of the scene"),
+        )
+
+
+def _block_to_dict(block: Block) -> JsonObject:
+    entry: JsonObject = {"id": text(block.id, "id of a block")}
+    if block.bounds is not None:
+        low, high = _rows(block.bounds, block.id)
+        entry["box"] = {"min": low, "max": high}
+    else:
+        entry["vertices"] = _rows(block.vertices, block.id)
+        entry["faces"] = [list(face) for face in block.faces]
+    if block.density is not None:
+        entry["density"] = number(block.density, f"density of block {shown(block.id)}")
+    return entry
+
+
+def _rows(points: NDArray[np.float64], id: str) -> list[list[float]]:
+    if not (np.abs(points) <= LARGEST).all():
+        raise InputError(
+            f"coordinates of block {shown(id)} must be finite and at most {LARGEST:g}; "
+            "choose other units"
+        )
+    rows: list[list[float]] = points.tolist()
+    return rows
+
+
+def _load_to_dict(case: str, load: Load) -> JsonObject:
+    entry: JsonObject = {}
+    for name, vector in (("gravity", load.gravity), ("acceleration", load.acceleration)):
+        if vector is not None:
+            entry[name] = list(numbers(vector, _AXES, f"{name} of the {case} load"))
+    if load.forces:
+        entry["forces"] = {
+            text(id, f"a block id of the {case} load"): list(
+                numbers(force, _FORCE, f"force of the {case} load on block {shown(id)}")
+            )
+            for id, force in load.forces.items()
+        }
+    return entry
+
+
+def _units(value: object) -> Units:
+    units = fields(value, "units", ("length", "force"))
+    return Units(text(units["length"], "length unit"), text(units["force"], "force unit"))
+
+
+def _blocks(value: object) -> tuple[Block, ...]:
+    blocks = tuple(_block(i, entry) for i, entry in enumerate(items(value, "blocks")))
+    ids = sorted(block.id for block in blocks)
+    for id, following in pairwise(ids):
+        if id == following:
+            raise InputError(f"block id {shown(id)} is used twice; ids must be unique")
+    return blocks
+
+
+def _block(index: int, value: object) -> Block:
+    where = f"entry {index} of blocks"
+    if isinstance(value, dict) and "id" in value:
+        id = text(value["id"], f"id of {where}")
+        if not id:
+            raise InputError(f"id of {where} must not be empty; give every block a name")
+        where = f"block {shown(id)}"
+    entry = fields(value, where, ("id",), ("box", "vertices", "faces", "density"))
+    density = number(entry["density"], f"density of {where}") if "density" in entry else None
+    if "box" in entry:
+        return _box(id, where, entry, density)
+    if "vertices" not in entry or "faces" not in entry:
+        raise InputError(f"{where} has no shape; give it a box, or both vertices and faces")
+    return Block.polyhedron(
+        id, _vertices(entry["vertices"], where), _faces(entry["faces"], where), density
+    )
+
+
+def _box(id: str, where: str, entry: JsonObject, density: float | None) -> Block:
+    if "vertices" in entry or "faces" in entry:
+        raise InputError(f"{where} has a box and vertices or faces; keep one of the two shapes")
+    box = fields(entry["box"], f"box of {where}", ("min", "max"))
+    low, high = (numbers(box[end], _AXES, f"box {end} of {where}") for end in ("min", "max"))
+    return Block.box(id, low, high, density)
+
+
+def _vertices(value: object, where: str) -> list[tuple[float, ...]]:
+    return [
+        numbers(vertex, _AXES, f"vertex {i} of {where}")
+        for i, vertex in enumerate(items(value, f"vertices of {where}"))
+    ]
+
+
+def _faces(value: object, where: str) -> list[tuple[int, ...]]:
+    return [
+        _indices(face, f"face {i} of {where}")
+        for i, face in enumerate(items(value, f"faces of {where}"))
+    ]
+
+
+def _indices(value: object, where: str) -> tuple[int, ...]:
+    return tuple(whole(index, f"a vertex index in {where}") for index in items(value, where))
+
+
+def _contact_friction(value: object) -> dict[tuple[str, str], float]:
+    result: dict[tuple[str, str], float] = {}
+    for i, item in enumerate(items(value, "contacts")):
+        where = f"entry {i} of contacts"
+        entry = fields(item, where, ("between", "friction"))
+        first, second = _pair(entry["between"], f"'between' in {where}")
+        contact = f"contact {shown(first)}-{shown(second)}"
+        if first == second:
+            raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
+        if (first, second) in result or (second, first) in result:
+            raise InputError(f"friction of {contact} is given twice; keep one entry")
+        result[first, second] = number(entry["friction"], f"friction of {contact}")
+    return result
+
+
+def _pair(value: object, where: str) -> tuple[str, str]:
+    ids: Iterable[object] = items(value, where)
+    names = [text(id, where) for id in ids]
+    if len(names) != 2:
+        raise InputError(f"{where} must be two block ids, got {shown(value)}")
+    return names[0], names[1]
+
+
+def _load(case: str, value: object) -> Load:
+    where = f"the {case} load"
+    entry = fields(value, where, (), ("gravity", "acceleration", "forces"))
+    vectors = {
+        name: numbers(entry[name], _AXES, f"{name} of {where}")
+        for name in ("gravity", "acceleration")
+        if name in entry
+    }
+    forces = {
+        id: numbers(force, _FORCE, f"force of {where} on block {shown(id)}")
+        for id, force in mapping(entry.get("forces", {}), f"forces of {where}").items()
+    }
+    with refusals(f"in {where}, "):
+        return Load(vectors.get("gravity"), vectors.get("acceleration"), forces)

@@ -1,0 +1,126 @@
+"""The built-in scenes, by name. To add one, write a line into ``_SCENES``: nothing else changes.
+
+A scene whose shape the generators cannot make gets its own generator module next to this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from cvxlimit.errors import InputError
+from cvxlimit.masonry.arches import arch
+from cvxlimit.masonry.panels import panel
+from cvxlimit.masonry.stacks import single_block, stack
+from cvxlimit.masonry.walls import running_bond, wall
+from cvxlimit.scene import Load, Scene
+
+
+@dataclass(frozen=True)
+class BuiltinScene:
+    """A named scene: call it to build it.
+
+    Attributes
+    ----------
+    description : str
+        One line for ``cvxlimit scenes``.
+    build : callable
+        Returns the scene; its name is set from the registry.
+    """
+
+    description: str
+    build: Callable[[], Scene]
+
+    def __call__(self) -> Scene:
+        return self.build()
+
+
+WINDOW_WALL = (
+    (1, 1, 1, 1),
+    (0.5, 1, 1, 1, 0.5),
+    (1, 1, 1, 1),
+    (0.5, 1, -1, 1, 0.5),
+    (1, 0.5, -1, 0.5, 1),
+    (0.5, 1, -1, 1, 0.5),
+    (1, 0.5, -1, 0.5, 1),
+    (0.5, 1, -1, 1, 0.5),
+    (1, 1, 1, 1),
+    (0.5, 1, 1, 1, 0.5),
+    (1, 1, 1, 1),
+)
+"""Courses of Ferris & Tin-Loi's third wall, bottom first, with a window five courses high."""
+
+
+def _tuff_wall() -> Scene:
+    return wall(
+        running_bond(4, 12),
+        unit=(0.1, 0.1, 0.05),
+        density=12.1,
+        friction=0.51,
+        side_supports=("start",),
+        live=Load(acceleration=(0.0, 1.0, 0.0)),
+    )
+
+
+_SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
+    "single-block": (
+        "one block pushed along x: rocks at length / height = 0.4 (closed form)",
+        single_block,
+    ),
+    "stack": ("five blocks piled up, pushed along x", stack),
+    "ferris-tin-loi-1": (
+        "Ferris & Tin-Loi 2001, wall 1: 6 courses, pushed in its plane, 0.642859",
+        lambda: wall(running_bond(5, 6, first="half")),
+    ),
+    "ferris-tin-loi-2": (
+        "Ferris & Tin-Loi 2001, wall 2: 10 courses, pushed in its plane, 0.579999",
+        lambda: wall(running_bond(5, 10, first="half")),
+    ),
+    "ferris-tin-loi-3": (
+        "Ferris & Tin-Loi 2001, wall 3: a window, pushed in its plane, 0.403694",
+        lambda: wall(WINDOW_WALL),
+    ),
+    "arch": (
+        "semicircular arch of 20 voussoirs, thickness 0.15 of the mean radius, pushed along x",
+        arch,
+    ),
+    "tuff-wall": ("tuff wall held at one end, pushed out of its plane", _tuff_wall),
+    "s12-panel": (
+        "S12-class brick panel with one return, pushed out of its plane",
+        lambda: panel(0.80, 19, left_return=0.52),
+    ),
+    "s10-panel": (
+        "S10-class brick panel with two returns, pushed out of its plane",
+        lambda: panel(0.88, 34, left_return=0.36, right_return=0.36),
+    ),
+}
+
+
+def _named(name: str, build: Callable[[], Scene]) -> Callable[[], Scene]:
+    return lambda: build().with_name(name)
+
+
+BUILTIN: Mapping[str, BuiltinScene] = MappingProxyType(
+    {name: BuiltinScene(text, _named(name, build)) for name, (text, build) in _SCENES.items()}
+)
+"""All built-in scenes by name, in the order in which ``cvxlimit scenes`` lists them."""
+
+
+def builtin_scene(name: str) -> Scene:
+    """The built-in scene called ``name``.
+
+    Raises
+    ------
+    InputError
+        If there is none; the message lists the names.
+
+    Example
+    -------
+    >>> scene = builtin_scene("tuff-wall")
+    >>> len(scene.free), len(scene.contacts)
+    (54, 146)
+    """
+    if name not in BUILTIN:
+        raise InputError(f"there is no built-in scene {name!r}; choose one of {', '.join(BUILTIN)}")
+    return BUILTIN[name]()

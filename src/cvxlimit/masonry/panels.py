@@ -1,0 +1,143 @@
+"""Brick panels with zero, one or two returns: the S10 and S12 shapes of pushed-over panels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cvxlimit.blocks import Block
+from cvxlimit.errors import InputError
+from cvxlimit.masonry.sizes import (
+    Size,
+    count,
+    ground_below,
+    is_negligible,
+    positive,
+    size_of,
+)
+from cvxlimit.scene import Load, Scene
+
+Span = tuple[float, float]
+
+
+def panel(
+    front: float,
+    courses: int,
+    *,
+    left_return: float = 0.0,
+    right_return: float = 0.0,
+    brick: Size = (0.08, 0.04, 0.03),
+    density: float = 27.3,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "panel",
+) -> Scene:
+    """A front wall along x with returns along y at its ends, on a fixed ground (top at z = 0).
+
+    Front and returns take turns at the corners: in even courses (from 0) the front runs through
+    and the returns start behind it; in odd courses the returns run through and the front is
+    shortened by the brick's thickness. Bricks are laid from the start of each run and the last
+    one is cut to fit. Without a left return the front's odd courses start with half a brick.
+    Bricks are named ``f<course>.<place>`` (front), ``l...`` and ``r...`` (returns), from 1.
+
+    Parameters
+    ----------
+    front : float
+        Length of the front, outside to outside, m.
+    courses : int
+        Number of courses.
+    left_return, right_return : float
+        Length of the return at x = 0 and at x = ``front``, from the front's outer face (y = 0),
+        m; 0 for none.
+    brick : (float, float, float)
+        Length, thickness and height, m. A return's bricks lie along y.
+    density : float
+        Weight per volume, kN/m3.
+    friction : float
+        Coulomb coefficient of all joints.
+    live : Load, optional
+        Out of the front's plane, away from the returns (-y), in multiples of the weight, unless
+        given.
+    name : str
+        Name of the scene.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, or a front or return too short for its corners.
+
+    Example
+    -------
+    >>> scene = panel(0.24, 2, left_return=0.16)
+    >>> [block.id for block in scene.blocks]
+    ['ground', 'f1.1', 'f1.2', 'f1.3', 'l1.1', 'l1.2', 'f2.1', 'f2.2', 'f2.3', 'l2.1', 'l2.2']
+    """
+    size = size_of(brick, "the brick")
+    rows = count(courses, "courses")
+    weight = positive(density, "density of the panel")
+    returns = {"l": _return_length(left_return, "left_return", size[1]),
+               "r": _return_length(right_return, "right_return", size[1])}  # fmt: skip
+    corners = sum(length > 0.0 for length in returns.values())
+    width = positive(front, "front")
+    if is_negligible(width - corners * size[1], size[0]):
+        raise InputError(
+            f"front must be longer than the thickness of its {corners} return(s), "
+            f"{corners * size[1]:g}, got {width:g}"
+        )
+    blocks = [
+        block
+        for row in range(rows)
+        for block in _course(row, width, returns, size, weight)
+    ]  # fmt: skip
+    return Scene(
+        blocks=(ground_below(blocks, depth=size[2]), *blocks),
+        supports=("ground",),
+        live=Load(acceleration=(0.0, -1.0, 0.0)) if live is None else live,
+        friction=friction,
+        name=name,
+    )
+
+
+def _return_length(value: float, what: str, thickness: float) -> float:
+    if value == 0.0:
+        return 0.0
+    length = positive(value, what)
+    if is_negligible(length - thickness, thickness):
+        raise InputError(
+            f"{what} must be longer than the brick's thickness, {thickness:g}, got {length:g}; "
+            "use 0 for no return"
+        )
+    return length
+
+
+def _course(
+    row: int, front: float, returns: dict[str, float], size: Size, density: float
+) -> Iterator[Block]:
+    length, thickness, height = size
+    z0, z1 = row * height, (row + 1) * height
+    through = row % 2 == 0
+    inset = {side: 0.0 if through or not returns[side] else thickness for side in "lr"}
+    first = length if through or returns["l"] else length / 2.0
+    run = _bricks(inset["l"], front - inset["r"], length, first)
+    for place, (x0, x1) in enumerate(run, start=1):
+        yield Block.box(f"f{row + 1}.{place}", (x0, 0.0, z0), (x1, thickness, z1), density)
+    for side, x0 in (("l", 0.0), ("r", front - thickness)):
+        if returns[side]:
+            run = _bricks(thickness if through else 0.0, returns[side], length, length)
+            for place, (y0, y1) in enumerate(run, start=1):
+                low, high = (x0, y0, z0), (x0 + thickness, y1, z1)
+                yield Block.box(f"{side}{row + 1}.{place}", low, high, density)
+
+
+def _bricks(start: float, end: float, length: float, first: float) -> Iterator[Span]:
+    """Bricks from ``start`` to ``end``: one of length ``first``, whole ones, a cut one."""
+    laid, place = start, 0
+    while not is_negligible(end - laid, length):
+        following = start + first + place * length
+        if is_negligible(end - following, length):
+            following = end
+        yield laid, following
+        laid, place = following, place + 1

@@ -1,0 +1,52 @@
+"""Sizes given to the generators: each refusal names the size, shows the value and the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.checks import finite_vector
+from cvxlimit.errors import InputError
+
+Size = tuple[float, float, float]
+"""Length along x, thickness along y and height along z, in the scene's length unit."""
+
+
+def positive(value: Any, what: str) -> float:
+    """``value`` as a finite float > 0; ``what`` names it in the refusal."""
+    number = isinstance(value, (int, float, np.floating, np.integer))
+    if isinstance(value, bool) or not number or not np.isfinite(value) or value <= 0.0:
+        raise InputError(f"{what} must be a positive number, got {value!r}")
+    return float(value)
+
+
+def count(value: Any, what: str, least: int = 1) -> int:
+    """``value`` as a whole number not below ``least``."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise InputError(f"{what} must be a whole number of at least {least}, got {value!r}")
+    return int(value)
+
+
+def size_of(value: Any, what: str) -> Size:
+    """``value`` as (length, thickness, height), all positive."""
+    length, thickness, height = finite_vector(value, 3, f"{what} (length, thickness, height)")
+    return (
+        positive(float(length), f"length of {what}"),
+        positive(float(thickness), f"thickness of {what}"),
+        positive(float(height), f"height of {what}"),
+    )
+
+
+def ground_below(blocks: Sequence[Block], depth: float) -> Block:
+    """A fixed block ``"ground"`` under the plan of ``blocks``, its top at z = 0."""
+    low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
+    high = np.max([b.vertices.max(axis=0) for b in blocks], axis=0)
+    return Block.box("ground", (low[0], low[1], -depth), (high[0], high[1], 0.0))
+
+
+def is_negligible(length: float, unit: float) -> bool:
+    """True if ``length`` is too short to be told from rounding in a block of size ``unit``."""
+    return length <= RELATIVE_TOLERANCE * unit

@@ -1,0 +1,106 @@
+"""Where to look from: a parallel projection that shows the mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.checks import finite_vector
+from cvxlimit.errors import InputError
+from cvxlimit.plotting.movement import Motion, free_bounds
+from cvxlimit.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+ELEVATION = 20.0
+IN_PLANE_AZIMUTH = 28.0
+OUT_OF_PLANE_AZIMUTH = 50.0
+"""Degrees. A wall that fails in its plane is seen almost from the front, one that falls out of
+its plane more from the side, so that the movement is not along the line of sight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Rows of ``axes`` (3, 3): right and up on the picture, and towards the viewer."""
+
+    axes: FloatArray
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Right, up and nearness (n, 3) of ``points`` (n, 3), in the scene's length unit."""
+        result: FloatArray = points @ self.axes.T
+        return result
+
+
+def camera_from(scene: Scene, viewer: ArrayLike) -> Camera:
+    """A camera in direction ``viewer`` (3,) from the scene; up is against the dead load.
+
+    Raises
+    ------
+    InputError
+        If ``viewer`` is not three finite numbers, or is zero.
+    """
+    towards = finite_vector(viewer, 3, "viewer")
+    if not np.any(towards):
+        raise InputError("viewer must be a direction from the scene, got zero")
+    return _camera_towards(towards, upright(scene))
+
+
+def _camera_towards(viewer: FloatArray, up: FloatArray) -> Camera:
+    towards = viewer / np.linalg.norm(viewer)
+    right = np.cross(up, towards)
+    if np.linalg.norm(right) < 1e-6:
+        right = np.roll(np.abs(up), 1)
+    right /= np.linalg.norm(right)
+    return Camera(np.stack([right, np.cross(towards, right), towards]))
+
+
+def default_camera(scene: Scene, motion: Motion) -> Camera:
+    """Look at the widest upright side, from the end to which the structure moves.
+
+    Up is against the dead load. The movement is the mean displacement of the free blocks, or
+    the live load's direction where there is no mechanism.
+    """
+    up = upright(scene)
+    thin, wide = _horizontal_axes(scene, up)
+    move = _movement(scene, motion)
+    across, along = float(move @ thin), float(move @ wide)
+    azimuth = IN_PLANE_AZIMUTH
+    if abs(across) > abs(along):
+        azimuth = OUT_OF_PLANE_AZIMUTH
+        front = thin if across >= 0.0 else -thin
+        side = np.cross(up, front)
+        side = side if along > 1e-6 * abs(across) or along == 0.0 else -side
+    else:
+        side = wide if along >= 0.0 else -wide
+        front = np.cross(side, up)
+    a, e = np.radians(azimuth), np.radians(ELEVATION)
+    level = np.cos(a) * front + np.sin(a) * side
+    return _camera_towards(np.cos(e) * level + np.sin(e) * up, up)
+
+
+def upright(scene: Scene) -> FloatArray:
+    """The coordinate axis nearest to the direction against the dead load; +z without one."""
+    down = scene.dead_forces[:, :3].sum(axis=0)
+    size = float(np.linalg.norm(down))
+    if not size > 1e-9 * max(scene.total_weight, 1e-300):
+        return np.array([0.0, 0.0, 1.0])
+    result: FloatArray = -down / size
+    axis = int(np.abs(result).argmax())
+    return np.eye(3)[axis] * np.sign(result[axis])
+
+
+def _horizontal_axes(scene: Scene, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors along the thinner and the wider horizontal extent of the free blocks."""
+    extent = np.ptp(free_bounds(scene), axis=0)
+    level = [axis for axis in range(3) if not up[axis]]
+    thin, wide = sorted(level, key=lambda axis: float(extent[axis]))
+    return np.eye(3)[thin], np.eye(3)[wide]
+
+
+def _movement(scene: Scene, motion: Motion) -> FloatArray:
+    shift: FloatArray = motion.rates[:, :3].sum(axis=0)
+    if not np.abs(shift).max() > 0.0:
+        shift = scene.live_forces[:, :3].sum(axis=0)
+    return shift

@@ -1,0 +1,108 @@
+"""What all kinds of plot share: colours, the title, legend texts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.plotting.movement import ContactKind, Motion
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+
+FloatArray = NDArray[np.float64]
+
+SPEED_STOPS = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", "#134b73")
+"""Colours from speed 0 to the largest, evenly spaced: light to dark, so that they also read in
+grey and to colour-blind eyes, and far from the colours of the contacts."""
+
+SUPPORT_COLOUR = "#a3a09a"
+STONE_COLOUR = "#d9d0bd"
+"""Free blocks where there is no mechanism."""
+
+KIND_COLOURS = {
+    ContactKind.OPENS: "#d62246",
+    ContactKind.SLIDES: "#f59e0b",
+    ContactKind.TWISTS: "#8b2fc9",
+}
+
+KIND_TEXTS = {
+    ContactKind.OPENS: "contact opens",
+    ContactKind.SLIDES: "contact slides",
+    ContactKind.TWISTS: "contact twists",
+}
+
+SPEED_TEXT = "largest corner speed of the block / largest of all"
+
+
+def rgb(colour: str) -> FloatArray:
+    """Red, green, blue in 0..1 of ``"#rrggbb"``."""
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+
+
+def speed_colours(speed: FloatArray) -> FloatArray:
+    """Colours (n, 3) of relative speeds (n,) in 0..1."""
+    stops = np.array([rgb(c) for c in SPEED_STOPS])
+    at = np.linspace(0.0, 1.0, len(stops))
+    return np.stack([np.interp(speed, at, stops[:, c]) for c in range(3)], axis=1)
+
+
+def block_colours(scene: Scene, motion: Motion) -> FloatArray:
+    """Colours (n_blocks, 3): by speed, supports grey, stone where nothing moves."""
+    if motion.moves:
+        colours = speed_colours(motion.speed)
+    else:
+        colours = np.tile(rgb(STONE_COLOUR), (len(scene.blocks), 1))
+    fixed = np.ones(len(scene.blocks), dtype=bool)
+    fixed[scene.free] = False
+    colours[fixed] = rgb(SUPPORT_COLOUR)
+    return colours
+
+
+def title(solution: Solution) -> str:
+    """Scene, surface, load factor and bracket; the status where there is no answer.
+
+    The bracket's ends are rounded outwards, so that what is printed is still a bracket.
+    Characters that do not print are replaced.
+
+    Example
+    -------
+    >>> from cvxlimit.solution import Solution, Status
+    >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058, 0.423056,
+    ...                0.4230593, Status.CERTIFIED, (), {}))
+    'tuff-wall, conic: load factor 0.42306 in [0.42305, 0.42306]'
+    """
+    what = f"{_printable(solution.scene)}, {solution.surface}"
+    if solution.interaction != "none":
+        what += f", {solution.interaction} interaction ({solution.moments} moments)"
+    if solution.load_factor is None:
+        return f"{what}: {solution.status}"
+    doubt = "" if solution.status.is_good else f" ({solution.status})"
+    digits = _decimals(solution.load_factor)
+    low, high = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
+    return f"{what}: load factor {solution.load_factor:.{digits}f} in {low}, {high}{doubt}"
+
+
+def _decimals(value: float) -> int:
+    """Decimals that show five significant digits of ``value``."""
+    if not (math.isfinite(value) and value):
+        return 5
+    return max(0, 4 - math.floor(math.log10(abs(value)) + 1e-12))
+
+
+def _outward(value: float, digits: int, side: int) -> str:
+    """An end of the bracket, rounded away from its middle; open where it is infinite."""
+    if not math.isfinite(value):
+        return "(-\N{INFINITY}" if side < 0 else "\N{INFINITY})"
+    shift = 10.0**digits
+    steps = value * shift
+    rounded = round(steps)
+    if abs(steps - rounded) > 1e-6:
+        rounded = math.ceil(steps) if side > 0 else math.floor(steps)
+    text = f"{rounded / shift:.{digits}f}"
+    return f"[{text}" if side < 0 else f"{text}]"
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -1,0 +1,185 @@
+"""Equilibrium of the free blocks (Eq. 6 and 7), and the scaling of the whole problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.scene import Scene
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DOF = 6
+"""Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
+
+
+def equilibrium_matrix(
+    contacts: Contacts, centroids: FloatArray, row_of_block: IntArray
+) -> sp.csr_array:
+    """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for contact forces x and loads f.
+
+    ``centroids`` (blocks, 3) of all blocks; ``row_of_block`` (blocks,) numbers the free ones
+    from 0 and is -1 for supports. Contact forces act on block b, their opposites on block a.
+    """
+    parts = [
+        _side(contacts, contacts.b, +1.0, centroids, row_of_block),
+        _side(contacts, contacts.a, -1.0, centroids, row_of_block),
+    ]
+    rows, columns, values = (np.concatenate([p[i] for p in parts]) for i in range(3))
+    shape = (DOF * (int(row_of_block.max()) + 1), len(COMPONENTS) * len(contacts))
+    matrix = sp.csr_array((values, (rows, columns)), shape=shape)
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _side(
+    contacts: Contacts, block: IntArray, sign: float, centroids: FloatArray, number: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    free = np.flatnonzero(number[block] >= 0)
+    frame = sign * np.swapaxes(contacts.axes[free], 1, 2)
+    arm = contacts.origin[free] - centroids[block[free]]
+    entries = np.zeros((len(free), DOF, DOF))
+    entries[:, :3, :3] = frame
+    entries[:, 3:, :3] = np.cross(arm[:, None, :], frame, axisa=2, axisb=1, axisc=1)
+    entries[:, 3:, 3:] = frame[:, :, [0, 1, 2]]
+    rows = DOF * number[block[free]][:, None, None] + np.arange(DOF)[None, :, None]
+    columns = len(COMPONENTS) * free[:, None, None] + np.arange(DOF)[None, None, :]
+    shape = entries.shape
+    return (
+        np.broadcast_to(rows, shape).ravel(),
+        np.broadcast_to(columns, shape).ravel(),
+        entries.ravel(),
+    )
+
+
+def corner_map(contacts: Contacts) -> sp.csr_array:
+    """Contact forces (6 n,) from z = (corner compressions (m,), V1 (n,), V2 (n,), MT (n,)).
+
+    N is the sum of the compressions at a contact's corners and M1, M2 are linear in them, so
+    z with compressions >= 0 satisfies rocking (Eq. 9) for any convex polygon. Its transpose
+    gives the work-conjugate rates: openings at the corners, slips, twist.
+    """
+    n, m = len(contacts), len(contacts.corner_xy)
+    x, y = contacts.corner_xy.T
+    corner, each = np.arange(m), np.arange(n)
+    entries = [
+        ("N", contacts.corner_contact, corner, np.ones(m)),
+        ("M1", contacts.corner_contact, corner, y),
+        ("M2", contacts.corner_contact, corner, -x),
+        ("V1", each, m + each, np.ones(n)),
+        ("V2", each, m + n + each, np.ones(n)),
+        ("MT", each, m + 2 * n + each, np.ones(n)),
+    ]
+    rows = np.concatenate([len(COMPONENTS) * j + COLUMN[c] for c, j, _, _ in entries])
+    columns = np.concatenate([k for _, _, k, _ in entries])
+    values = np.concatenate([v for _, _, _, v in entries])
+    return sp.csr_array((values, (rows, columns)), shape=(len(COMPONENTS) * n, m + 3 * n))
+
+
+@dataclass(frozen=True, eq=False)
+class Statics:
+    """Equilibrium data of a scene in one consistent set of units.
+
+    ``matrix`` is A; ``dead`` and ``live`` are load vectors (6 free blocks,); see
+    :func:`equilibrium_matrix`.
+    """
+
+    contacts: Contacts
+    centroids: FloatArray
+    row_of_block: IntArray
+    dead: FloatArray
+    live: FloatArray
+
+    @classmethod
+    def of(cls, scene: Scene) -> Statics:
+        """Equilibrium in the scene's own units."""
+        number = np.full(len(scene.blocks), -1)
+        number[scene.free] = np.arange(len(scene.free))
+        return cls(
+            contacts=scene.contacts,
+            centroids=np.array([b.centroid for b in scene.blocks]),
+            row_of_block=number,
+            dead=scene.dead_forces.ravel(),
+            live=scene.live_forces.ravel(),
+        )
+
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """A of Eq. 7."""
+        return equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
+
+    def with_loads(self, dead: FloatArray, live: FloatArray) -> Statics:
+        """The same assembly under other load vectors."""
+        return replace(self, dead=dead, live=live)
+
+    def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        """A x + f_dead + alpha f_live, (free blocks, 6)."""
+        result = self.matrix @ forces.ravel() + self.dead + load_factor * self.live
+        return np.asarray(result).reshape(-1, DOF)
+
+    def relative_rates(self, mechanism: FloatArray) -> FloatArray:
+        """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
+        return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Units inside the solver, and the way back: everything that scales does it here.
+
+    The force unit is the total dead load, not a block's weight: with the mean weight as unit,
+    solvers returned load factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at
+    "optimal" status, small residuals and no duality gap. The live load has its own unit, so
+    that the scaled load factor does not depend on how the user normalised it.
+
+    Attributes
+    ----------
+    force, length, live : float
+        One unit of the scaled problem, in the user's units.
+    """
+
+    force: float
+    length: float
+    live: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> Scaling:
+        """Total dead load, typical contact size, total live load."""
+        length = float(np.median(np.sqrt(scene.contacts.area)))
+        live = _total(scene.live_forces, length)
+        dead = _total(scene.dead_forces, length)
+        return cls(force=dead if dead > 0.0 else live, length=length, live=live)
+
+    def apply(self, statics: Statics) -> Statics:
+        """The scaled copy; forces, lengths and load factor of order one."""
+        rows = np.tile([1.0, 1.0, 1.0] + [self.length] * 3, len(statics.dead) // DOF)
+        return Statics(
+            contacts=statics.contacts.scaled(1.0 / self.length),
+            centroids=statics.centroids / self.length,
+            row_of_block=statics.row_of_block,
+            dead=statics.dead / (self.force * rows),
+            live=statics.live / (self.live * rows),
+        )
+
+    def load_factor(self, scaled: float) -> float:
+        """Load factor in the user's sense."""
+        return scaled * self.force / self.live
+
+    def forces(self, scaled: FloatArray) -> FloatArray:
+        """Contact forces (contacts, 6) in the user's units."""
+        return scaled * self.force * np.array([1.0, 1.0, 1.0] + [self.length] * 3)
+
+    def mechanism(self, scaled: FloatArray) -> FloatArray:
+        """Block rates (free, 6); live power 1 stays 1."""
+        return scaled / (self.live * np.array([1.0, 1.0, 1.0] + [self.length] * 3))
+
+
+def _total(loads: FloatArray, length: float) -> float:
+    forces = np.linalg.norm(loads[:, :3], axis=1).sum()
+    moments = np.linalg.norm(loads[:, 3:], axis=1).sum()
+    return float(forces + moments / length)

@@ -1,0 +1,19 @@
+"""Yield surfaces: one small class each. A new one needs a file here, or none at all outside."""
+
+from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
+from cvxlimit.surfaces.cones import Cone, Conic, Facets, parse_cone
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
+
+__all__ = [
+    "Condition",
+    "Cone",
+    "Conic",
+    "Facets",
+    "Norm",
+    "Rocking",
+    "Sliding",
+    "Torsion",
+    "TorsionShear",
+    "YieldSurface",
+    "parse_cone",
+]

@@ -1,0 +1,196 @@
+"""How a norm of force components is bounded: exactly, or by K facets."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import ModelError
+
+FloatArray = NDArray[np.float64]
+
+
+class Cone(ABC):
+    """Gauge of a vector of force components, its epigraph for CVXPY, and its polar.
+
+    Rows are the vector's components; each is an array (n,) or a CVXPY expression of that shape.
+    Vectors with one component are bounded by their absolute value whatever the cone.
+    """
+
+    def gauge(self, rows: Sequence[FloatArray]) -> FloatArray:
+        """The size (n,) of the vectors."""
+        return np.abs(rows[0]) if len(rows) == 1 else self._gauge(np.stack(rows))
+
+    def polar_gauge(self, rows: Sequence[FloatArray]) -> FloatArray:
+        """The dual size (n,): smallest t with ``rows @ v <= t * gauge(v)`` for all v."""
+        return np.abs(rows[0]) if len(rows) == 1 else self._polar_gauge(np.stack(rows))
+
+    def epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+        """Constraints ``gauge(rows) <= bound``."""
+        if len(rows) == 1:
+            return [rows[0] <= bound, -rows[0] <= bound]
+        return self._epigraph(bound, rows)
+
+    def polar_epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]:
+        """Constraints ``polar_gauge(rows) <= bound``."""
+        if len(rows) == 1:
+            return [rows[0] <= bound, -rows[0] <= bound]
+        return self._polar_epigraph(bound, rows)
+
+    @abstractmethod
+    def _gauge(self, rows: FloatArray) -> FloatArray: ...
+
+    @abstractmethod
+    def _polar_gauge(self, rows: FloatArray) -> FloatArray: ...
+
+    @abstractmethod
+    def _epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]: ...
+
+    @abstractmethod
+    def _polar_epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]: ...
+
+
+@dataclass(frozen=True)
+class Conic(Cone):
+    """The exact Euclidean norm: second-order cones (Eq. 10).
+
+    >>> Conic().gauge([np.array([3.0]), np.array([4.0])]).tolist()
+    [5.0]
+    """
+
+    def __str__(self) -> str:
+        return "conic"
+
+    def _gauge(self, rows: FloatArray) -> FloatArray:
+        return np.asarray(np.linalg.norm(rows, axis=0))
+
+    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
+        return self._gauge(rows)
+
+    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+        return [cp.SOC(bound, cp.vstack(list(rows)), axis=0)]
+
+    def _polar_epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]:
+        return self._epigraph(bound, rows)
+
+
+@dataclass(frozen=True)
+class Facets(Cone):
+    """The circle replaced by a regular polygon with ``count`` sides (Eq. 11 for 8).
+
+    Build it with :meth:`circumscribed` (unsafe side: friction up to 1 / cos(pi / K)) or
+    :meth:`inscribed` (safe side); the two bracket the conic answer, the gap falls as 1 / K^2.
+    Facet normals lie at angles 2 pi k / K from t1. Only for vectors of two components.
+
+    >>> v = [np.array([1.0]), np.array([1.0])]
+    >>> [round(float(f(8).gauge(v)[0]), 4) for f in (Facets.circumscribed, Facets.inscribed)]
+    [1.4142, 1.5307]
+    """
+
+    count: int
+    reach: float
+
+    def __post_init__(self) -> None:
+        if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 3:
+            raise ModelError(f"a yield surface needs at least 3 facets, got {self.count!r}")
+
+    @classmethod
+    def circumscribed(cls, count: int) -> Facets:
+        """Polygon around the circle: the paper's linearisation with ``count`` = 8."""
+        return cls(count, 1.0)
+
+    @classmethod
+    def inscribed(cls, count: int) -> Facets:
+        """Polygon inside the circle."""
+        if isinstance(count, int) and count < 3:
+            raise ModelError(f"a yield surface needs at least 3 facets, got {count!r}")
+        return cls(count, float(np.cos(np.pi / count)))
+
+    def __str__(self) -> str:
+        name = "octagon" if self.count == 8 else f"{self.count}-gon"
+        return name if self.reach == 1.0 else f"{name}-inscribed"
+
+    @property
+    def normals(self) -> FloatArray:
+        """Outward facet normals (K, 2), scaled so that ``max(normals @ v)`` is the gauge."""
+        angles = 2.0 * np.pi * np.arange(1, self.count + 1) / self.count
+        exact = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        exact[np.abs(exact) < 1e-15] = 0.0
+        return exact / self.reach
+
+    def _gauge(self, rows: FloatArray) -> FloatArray:
+        self._check(len(rows))
+        return np.asarray((self.normals @ rows).max(axis=0))
+
+    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
+        """Gauge of the polygon whose corners are the facet normals."""
+        self._check(len(rows))
+        middle = self.normals + np.roll(self.normals, -1, axis=0)
+        middle /= (middle * self.normals).sum(axis=1)[:, None]
+        return np.asarray((middle @ rows).max(axis=0))
+
+    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+        self._check(len(rows))
+        return [_weighted(normal, rows) <= bound for normal in self.normals]
+
+    def _polar_epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]:
+        """Rows are a combination of facet normals with multipliers z >= 0 that sum to bound."""
+        self._check(len(rows))
+        z = cp.Variable((self.count, bound.size), nonneg=True)
+        return [
+            cp.sum(z, axis=0) <= bound,
+            *[cp.sum(cp.multiply(self.normals[:, i : i + 1], z), axis=0) == rows[i] for i in (0, 1)],
+        ]  # fmt: skip
+
+    def _check(self, components: int) -> None:
+        if components != 2:
+            raise ModelError(
+                f"facets bound vectors of two components, this surface has {components}: "
+                "use surface 'conic'"
+            )
+
+
+def _weighted(weights: FloatArray, rows: Sequence[cp.Expression]) -> cp.Expression:
+    terms = [float(w) * row for w, row in zip(weights, rows, strict=True) if w != 0.0]
+    return sum(terms[1:], start=terms[0])
+
+
+def parse_cone(name: str) -> Cone:
+    """``"conic"``, ``"octagon"``, ``"16-gon"`` or ``"16-gon-inscribed"`` as a cone.
+
+    Raises
+    ------
+    ModelError
+        For any other name.
+
+    Example
+    -------
+    >>> str(parse_cone("8-gon")), str(parse_cone("octagon-inscribed"))
+    ('octagon', 'octagon-inscribed')
+    """
+    if name == "conic":
+        return Conic()
+    match = re.fullmatch(r"(octagon|(\d{1,4})-gon)(-inscribed)?", name)
+    if match is None:
+        raise ModelError(
+            f"surface must be 'conic', 'octagon' or 'K-gon' (say '16-gon'), "
+            f"with '-inscribed' for the safe side, got {name!r}"
+        )
+    count = int(match[2] or 8)
+    return Facets.inscribed(count) if match[3] else Facets.circumscribed(count)

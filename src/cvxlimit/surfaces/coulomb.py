@@ -1,0 +1,53 @@
+"""The paper's surfaces without interaction with bending: rocking, sliding, torsion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cvxlimit.contacts import Contacts
+from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
+
+
+class Rocking(YieldSurface):
+    """The pressure centre stays inside the contact: no tension, infinite strength (Eq. 9).
+
+    For a rectangle abs(M1) <= N l2 / 2 and abs(M2) <= N l1 / 2; here one row per edge of any
+    convex polygon: with the edge's inward normal (a1, a2) and offset b,
+    b N - a1 M2 + a2 M1 >= 0, because the pressure centre is (-M2 / N, M1 / N).
+    """
+
+    name = "rocking"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        contact, inward, offset = contacts.edges
+        inside = {"N": offset, "M2": -inward[:, 0], "M1": inward[:, 1]}
+        return [Condition((), inside, contact)]
+
+
+class Sliding(YieldSurface):
+    """abs(V) <= mu N (Eq. 10; Eq. 11 with facets)."""
+
+    name = "sliding"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})]
+
+
+class Torsion(YieldSurface):
+    """abs(MT) <= c_T mu N (Eq. 17), with c_T of Eq. 16."""
+
+    name = "torsion"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [Condition([Norm({"MT": 1 / contacts.torsion_arm})], {"N": contacts.friction})]
+
+
+class TorsionShear(YieldSurface):
+    """abs(MT) / c_T + abs(V) <= mu N (Eq. 24; Eq. 25 with facets)."""
+
+    name = "torsion-shear"
+    implies = frozenset({"sliding", "torsion"})
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
+        return [Condition(norms, {"N": contacts.friction})]

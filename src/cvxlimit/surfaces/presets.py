@@ -1,0 +1,40 @@
+"""Sets of surfaces: the usual one, names for the command line, and which rows are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cvxlimit.errors import ModelError
+from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.cones import Cone, parse_cone
+from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+
+DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
+
+
+def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
+    """Surfaces whose rows must be written: rocking is in the formulation, implied ones go."""
+    names = [surface.name for surface in surfaces]
+    if Rocking.name not in names:
+        raise ModelError(
+            f"surfaces {names} lack rocking, so contacts would carry tension: add Rocking()"
+        )
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise ModelError(f"surface {twice[0]!r} is given twice; remove one")
+    implied = {name for surface in surfaces for name in surface.implies}
+    return tuple(s for s in surfaces if s.name not in implied and s.name != Rocking.name)
+
+
+def surfaces_of(
+    surface: str | Cone | Sequence[YieldSurface],
+) -> tuple[tuple[YieldSurface, ...], str]:
+    """Surfaces and their name from ``"conic"``, ``"octagon"``, a cone, or surfaces themselves."""
+    if isinstance(surface, str):
+        surface = parse_cone(surface)
+    if isinstance(surface, Cone):
+        return (Rocking(), TorsionShear(surface)), str(surface)
+    surfaces = tuple(surface)
+    if not all(isinstance(s, YieldSurface) for s in surfaces):
+        raise ModelError(f"surfaces must be YieldSurface objects, got {surfaces!r}")
+    return surfaces, "+".join(f"{s.name}({s.cone})" for s in surfaces)

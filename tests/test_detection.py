@@ -1,0 +1,521 @@
+"""Contacts: exact shapes, relative tolerances, invariance, refusals, plane geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from cvxlimit.blocks import BOX_FACES, RELATIVE_TOLERANCE, Block
+from cvxlimit.contacts import Contacts
+from cvxlimit.detection import detect_contacts
+from cvxlimit.errors import InputError
+from cvxlimit.masonry import BUILTIN, builtin_scene, panel
+from cvxlimit.penetration import penetration
+from cvxlimit.polygons import (
+    area_and_centroid,
+    convex_overlap,
+    effective_region,
+    mean_distance,
+    torsion_arm,
+    torsion_arm_gradient,
+)
+
+GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
+
+
+def brick(id: str = "brick", low: Sequence[float] = (0, 0, 0), size: object = (1, 1, 1)) -> Block:
+    return Block.box(id, low, np.add(low, size), density=1.0)
+
+
+def turned_about_z(block: Block, angle: float) -> Block:
+    return block.moved(Rotation.from_euler("z", angle).as_matrix())
+
+
+def centred(id: str, z: float, side: float = 1.0) -> Block:
+    return brick(id, (-side / 2, -side / 2, z), (side, side, 1.0))
+
+
+def random_rotation(seed: int) -> np.ndarray:
+    return Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+
+
+def assert_sound(contacts: Contacts, blocks: Sequence[Block]) -> None:
+    """Frames right-handed, normals from a to b, corners counter-clockwise on both blocks."""
+    identity = np.broadcast_to(np.eye(3), (len(contacts), 3, 3))
+    products = contacts.axes @ contacts.axes.transpose(0, 2, 1)
+    np.testing.assert_allclose(products, identity, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(contacts.axes), 1.0)
+    for j, contact in enumerate(contacts):
+        a, b = blocks[contacts.a[j]], blocks[contacts.b[j]]
+        assert contacts.a[j] < contacts.b[j]
+        assert contact.normal @ (a.centroid - contact.origin) < 0.0
+        assert contact.normal @ (b.centroid - contact.origin) > 0.0
+        area, centre = area_and_centroid(contacts.corners_of(j))
+        assert area == pytest.approx(contact.area, rel=1e-9)
+        np.testing.assert_allclose(centre, 0.0, atol=1e-7 * np.sqrt(area))
+        for block in (a, b):
+            assert_on_surface(contact.corners, block)
+
+
+def assert_on_surface(points: np.ndarray, block: Block) -> None:
+    heights = []
+    for face in block.faces:
+        corners = block.vertices[list(face)]
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
+        heights.append((points - corners[0]) @ (normal / np.linalg.norm(normal)))
+    assert np.abs(np.max(heights, axis=0)).max() <= 2.0 * RELATIVE_TOLERANCE * block.size
+
+
+class TestRectangles:
+    def test_brick_on_ground(self) -> None:
+        (contact,) = detect_contacts(
+            [GROUND, brick(size=(0.4, 0.2, 0.1))], ["ground"], friction=0.3
+        )
+        assert (contact.name, contact.a, contact.b) == ("ground-brick", "ground", "brick")
+        assert (contact.area, contact.friction) == (pytest.approx(0.08), 0.3)
+        np.testing.assert_allclose(contact.origin, [0.2, 0.1, 0.0], atol=1e-15)
+        np.testing.assert_array_equal(contact.normal, [0, 0, 1])
+        sides = {int(np.abs(t).argmax()): side for t, side in zip(
+            (contact.t1, contact.t2), contact.sides, strict=True)}  # fmt: skip
+        assert sides == {0: pytest.approx(0.4), 1: pytest.approx(0.2)}
+        corners = {tuple(corner) for corner in contact.corners.round(12)}
+        assert corners == {(0, 0, 0), (0.4, 0, 0), (0.4, 0.2, 0), (0, 0.2, 0)}
+
+    def test_normal_follows_the_order_of_blocks(self) -> None:
+        (contact,) = detect_contacts([brick(), GROUND], ["ground"])
+        assert contact.name == "brick-ground"
+        np.testing.assert_array_equal(contact.normal, [0, 0, -1])
+
+    @pytest.mark.parametrize("shift", [(0.25, 0.0), (0.0, -0.5), (0.75, 0.75)])
+    def test_partial_overlap(self, shift: tuple[float, float]) -> None:
+        upper = brick("upper", (*shift, 1.0))
+        (contact,) = detect_contacts([brick("lower"), upper])
+        expected = 1.0 - np.abs(shift)
+        assert sorted(contact.sides) == pytest.approx(sorted(expected))
+        assert contact.area == pytest.approx(expected.prod())
+        centre = 0.5 + 0.5 * np.array(shift)
+        np.testing.assert_allclose(contact.origin, [*centre, 1.0])
+
+    @pytest.mark.parametrize("axis", range(3))
+    def test_every_direction(self, axis: int) -> None:
+        shift = np.eye(3)[axis]
+        (contact,) = detect_contacts([brick("a"), brick("b", shift)])
+        np.testing.assert_array_equal(contact.normal, shift)
+
+    def test_two_fixed_blocks_do_not_count(self) -> None:
+        wall = Block.box("wall", (-1, 0, 0), (0, 1, 1))
+        contacts = detect_contacts([GROUND, wall, brick()], ["ground", "wall"])
+        assert contacts.names == ("ground-brick", "wall-brick")
+
+    def test_bricks_that_share_only_an_edge_or_a_corner_do_not_touch(self) -> None:
+        blocks = [brick("a"), brick("b", (1, 0, 0)), brick("c", (1, 1, 0)), brick("d", (0, 0, 1)),
+                  brick("e", (1, 1, 1))]  # fmt: skip
+        assert detect_contacts(blocks).names == ("a-b", "a-d", "b-c", "c-e")
+
+    def test_sliver_overlaps_do_not_count(self) -> None:
+        tolerance = RELATIVE_TOLERANCE * brick().size
+        base = [GROUND, brick("a")]
+        narrow = brick("b", (1.0 - 0.5 * tolerance, 0, 1))
+        wide = brick("b", (1.0 - 2.0 * tolerance, 0, 1))
+        support = brick("post", (1.0, 0, 0))
+        assert "a-b" not in detect_contacts([*base, support, narrow], ["ground"]).names
+        assert "a-b" in detect_contacts([*base, support, wide], ["ground"]).names
+
+
+class TestPolygons:
+    @pytest.mark.parametrize("angle", [1e-3, 0.2, np.pi / 4, 1.3])
+    def test_turned_square_on_square(self, angle: float) -> None:
+        lower, upper = centred("lower", 0.0), turned_about_z(centred("upper", 1.0), angle)
+        contacts = detect_contacts([lower, upper])
+        (contact,) = contacts
+        assert len(contact.corners) == 8
+        assert contact.sides is None
+        assert contact.area == pytest.approx(2.0 / (1.0 + np.sin(angle) + np.cos(angle)))
+        np.testing.assert_allclose(contact.origin, [0, 0, 1], atol=1e-12)
+        expected = mean_by_small_triangles(contacts.corners_of(0), np.zeros(2))
+        assert contacts.torsion_arm[0] == pytest.approx(expected, rel=1e-4)
+        assert_sound(contacts, [lower, upper])
+
+    def test_turned_small_square_is_a_rectangle_along_its_own_sides(self) -> None:
+        angle = 0.4
+        upper = turned_about_z(Block.box("upper", (-0.2, -0.1, 1), (0.2, 0.1, 2)), angle)
+        (contact,) = detect_contacts([centred("lower", 0.0), upper])
+        assert contact.sides == pytest.approx((0.4, 0.2))
+        along = [np.cos(angle), np.sin(angle), 0.0]
+        assert abs(contact.t1 @ along) == pytest.approx(1.0)
+
+    def test_hexagonal_column(self) -> None:
+        angles = np.arange(6) * np.pi / 3.0
+        ring = np.column_stack([np.cos(angles), np.sin(angles)])
+        column = Block.hull("column", [[x, y, z] for z in (0.0, 2.0) for x, y in ring])
+        (contact,) = detect_contacts([GROUND, column], ["ground"])
+        assert len(contact.corners) == 6
+        assert contact.area == pytest.approx(1.5 * np.sqrt(3.0))
+
+    def test_triangles(self) -> None:
+        triangle = np.array([[0, 0], [1, 0], [0, 1]], dtype=float)
+        low = Block.hull("low", [[x, y, z] for z in (0.0, 1.0) for x, y in triangle])
+        high = Block.hull("high", [[x, y, z] for z in (1.0, 2.0) for x, y in 0.75 - triangle])
+        contacts = detect_contacts([low, high])
+        assert contacts.area == pytest.approx([0.3125])
+        assert_sound(contacts, [low, high])
+
+    def test_all_tetrahedra(self) -> None:
+        base = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+        up, down = Block.hull("up", [*base, [0, 0, 1]]), Block.hull("down", [*base, [0, 0, -1]])
+        contacts = detect_contacts([up, down])
+        assert contacts.area == pytest.approx([0.5])
+        assert len(contacts.corners_of(0)) == 3
+        assert_sound(contacts, [up, down])
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_equal_trapezoids_in_any_position(self, seed: int) -> None:
+        shape = np.array([[0, 0], [1, 0], [0.3, 0.8], [0, 0.5]])
+        turn = random_rotation(seed)
+        low, high = (
+            Block.hull(id, [[x, y, z] for z in (z0, z0 + 1) for x, y in shape]).moved(turn)
+            for id, z0 in (("low", 0.0), ("high", 1.0))
+        )
+        contacts = detect_contacts([low, high])
+        assert contacts.area == pytest.approx([0.475], rel=1e-9)
+
+    def test_polygons_that_only_touch_have_no_overlap(self) -> None:
+        (corners,) = convex_overlap(
+            np.array([[[0, 0], [1, 0], [1, 1], [0, 1]]], dtype=float),
+            np.array([[[0.5, -1], [2, -1], [2, 2], [0.5, 2]]], dtype=float),
+        )
+        assert area_and_centroid(corners)[0] == pytest.approx(0.5)
+        (apart,) = convex_overlap(
+            np.array([[[0, 0], [1, 0], [1, 1], [0, 1]]], dtype=float),
+            np.array([[[1, 0], [2, 0], [2, 1], [1, 1]]], dtype=float),
+        )
+        assert apart.shape == (0, 2)
+
+    def test_a_line_that_rounding_hangs_on_an_overlap_is_dropped(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        square = shapely.box(0, 0, 1, 1)
+        mixed = shapely.GeometryCollection([shapely.LineString([(1, 1), (2, 1)]), square])
+        monkeypatch.setattr(shapely, "intersection", lambda *_: np.array([mixed]))
+        corners = square.exterior.coords[:-1]
+        (overlap,) = convex_overlap(np.array([corners]), np.array([corners]))
+        assert area_and_centroid(overlap)[0] == pytest.approx(1.0)
+
+
+class TestSeveralContactsOfAPair:
+    """Convex blocks share one plane at most: several contacts come from subdivided faces only."""
+
+    def test_a_face_given_in_pieces_gives_one_contact_per_piece(self) -> None:
+        points = [*brick().vertices, [0.25, 0, 1], [0.25, 1, 1]]
+        faces = [(0, 3, 2, 1), (4, 8, 9, 7), (8, 5, 6, 9), (0, 1, 5, 8, 4), (2, 3, 7, 9, 6),
+                 (0, 4, 7, 3), (1, 2, 6, 5)]  # fmt: skip
+        lower, upper = Block.polyhedron("low", points, faces), brick("up", (0, 0, 1))
+        contacts = detect_contacts([lower, upper])
+        assert contacts.names == ("low-up", "low-up#2")
+        assert sorted(contacts.area) == pytest.approx([0.25, 0.75])
+        assert contacts.is_rectangle.all()
+        assert_sound(contacts, [lower, upper])
+        whole = detect_contacts([brick("low"), upper])
+        centre = (contacts.area[:, None] * contacts.origin).sum(axis=0)
+        np.testing.assert_allclose(centre, whole.area[0] * whole.origin[0])
+
+    @pytest.mark.parametrize("name", ["ferris-tin-loi-3", "arch", "s12-panel"])
+    def test_otherwise_one_contact_per_pair(self, name: str) -> None:
+        contacts = builtin_scene(name).contacts
+        pairs = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
+        assert len(pairs) == len(contacts)
+
+    def test_a_brick_in_an_inner_corner_touches_both_arms(self) -> None:
+        arms = [brick("x", (1, 0, 0), (2, 1, 1)), brick("y", (0, 1, 0), (1, 2, 1))]
+        contacts = detect_contacts([*arms, brick("corner", (1, 1, 0))])
+        assert contacts.names == ("x-corner", "y-corner")
+
+
+class TestTolerance:
+    @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3, 1e6])
+    def test_gap_just_below_and_above(self, scale: float) -> None:
+        tolerance = RELATIVE_TOLERANCE * np.sqrt(3.0)
+        lower = brick("lower").scaled(scale)
+        for gap in (0.9 * tolerance, -0.9 * tolerance):
+            upper = brick("upper", (0, 0, 1.0 + gap)).scaled(scale)
+            assert len(detect_contacts([lower, upper])) == 1
+        apart = brick("upper", (0, 0, 1.0 + 1.1 * tolerance)).scaled(scale)
+        with pytest.raises(InputError, match="'lower'.*touches no other block"):
+            detect_contacts([lower, apart])
+        deep = brick("upper", (0, 0, 1.0 - 1.1 * tolerance)).scaled(scale)
+        with pytest.raises(InputError, match="'lower' and 'upper' interpenetrate by about"):
+            detect_contacts([lower, deep])
+
+    def test_the_smaller_block_decides(self) -> None:
+        ground = Block.box("ground", (-50, -50, -1), (50, 50, 0))
+        small = RELATIVE_TOLERANCE * np.sqrt(3.0)
+        assert len(detect_contacts([ground, brick(low=(0, 0, 0.9 * small))], ["ground"])) == 1
+        for gap, message in ((1.1 * small, "touches no other"), (-1.1 * small, "interpenetrate")):
+            with pytest.raises(InputError, match=message):
+                detect_contacts([ground, brick(low=(0, 0, gap))], ["ground"])
+
+    @pytest.mark.parametrize("scale", [1e-6, 1e3, 1e6])
+    @pytest.mark.parametrize("name", ["arch", "tuff-wall"])
+    def test_micrometres_and_kilometres(self, name: str, scale: float) -> None:
+        scene = builtin_scene(name)
+        blocks = [block.scaled(scale) for block in scene.blocks]
+        found = detect_contacts(blocks, scene.supports)
+        assert found.names == scene.contacts.names
+        np.testing.assert_allclose(found.sides, scene.contacts.sides * scale, rtol=1e-9)
+        np.testing.assert_allclose(found.area, scene.contacts.area * scale**2, rtol=1e-9)
+
+    @pytest.mark.parametrize("ground_first", [True, False])
+    @pytest.mark.parametrize("seed", range(10))
+    def test_rounded_coordinates_of_a_brick_on_large_ground(
+        self, seed: int, ground_first: bool
+    ) -> None:
+        """The brick's rounded plane misses the ground's far corners; the ground's is meant."""
+        turn = random_rotation(seed)
+        blocks = [
+            Block.polyhedron(block.id, block.moved(turn).vertices.round(7), block.faces)
+            for block in (Block.box("ground", (-10, -10, -1), (10, 10, 0)),
+                          brick(size=(0.2, 0.1, 0.1)))
+        ]  # fmt: skip
+        contacts = detect_contacts(blocks if ground_first else blocks[::-1], ["ground"])
+        assert contacts.area == pytest.approx([0.02], rel=1e-4)
+
+
+class TestInvariance:
+    @settings(max_examples=25, deadline=None)
+    @given(seed=st.integers(0, 10_000), name=st.sampled_from(["arch", "tuff-wall", "stack"]))
+    def test_rotated_and_far_away(self, seed: int, name: str) -> None:
+        scene = builtin_scene(name)
+        turn = random_rotation(seed)
+        far = 1e4 * scene.blocks[1].size * np.random.default_rng(seed).normal(size=3)
+        blocks = [block.moved(turn, far) for block in scene.blocks]
+        found, known = detect_contacts(blocks, scene.supports), scene.contacts
+        assert found.names == known.names
+        np.testing.assert_allclose(found.area, known.area, rtol=1e-6)
+        np.testing.assert_allclose(np.sort(found.sides), np.sort(known.sides), rtol=1e-6)
+        np.testing.assert_allclose(found.axes[:, 2], known.axes[:, 2] @ turn.T, atol=1e-7)
+        np.testing.assert_allclose(found.origin, known.origin @ turn.T + far, rtol=1e-9)
+        assert_sound(found, blocks)
+
+    @settings(max_examples=25, deadline=None)
+    @given(seed=st.integers(0, 10_000), name=st.sampled_from(["ferris-tin-loi-3", "arch"]))
+    def test_renumbered(self, seed: int, name: str) -> None:
+        scene = builtin_scene(name)
+        order = np.random.default_rng(seed).permutation(len(scene.blocks))
+        blocks = [scene.blocks[i] for i in order]
+        found = detect_contacts(blocks, scene.supports)
+        assert_sound(found, blocks)
+        areas = {frozenset((c.a, c.b)): c.area for c in found}
+        known = {frozenset((c.a, c.b)): c.area for c in scene.contacts}
+        assert areas.keys() == known.keys()
+        assert [areas[pair] for pair in known] == pytest.approx(list(known.values()))
+
+    @settings(max_examples=25, deadline=None)
+    @given(seed=st.integers(0, 10_000))
+    def test_pile_of_turned_bricks(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        pile = [
+            turned_about_z(
+                centred(f"b{i}", i, generator.uniform(0.5, 1.0)), generator.uniform(0, 7)
+            )
+            for i in range(5)
+        ]
+        contacts = detect_contacts(pile)
+        assert contacts.names == ("b0-b1", "b1-b2", "b2-b3", "b3-b4")
+        assert_sound(contacts, pile)
+
+    @pytest.mark.parametrize("name", BUILTIN)
+    def test_built_in_scenes_are_sound(self, name: str) -> None:
+        scene = builtin_scene(name)
+        assert_sound(scene.contacts, scene.blocks)
+
+
+class TestRefusals:
+    def test_loose_block(self) -> None:
+        with pytest.raises(
+            InputError, match=r"'far' \(centre \[5.5, 0.5, 0.5\]\) touches no other"
+        ):
+            detect_contacts([GROUND, brick(), brick("far", (5, 0, 0))], ["ground"])
+
+    def test_block_that_touches_along_a_line_only(self) -> None:
+        with pytest.raises(InputError, match="'b' .*touches no other block"):
+            detect_contacts([GROUND, brick("a"), brick("b", (1, 1, 1))], ["ground"])
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            brick("other", (0.5, 0.5, 0)),
+            brick("other"),
+            brick("other", (0.25, 0.25, 0.25), (0.5, 0.5, 0.5)),
+            turned_about_z(brick("other"), 0.1),
+            brick("other", (-1, 0.4, 0.4), (3, 0.2, 0.2)),
+        ],
+        ids=["corner", "duplicate", "inside", "turned", "skewer"],
+    )
+    def test_shared_volume(self, other: Block) -> None:
+        with pytest.raises(InputError, match="'brick' and 'other' interpenetrate by about"):
+            detect_contacts([GROUND, brick(), other], ["ground"])
+
+    def test_a_brick_sunk_slightly_into_a_large_side_wall(self) -> None:
+        wall = Block.box("wall", (-1, -50, -50), (0, 50, 50))
+        sunk = [brick(f"b{i}", (-1e-5, 0, i)) for i in range(3)]
+        with pytest.raises(InputError, match="'wall' and 'b0' interpenetrate by about 1e-05"):
+            detect_contacts([wall, *sunk], ["wall"])
+
+    def test_edges_that_pass_each_other_do_not_interpenetrate(self) -> None:
+        ridge = Block.hull("a", [[0, -1, 0], [0, 1, 0], [-1, 0, -1], [1, 0, -1]])
+        cross = Block.hull("b", [[-1, 0, 0.1], [1, 0, 0.1], [0, -1, 1.1], [0, 1, 1.1]])
+        assert penetration(ridge, cross) == pytest.approx(-0.1)
+        sunk = cross.moved(np.eye(3), (0, 0, -0.3))
+        assert penetration(ridge, sunk) == pytest.approx(0.2)
+
+
+def test_thousands_of_bricks() -> None:
+    scene = panel(2.4, 80, left_return=1.6, right_return=1.6)
+    assert (len(scene.free), len(scene.contacts)) == (5560, 16452)
+
+
+class TestRecords:
+    def test_indexing(self) -> None:
+        contacts = builtin_scene("tuff-wall").contacts
+        assert contacts[-1].name == contacts.names[-1]
+        assert len(list(contacts)) == len(contacts)
+        with pytest.raises(IndexError, match="contact 146 of 146"):
+            contacts[146]
+
+    def test_corner_points_are_the_records_corners(self) -> None:
+        contacts = builtin_scene("arch").contacts
+        np.testing.assert_allclose(
+            contacts.corner_points, np.concatenate([c.corners for c in contacts])
+        )
+
+    def test_edges_hold_the_inside(self) -> None:
+        blocks = [centred("lower", 0.0), turned_about_z(centred("upper", 1.0), 0.5)]
+        contacts = detect_contacts([*blocks, brick("side", (0.5, 0, 0))])
+        owner, inward, offset = contacts.edges
+        assert (offset > 0.0).all()
+        for j in range(len(contacts)):
+            mine = owner == j
+            inside = contacts.corners_of(j) @ inward[mine].T + offset[mine]
+            assert inside.min() > -1e-12
+            outside = 1.01 * contacts.corners_of(j) @ inward[mine].T + offset[mine]
+            assert (outside.min(axis=1) < 0.0).all()
+
+    def test_corner_sums_and_minima(self) -> None:
+        contacts = builtin_scene("arch").contacts
+        values = np.arange(len(contacts.corner_xy), dtype=float)
+        first = contacts.corner_start[:-1]
+        np.testing.assert_array_equal(contacts.corner_sums(np.ones_like(values)), 4.0)
+        np.testing.assert_array_equal(contacts.corner_minimum(values), first)
+
+
+def mean_by_small_triangles(corners: np.ndarray, point: np.ndarray, n: int = 300) -> float:
+    """Brute force: a fan of triangles, each cut into n2 equal ones, distances at their centres."""
+    i, j = np.divmod(np.arange(n * n), n)
+    upright = i + j < n
+    weights = np.where(
+        upright[:, None],
+        np.column_stack([i + 1 / 3, j + 1 / 3]) / n,
+        np.column_stack([n - i - 1 / 3, n - j - 1 / 3]) / n,
+    )
+    total = area = 0.0
+    for k in range(1, len(corners) - 1):
+        p, u, v = corners[0], corners[k] - corners[0], corners[k + 1] - corners[0]
+        size = 0.5 * abs(u[0] * v[1] - u[1] * v[0])
+        samples = p + weights @ np.stack([u, v])
+        total += size * np.linalg.norm(samples - point, axis=1).mean()
+        area += size
+    return total / area
+
+
+class TestPlaneGeometry:
+    @pytest.mark.parametrize("sides", [(1, 1), (1, 0.5), (0.3, 2), (1, 0.01), (1e-3, 1e-3)])
+    def test_torsion_arm_by_brute_force(self, sides: tuple[float, float]) -> None:
+        x, y = (side * ((np.arange(1000) + 0.5) / 1000 - 0.5) for side in sides)
+        brute = np.hypot(x[:, None], y[None]).mean()
+        assert torsion_arm(*sides) == pytest.approx(brute, rel=1e-5)
+
+    def test_torsion_arm_published(self) -> None:
+        published = [0.3825978582, 0.2966167080, 0.25]
+        np.testing.assert_allclose(torsion_arm(1.0, [1.0, 0.5, 0.0]), published, atol=1e-10)
+        assert torsion_arm(0.0, 0.0) == 0.0
+
+    @given(st.floats(1e-9, 1e9), st.floats(1e-9, 1e9), st.floats(1e-3, 1e3))
+    def test_torsion_arm_is_symmetric_homogeneous_and_between_its_bounds(
+        self, a: float, b: float, k: float
+    ) -> None:
+        arm = float(torsion_arm(a, b))
+        assert float(torsion_arm(b, a)) == arm
+        assert float(torsion_arm(k * a, k * b)) == pytest.approx(k * arm)
+        assert max(a, b) / 4.0 * (1 - 1e-12) <= arm <= (a + b) / 4.0
+
+    @pytest.mark.parametrize("sides", [(1.0, 1.0), (1.0, 0.5), (0.02, 3.0)])
+    def test_torsion_arm_gradient_is_the_slope(self, sides: tuple[float, float]) -> None:
+        a, b = sides
+        h = 1e-6 * min(a, b)
+        slopes = (
+            (torsion_arm(a + h, b) - torsion_arm(a - h, b)) / (2 * h),
+            (torsion_arm(a, b + h) - torsion_arm(a, b - h)) / (2 * h),
+        )
+        np.testing.assert_allclose(torsion_arm_gradient(a, b), slopes, atol=1e-7)
+
+    @settings(deadline=None, max_examples=20)
+    @given(seed=st.integers(0, 10_000), sides=st.integers(3, 8), inside=st.booleans())
+    def test_mean_distance_of_random_polygons(self, seed: int, sides: int, inside: bool) -> None:
+        generator = np.random.default_rng(seed)
+        angles = np.sort(generator.uniform(0, 2 * np.pi, sides))
+        corners = np.column_stack([2.0 * np.cos(angles), np.sin(angles)]) + generator.normal(size=2)
+        point = corners.mean(axis=0) if inside else generator.normal(size=2) * 5.0
+        brute = mean_by_small_triangles(corners, point)
+        assert mean_distance(corners, point) == pytest.approx(brute, rel=1e-4)
+
+    def test_mean_distance_of_a_rectangle_is_the_torsion_arm(self) -> None:
+        corners = np.array([[-1, -0.2], [1, -0.2], [1, 0.2], [-1, 0.2]])
+        assert mean_distance(corners, (0, 0)) == pytest.approx(float(torsion_arm(2.0, 0.4)))
+
+    def test_mean_distance_of_degenerate_polygons(self) -> None:
+        assert mean_distance([[-1, 0], [1, 0]], (0, 0)) == pytest.approx(0.5)
+        assert mean_distance([[3, 4]], (0, 0)) == pytest.approx(5.0)
+        assert mean_distance(np.empty((0, 2)), (0, 0)) == 0.0
+
+    @pytest.mark.parametrize("centre", [(0, 0), (0.3, 0), (-0.2, 0.15), (0.45, -0.2)])
+    def test_effective_region_of_a_rectangle(self, centre: tuple[float, float]) -> None:
+        corners = np.array([[-0.5, -0.25], [0.5, -0.25], [0.5, 0.25], [-0.5, 0.25]])
+        region = effective_region(corners, centre)
+        area, middle = area_and_centroid(region)
+        sides = np.array([1.0, 0.5]) - 2.0 * np.abs(centre)
+        assert area == pytest.approx(sides.prod())
+        np.testing.assert_allclose(middle, centre, atol=1e-12)
+        np.testing.assert_allclose(np.ptp(region, axis=0), sides)
+
+    def test_effective_region_at_the_rim_and_outside(self) -> None:
+        square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+        assert len(effective_region(square, (0.5, 0.0))) == 2
+        assert len(effective_region(square, (1.0, 1.0))) == 1
+        assert len(effective_region(square, (1.5, 0.5))) == 0
+
+    @given(seed=st.integers(0, 10_000))
+    def test_effective_region_is_symmetric_about_the_pressure_centre(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        angles = np.sort(generator.uniform(0, 2 * np.pi, 6))
+        corners = np.column_stack([np.cos(angles), np.sin(angles)])
+        weights = generator.dirichlet(np.ones(6))
+        centre = weights @ corners
+        region = effective_region(corners, centre)
+        assert len(region) >= 3
+        area, middle = area_and_centroid(region)
+        assert 0.0 < area <= area_and_centroid(corners)[0] * (1 + 1e-9)
+        np.testing.assert_allclose(middle, centre, atol=1e-7)
+
+
+def test_box_faces_and_hull_faces_agree() -> None:
+    """A brick as a box, as a polyhedron and as a hull makes the same contact."""
+    corners = brick().vertices
+    forms = [brick(), Block.polyhedron("brick", corners, BOX_FACES), Block.hull("brick", corners)]
+    areas = [detect_contacts([GROUND, form], ["ground"]).sides.tolist() for form in forms]
+    assert areas == [[[1.0, 1.0]]] * 3
