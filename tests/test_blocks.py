@@ -37,7 +37,7 @@ def frustum(base: float, top: float, height: float) -> Block:
 
 
 def rotation(seed: int) -> np.ndarray:
-    return Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    return Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()
 
 
 class TestClosedForms:

@@ -88,7 +88,7 @@ def assert_same_scene(a: Scene, b: Scene) -> None:
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 IDS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 NUMBERS = st.floats(-1e29, 1e29)
-POSITIVE = st.floats(1e-3, 1e3)
+DENSITY = st.just(0.0) | st.floats(1e-3, 1e3)
 EDGES = st.floats(0.01, 10.0)
 FRICTION = st.floats(0.0, 1e3)
 DIRECTIONS = st.sampled_from([(0.0, 0.0, -1.0), (-0.0, 0.6, -0.8), (1 / math.sqrt(2),) * 2 + (0,)])
@@ -128,8 +128,8 @@ def load_cases(draw: st.DrawFn, ids: list[str], live: bool) -> Load:
 def scenes(draw: st.DrawFn) -> Scene:
     ids = draw(st.lists(IDS, min_size=2, max_size=5, unique=True))
     free, fixed = ids[:-1], ids[-1:]
-    blocks = [draw(shapes(id, draw(POSITIVE))) for id in free]
-    blocks += [draw(shapes(id, draw(st.none() | POSITIVE))) for id in fixed]
+    blocks = [draw(shapes(id, draw(DENSITY))) for id in free]
+    blocks += [draw(shapes(id, draw(st.none() | DENSITY))) for id in fixed]
     pairs = [(a, b) for a in ids for b in ids if a < b]
     return Scene(
         blocks=tuple(blocks),

@@ -120,7 +120,7 @@ class TestBuiltin:
         assert "\n" not in description
 
     def test_unknown_name_lists_the_known_ones(self) -> None:
-        with pytest.raises(InputError, match="no built-in scene 'castle'.*single-block, stack"):
+        with pytest.raises(InputError, match=r"no built-in scene 'castle'.*single-block, stack"):
             builtin_scene("castle")
 
     def test_registry_cannot_be_changed(self) -> None:
@@ -186,7 +186,7 @@ class TestWalls:
 
     def test_a_lintel_on_nothing_is_refused_with_the_contacts(self) -> None:
         scene = wall([[1, -2], [-2, 1]])
-        with pytest.raises(InputError, match="'b2.1'.*touches no other block"):
+        with pytest.raises(InputError, match=r"'b2.1'.*touches no other block"):
             _ = scene.contacts
 
 
@@ -275,7 +275,7 @@ class TestStacks:
 
     @pytest.mark.parametrize("shift", [0.0, 0.1, 0.199, 0.25])
     def test_leaning_stack(self, shift: float) -> None:
-        """Each joint's upper part rocks about the lower block's edge; below 0 it falls by itself."""
+        """What is above a joint rocks about its edge; below 0 the stack falls by itself."""
         length, height, number = 1.0, 0.2, 5
         scene = stack(number, (length, 1.0, height), shift=(shift, 0.0), friction=10.0)
         above = np.arange(1, number + 1)

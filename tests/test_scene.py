@@ -134,7 +134,7 @@ class TestCopies:
 
 class TestFrameAndUnits:
     def test_moved_turns_blocks_and_loads(self) -> None:
-        turn = Rotation.random(rng=np.random.default_rng(3)).as_matrix()
+        turn = Rotation.from_quat(np.random.default_rng(3).normal(size=4)).as_matrix()
         live = Load(acceleration=(1, 0, 0), forces={"upper": (1, 2, 3, 4, 5, 6)})
         base = scene(live=live)
         moved = base.moved(turn, (5, 6, 7))

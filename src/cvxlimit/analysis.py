@@ -25,6 +25,9 @@ Progress = Callable[[str], None]
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
+_ZERO = 1e-6
+"""Load factors below this share of dead load / live load are compared to that share instead."""
+
 _HARMLESS = 1e-8
 """Residual and yield excess, as shares of the load, up to which forces are said to carry the live
 load: what solvers leave at their tightest settings, far below any share that could matter."""
@@ -115,13 +118,17 @@ class _Run:
             mechanism = self._dead_load_mechanism()
             if mechanism is not None:
                 return self._without_answer(Status.DEAD_LOAD_UNSTABLE, mechanism=mechanism)
+        asked = False
         for settings in self.ladder:
             state = self._attempt(settings)
-            if self._gap() <= self.tolerance:
+            if self._is_closed():
                 return self._finished(Status.CERTIFIED)
-            if state.outcome.claims_no_optimum:
-                break
-        forces = self._forces_for_live_load_alone()
+            if state.outcome.claims_no_optimum and not asked:
+                asked = True
+                forces = self._forces_for_live_load_alone()
+                if forces is not None:
+                    return self._without_answer(Status.LIVE_LOAD_HARMLESS, forces=forces)
+        forces = None if asked else self._forces_for_live_load_alone()
         if forces is not None:
             return self._without_answer(Status.LIVE_LOAD_HARMLESS, forces=forces)
         return self._finished(Status.NOT_CERTIFIED)
@@ -145,8 +152,13 @@ class _Run:
         self.clock.seconds["compile"] += state.outcome.compile_seconds
         self.clock.seconds["solve"] += state.outcome.solve_seconds
 
-    def _gap(self) -> float:
-        return Certificate(self.lower[0], self.upper[0], True, True, 0.0, 0.0, 0.0).gap
+    def _is_closed(self) -> bool:
+        """Bracket within the tolerance; a load factor near zero is measured by its natural unit."""
+        lower, upper = self.lower[0], self.upper[0]
+        if not (np.isfinite(lower) and np.isfinite(upper)):
+            return False
+        unit = _ZERO * self.problem.scaling.load_factor(1.0)
+        return upper - lower <= self.tolerance * max(abs(upper), abs(lower), unit)
 
     def _finished(self, status: Status) -> Solution:
         lower, lower_proved, static = self.lower
@@ -173,7 +185,12 @@ class _Run:
         forces: FloatArray | None = None,
         mechanism: FloatArray | None = None,
     ) -> Solution:
-        return self._solution(status, None, (-np.inf, np.inf), forces, mechanism, status.advice)
+        note = status.advice
+        if mechanism is not None:
+            power = (np.asarray(mechanism) * self.scene.dead_forces).sum(axis=1)
+            falling = self.scene.blocks[self.scene.free[int(power.argmax())]]
+            note = f"block {falling.id!r} falls; {note}"
+        return self._solution(status, None, (-np.inf, np.inf), forces, mechanism, note)
 
     def _solution(
         self,

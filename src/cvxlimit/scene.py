@@ -64,8 +64,8 @@ class Load:
                 "weight per volume; use acceleration for multiples of the weight"
             )
         checked = {
-            id: tuple(finite_vector(f, 6, f"force on block {id!r}").tolist())
-            for id, f in self.forces.items()
+            key: tuple(finite_vector(f, 6, f"force on block {key!r}").tolist())
+            for key, f in self.forces.items()
         }
         object.__setattr__(self, "forces", MappingProxyType(checked))
 
@@ -218,7 +218,7 @@ class Scene:
         """
         factor = np.array([force] * 3 + [force * length] * 3)
         loads = [
-            replace(load, forces={id: tuple(factor * f) for id, f in load.forces.items()})
+            replace(load, forces={key: tuple(factor * f) for key, f in load.forces.items()})
             for load in (self.dead, self.live)
         ]
         return replace(
@@ -257,20 +257,20 @@ def _check_ids(scene: Scene) -> None:
     ids = [block.id for block in scene.blocks]
     known = set(ids)
     if len(known) < len(ids):
-        twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+        twice = next(key for i, key in enumerate(ids) if key in ids[:i])
         raise InputError(f"block id {twice!r} is used twice: ids must be unique")
-    for id in scene.supports:
-        if id not in known:
-            raise InputError(f"support {id!r} is not a block of the scene; add it to the blocks")
+    for key in scene.supports:
+        if key not in known:
+            raise InputError(f"support {key!r} is not a block of the scene; add it to the blocks")
     if len(set(scene.supports)) < len(scene.supports):
         twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
         raise InputError(f"support {twice!r} is listed twice")
     for pair in scene.contact_friction:
-        for id in pair:
-            if id not in known:
+        for key in pair:
+            if key not in known:
                 raise InputError(
                     f"friction is given for contact {pair[0]}-{pair[1]}, but there is no "
-                    f"block {id!r}"
+                    f"block {key!r}"
                 )
     if not len(scene.free):
         raise InputError(
@@ -286,12 +286,12 @@ def _check_ids(scene: Scene) -> None:
 def _check_loads(scene: Scene) -> None:
     known = {block.id for block in scene.blocks}
     for case, load in (("dead", scene.dead), ("live", scene.live)):
-        for id in load.forces:
-            if id not in known:
-                raise InputError(f"the {case} load names block {id!r}, which is not in the scene")
-            if id in scene.supports:
+        for key in load.forces:
+            if key not in known:
+                raise InputError(f"the {case} load names block {key!r}, which is not in the scene")
+            if key in scene.supports:
                 raise InputError(
-                    f"the {case} load acts on block {id!r}, which is a support and cannot move"
+                    f"the {case} load acts on block {key!r}, which is a support and cannot move"
                 )
     if not np.any(scene.live_forces):
         raise InputError(
@@ -304,6 +304,6 @@ def _turned(load: Load, turn: FloatArray) -> Load:
         return None if vector is None else tuple(turn @ vector)
 
     forces = {
-        id: tuple(np.concatenate([turn @ f[:3], turn @ f[3:]])) for id, f in load.forces.items()
+        key: tuple(np.concatenate([turn @ f[:3], turn @ f[3:]])) for key, f in load.forces.items()
     }
     return Load(apply(load.gravity), apply(load.acceleration), forces)

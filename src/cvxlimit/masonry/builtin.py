@@ -33,6 +33,7 @@ class BuiltinScene:
     build: Callable[[], Scene]
 
     def __call__(self) -> Scene:
+        """Build the scene anew."""
         return self.build()
 
 

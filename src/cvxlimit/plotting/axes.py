@@ -64,9 +64,10 @@ def _draw_axis(
         _write(axes, f"{value:.6g}", at + 1.7 * step, aside, 7.5)
     range_text = "" if len(ticks) else f" {low:.4g} to {high:.4g}"
     name = f"{'xyz'[axis]}{range_text} ({scene.units.length})"
+    middle = base[[0, -1]].mean(axis=0, keepdims=True)
     away = 6.5 if len(ticks) else 1.7
-    _write(axes, name, base[[0, -1]].mean(axis=0) + away * step, aside, 9.0)
-    return np.concatenate([base, base[[0, -1]].mean(axis=0, keepdims=True) + (away + 2.5) * step])
+    _write(axes, name, middle[0] + away * step, aside, 9.0)
+    return np.concatenate([base, base[1:-1] + 4.5 * step, middle + (away + 2.5) * step])
 
 
 def _ticks(low: float, high: float, room: int) -> FloatArray:

@@ -120,7 +120,7 @@ def _draw_colour_bar(result: Figure, axes: Axes) -> None:
     box = axes.get_position()
     width = result.get_figwidth()
     bar = result.add_axes(
-        (box.x1 + 0.25 / width, box.y0 + 0.1 * box.height, 0.16 / width, 0.8 * box.height)
+        (box.x1 + 0.25 / width, box.y0 + 0.28 * box.height, 0.16 / width, 0.68 * box.height)
     )
     drawn = result.colorbar(ScalarMappable(Normalize(0.0, 1.0), colours), cax=bar)
     drawn.set_label(SPEED_TEXT, fontsize=8)

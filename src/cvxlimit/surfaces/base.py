@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import cvxpy as cp
 import numpy as np
@@ -21,7 +21,7 @@ from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Coefficient = float | FloatArray | cp.Parameter
+Coefficient: TypeAlias = "float | FloatArray | cp.Parameter"
 LinearForm = Mapping[str, Coefficient]
 """Force component -> coefficient: one number, one per contact (n,), or a Parameter (n,)."""
 

@@ -126,7 +126,7 @@ class FlowRule:
         """Least-norm solution (n, rows, 3) of stack^T y = rates."""
         if not self._stacked.shape[1]:
             return np.zeros_like(self._stacked)
-        return np.linalg.pinv(np.swapaxes(self._stacked, 1, 2))
+        return np.asarray(np.linalg.pinv(np.swapaxes(self._stacked, 1, 2)), dtype=np.float64)
 
     @cached_property
     def _is_unique(self) -> bool:
