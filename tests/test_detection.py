@@ -1,4 +1,4 @@
-"""Contacts: exact shapes, relative tolerances, invariance, refusals, plane geometry."""
+"""Contacts: exact shapes, relative tolerances, invariance, refusals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -19,11 +18,6 @@ from cvxlimit.masonry import BUILTIN, builtin_scene, panel
 from cvxlimit.penetration import penetration
 from cvxlimit.polygons import (
     area_and_centroid,
-    convex_overlap,
-    effective_region,
-    mean_distance,
-    torsion_arm,
-    torsion_arm_gradient,
 )
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
@@ -138,8 +132,6 @@ class TestPolygons:
         assert contact.sides is None
         assert contact.area == pytest.approx(2.0 / (1.0 + np.sin(angle) + np.cos(angle)))
         np.testing.assert_allclose(contact.origin, [0, 0, 1], atol=1e-12)
-        expected = mean_by_small_triangles(contacts.corners_of(0), np.zeros(2))
-        assert contacts.torsion_arm[0] == pytest.approx(expected, rel=1e-4)
         assert_sound(contacts, [lower, upper])
 
     def test_turned_small_square_is_a_rectangle_along_its_own_sides(self) -> None:
@@ -184,28 +176,6 @@ class TestPolygons:
         )
         contacts = detect_contacts([low, high])
         assert contacts.area == pytest.approx([0.475], rel=1e-9)
-
-    def test_polygons_that_only_touch_have_no_overlap(self) -> None:
-        (corners,) = convex_overlap(
-            np.array([[[0, 0], [1, 0], [1, 1], [0, 1]]], dtype=float),
-            np.array([[[0.5, -1], [2, -1], [2, 2], [0.5, 2]]], dtype=float),
-        )
-        assert area_and_centroid(corners)[0] == pytest.approx(0.5)
-        (apart,) = convex_overlap(
-            np.array([[[0, 0], [1, 0], [1, 1], [0, 1]]], dtype=float),
-            np.array([[[1, 0], [2, 0], [2, 1], [1, 1]]], dtype=float),
-        )
-        assert apart.shape == (0, 2)
-
-    def test_a_line_that_rounding_hangs_on_an_overlap_is_dropped(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        square = shapely.box(0, 0, 1, 1)
-        mixed = shapely.GeometryCollection([shapely.LineString([(1, 1), (2, 1)]), square])
-        monkeypatch.setattr(shapely, "intersection", lambda *_: np.array([mixed]))
-        corners = square.exterior.coords[:-1]
-        (overlap,) = convex_overlap(np.array([corners]), np.array([corners]))
-        assert area_and_centroid(overlap)[0] == pytest.approx(1.0)
 
 
 class TestSeveralContactsOfAPair:
@@ -412,105 +382,6 @@ class TestRecords:
         first = contacts.corner_start[:-1]
         np.testing.assert_array_equal(contacts.corner_sums(np.ones_like(values)), 4.0)
         np.testing.assert_array_equal(contacts.corner_minimum(values), first)
-
-
-def mean_by_small_triangles(corners: np.ndarray, point: np.ndarray, n: int = 300) -> float:
-    """Brute force: a fan of triangles, each cut into n2 equal ones, distances at their centres."""
-    i, j = np.divmod(np.arange(n * n), n)
-    upright = i + j < n
-    weights = np.where(
-        upright[:, None],
-        np.column_stack([i + 1 / 3, j + 1 / 3]) / n,
-        np.column_stack([n - i - 1 / 3, n - j - 1 / 3]) / n,
-    )
-    total = area = 0.0
-    for k in range(1, len(corners) - 1):
-        p, u, v = corners[0], corners[k] - corners[0], corners[k + 1] - corners[0]
-        size = 0.5 * abs(u[0] * v[1] - u[1] * v[0])
-        samples = p + weights @ np.stack([u, v])
-        total += size * np.linalg.norm(samples - point, axis=1).mean()
-        area += size
-    return total / area
-
-
-class TestPlaneGeometry:
-    @pytest.mark.parametrize("sides", [(1, 1), (1, 0.5), (0.3, 2), (1, 0.01), (1e-3, 1e-3)])
-    def test_torsion_arm_by_brute_force(self, sides: tuple[float, float]) -> None:
-        x, y = (side * ((np.arange(1000) + 0.5) / 1000 - 0.5) for side in sides)
-        brute = np.hypot(x[:, None], y[None]).mean()
-        assert torsion_arm(*sides) == pytest.approx(brute, rel=1e-5)
-
-    def test_torsion_arm_published(self) -> None:
-        published = [0.3825978582, 0.2966167080, 0.25]
-        np.testing.assert_allclose(torsion_arm(1.0, [1.0, 0.5, 0.0]), published, atol=1e-10)
-        assert torsion_arm(0.0, 0.0) == 0.0
-
-    @given(st.floats(1e-9, 1e9), st.floats(1e-9, 1e9), st.floats(1e-3, 1e3))
-    def test_torsion_arm_is_symmetric_homogeneous_and_between_its_bounds(
-        self, a: float, b: float, k: float
-    ) -> None:
-        arm = float(torsion_arm(a, b))
-        assert float(torsion_arm(b, a)) == arm
-        assert float(torsion_arm(k * a, k * b)) == pytest.approx(k * arm)
-        assert max(a, b) / 4.0 * (1 - 1e-12) <= arm <= (a + b) / 4.0 * (1 + 1e-12)
-
-    @pytest.mark.parametrize("sides", [(1.0, 1.0), (1.0, 0.5), (0.02, 3.0)])
-    def test_torsion_arm_gradient_is_the_slope(self, sides: tuple[float, float]) -> None:
-        a, b = sides
-        h = 1e-6 * min(a, b)
-        slopes = (
-            (torsion_arm(a + h, b) - torsion_arm(a - h, b)) / (2 * h),
-            (torsion_arm(a, b + h) - torsion_arm(a, b - h)) / (2 * h),
-        )
-        np.testing.assert_allclose(torsion_arm_gradient(a, b), slopes, atol=1e-7)
-
-    @settings(deadline=None, max_examples=20)
-    @given(seed=st.integers(0, 10_000), sides=st.integers(3, 8), inside=st.booleans())
-    def test_mean_distance_of_random_polygons(self, seed: int, sides: int, inside: bool) -> None:
-        generator = np.random.default_rng(seed)
-        angles = np.sort(generator.uniform(0, 2 * np.pi, sides))
-        corners = np.column_stack([2.0 * np.cos(angles), np.sin(angles)]) + generator.normal(size=2)
-        point = corners.mean(axis=0) if inside else generator.normal(size=2) * 5.0
-        brute = mean_by_small_triangles(corners, point)
-        assert mean_distance(corners, point) == pytest.approx(brute, rel=1e-4)
-
-    def test_mean_distance_of_a_rectangle_is_the_torsion_arm(self) -> None:
-        corners = np.array([[-1, -0.2], [1, -0.2], [1, 0.2], [-1, 0.2]])
-        assert mean_distance(corners, (0, 0)) == pytest.approx(float(torsion_arm(2.0, 0.4)))
-
-    def test_mean_distance_of_degenerate_polygons(self) -> None:
-        assert mean_distance([[-1, 0], [1, 0]], (0, 0)) == pytest.approx(0.5)
-        assert mean_distance([[3, 4]], (0, 0)) == pytest.approx(5.0)
-        assert mean_distance(np.empty((0, 2)), (0, 0)) == 0.0
-
-    @pytest.mark.parametrize("centre", [(0, 0), (0.3, 0), (-0.2, 0.15), (0.45, -0.2)])
-    def test_effective_region_of_a_rectangle(self, centre: tuple[float, float]) -> None:
-        corners = np.array([[-0.5, -0.25], [0.5, -0.25], [0.5, 0.25], [-0.5, 0.25]])
-        region = effective_region(corners, centre)
-        area, middle = area_and_centroid(region)
-        sides = np.array([1.0, 0.5]) - 2.0 * np.abs(centre)
-        assert area == pytest.approx(sides.prod())
-        np.testing.assert_allclose(middle, centre, atol=1e-12)
-        np.testing.assert_allclose(np.ptp(region, axis=0), sides)
-
-    def test_effective_region_at_the_rim_and_outside(self) -> None:
-        square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-        assert len(effective_region(square, (0.5, 0.0))) == 2
-        assert len(effective_region(square, (1.0, 1.0))) == 1
-        assert len(effective_region(square, (1.5, 0.5))) == 0
-
-    @given(seed=st.integers(0, 10_000))
-    def test_effective_region_is_symmetric_about_the_pressure_centre(self, seed: int) -> None:
-        generator = np.random.default_rng(seed)
-        angles = np.sort(generator.uniform(0, 2 * np.pi, 6))
-        corners = np.column_stack([np.cos(angles), np.sin(angles)])
-        weights = generator.dirichlet(np.ones(6))
-        centre = weights @ corners
-        region = effective_region(corners, centre)
-        assert len(region) >= 3
-        area, middle = area_and_centroid(region)
-        assert 0.0 < area <= area_and_centroid(corners)[0] * (1 + 1e-9)
-        np.testing.assert_allclose(middle, centre, atol=1e-7)
 
 
 def test_box_faces_and_hull_faces_agree() -> None:

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from malformed_scenes import GOLDEN, MALFORMED
 
 from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
@@ -35,6 +34,7 @@ from cvxlimit.io import (
 from cvxlimit.io.documents import laid_out
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
+from malformed_scenes import GOLDEN, MALFORMED
 
 
 def assert_one_clear_line(message: str) -> None:
@@ -65,7 +65,7 @@ def assert_same_load(a: Load, b: Load) -> None:
     assert same_bits(a.gravity, b.gravity)
     assert same_bits(a.acceleration, b.acceleration)
     assert list(a.forces) == list(b.forces)
-    assert all(same_bits(a.forces[id], b.forces[id]) for id in a.forces)
+    assert all(same_bits(a.forces[k], b.forces[k]) for k in a.forces)
 
 
 def assert_same_scene(a: Scene, b: Scene) -> None:
@@ -128,8 +128,8 @@ def load_cases(draw: st.DrawFn, ids: list[str], live: bool) -> Load:
 def scenes(draw: st.DrawFn) -> Scene:
     ids = draw(st.lists(IDS, min_size=2, max_size=5, unique=True))
     free, fixed = ids[:-1], ids[-1:]
-    blocks = [draw(shapes(id, draw(DENSITY))) for id in free]
-    blocks += [draw(shapes(id, draw(st.none() | DENSITY))) for id in fixed]
+    blocks = [draw(shapes(name, draw(DENSITY))) for name in free]
+    blocks += [draw(shapes(name, draw(st.none() | DENSITY))) for name in fixed]
     pairs = [(a, b) for a in ids for b in ids if a < b]
     return Scene(
         blocks=tuple(blocks),
@@ -182,7 +182,7 @@ def assert_same_solution(a: Solution, b: Solution) -> None:
     assert (a.mechanism is None) == (b.mechanism is None)
     first, second = dict(a.mechanism or {}), dict(b.mechanism or {})
     assert list(first) == list(second)
-    assert all(same_bits(first[id], second[id]) for id in first)
+    assert all(same_bits(first[k], second[k]) for k in first)
     assert isinstance(b.status, Status)
 
 
@@ -359,7 +359,7 @@ class TestMalformedScene:
             " ",
             "b1#2",
         ]
-        blocks = [Block.box(id, (i, 0, 0), (i + 1, 1, 1), 1.0) for i, id in enumerate(odd)]
+        blocks = [Block.box(name, (i, 0, 0), (i + 1, 1, 1), 1.0) for i, name in enumerate(odd)]
         scene = Scene(tuple(blocks), tuple(odd[:1]), Load(acceleration=(1, 0, 0)))
         file = tmp_path / "odd.json"
         write_scene(scene, file)
@@ -367,9 +367,9 @@ class TestMalformedScene:
         assert os.listdir(tmp_path) == ["odd.json"]
 
     def test_odd_ids_in_messages(self) -> None:
-        for id in ("a\nb", "\x1b[2J", "\u2028", "\u202e"):
+        for name in ("a\nb", "\x1b[2J", "\u2028", "\u202e"):
             document = json.loads(GOLDEN)
-            document["blocks"][0] |= {"id": id, "density": -1}
+            document["blocks"][0] |= {"id": name, "density": -1}
             with pytest.raises(InputError) as caught:
                 scene_from_dict(document)
             assert_one_clear_line(str(caught.value))

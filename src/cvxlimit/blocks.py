@@ -82,19 +82,26 @@ class Block:
                 for end, x in (("min", low), ("max", high))
             ]
         )
-        edges = bounds[1] - bounds[0]
-        if not edges.min() > 0.0:
+        with np.errstate(over="ignore"):
+            edges = bounds[1] - bounds[0]
+            size, volume = float(np.linalg.norm(edges)), float(edges.prod())
+        if not edges.min() > RELATIVE_TOLERANCE * size:
             axis = "xyz"[int(edges.argmin())]
             raise InputError(
-                f"block {id!r} is degenerate: its box has length {edges.min():g} along {axis}; "
-                "give max greater than min"
+                f"block {id!r} is degenerate: its box has length {edges.min():g} along {axis} for "
+                f"a size of {size:g}; give max greater than min, or a thicker box"
+            )
+        if not 0.0 < volume < np.inf:
+            raise InputError(
+                f"block {id!r} has a volume of {volume:g}, beyond what numbers hold: "
+                "choose another unit of length"
             )
         return cls(
             id=_checked_id(id),
             vertices=_frozen(bounds[0] + _BOX_CORNERS * edges),
             faces=BOX_FACES,
             density=_checked_density(id, density),
-            volume=float(edges.prod()),
+            volume=volume,
             centroid=_frozen(bounds.mean(axis=0)),
             bounds=_frozen(bounds),
         )

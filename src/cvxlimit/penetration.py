@@ -36,10 +36,10 @@ def check_no_interpenetration(
     depth = shared.min(axis=1)
     deep = depth > np.minimum(margin[first], margin[second])
     touching = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
-    for i, k in zip(first[deep].tolist(), second[deep].tolist(), strict=True):
-        if (i, k) in touching:
-            continue
-        overlap = penetration(blocks[i], blocks[k])
+    pairs = set(zip(first[deep].tolist(), second[deep].tolist(), strict=True)) - touching
+    normals = {i: _face_normals(blocks[i]) for i in {i for pair in pairs for i in pair}}
+    for i, k in sorted(pairs):
+        overlap = _penetration(blocks[i], blocks[k], normals[i], normals[k])
         if overlap > min(margin[i], margin[k]):
             raise InputError(
                 f"blocks {blocks[i].id!r} and {blocks[k].id!r} interpenetrate by about "
@@ -57,8 +57,13 @@ def penetration(first: Block, second: Block) -> float:
 
     Zero or negative when they are apart or only touch; length unit of the scene.
     """
-    directions = np.concatenate([_face_normals(first), -_face_normals(second)])
-    overlap = _least_overlap(first, second, directions)
+    return _penetration(first, second, _face_normals(first), _face_normals(second))
+
+
+def _penetration(
+    first: Block, second: Block, first_normals: FloatArray, second_normals: FloatArray
+) -> float:
+    overlap = _least_overlap(first, second, np.concatenate([first_normals, -second_normals]))
     if overlap <= 0.0:
         return overlap
     crosses = np.cross(_edge_directions(first)[:, None], _edge_directions(second)[None])

@@ -141,7 +141,7 @@ class Scene:
         object.__setattr__(self, "supports", tuple(self.supports))
         object.__setattr__(self, "friction", not_negative(self.friction, "friction of the scene"))
         overrides = {
-            tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]}-{pair[1]}")
+            tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]!r}-{pair[1]!r}")
             for pair, mu in self.contact_friction.items()
         }
         if len(overrides) < len(self.contact_friction):
@@ -245,7 +245,7 @@ class Scene:
         if unknown:
             a, b = sorted(unknown)[0]
             raise InputError(
-                f"friction is given for contact {a}-{b}, but these blocks do not touch: "
+                f"friction is given for contact {a!r}-{b!r}, but these blocks do not touch: "
                 "remove the entry or move the blocks"
             )
         for j, pair in enumerate(pairs):
@@ -269,7 +269,7 @@ def _check_ids(scene: Scene) -> None:
         for key in pair:
             if key not in known:
                 raise InputError(
-                    f"friction is given for contact {pair[0]}-{pair[1]}, but there is no "
+                    f"friction is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
                     f"block {key!r}"
                 )
     if not len(scene.free):
@@ -285,6 +285,7 @@ def _check_ids(scene: Scene) -> None:
 
 def _check_loads(scene: Scene) -> None:
     known = {block.id for block in scene.blocks}
+    fixed = set(scene.supports)
     for case, load in (("dead", scene.dead), ("live", scene.live)):
         for key in load.forces:
             if key not in known:

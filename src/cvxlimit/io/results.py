@@ -261,10 +261,10 @@ def _mechanism_to_dict(mechanism: Mapping[str, FloatArray] | None) -> JsonObject
     if mechanism is None:
         return None
     return {
-        text(id, "a block id of the mechanism"): list(
-            numbers(np.asarray(rates).tolist(), _RATES, _rates_of(id), ANY_FINITE)
+        text(block, "a block id of the mechanism"): list(
+            numbers(np.asarray(rates).tolist(), _RATES, _rates_of(block), ANY_FINITE)
         )
-        for id, rates in mechanism.items()
+        for block, rates in mechanism.items()
     }
 
 
@@ -272,10 +272,10 @@ def _mechanism(value: object) -> dict[str, FloatArray] | None:
     if value is None:
         return None
     return {
-        id: np.array(numbers(rates, _RATES, _rates_of(id), ANY_FINITE))
-        for id, rates in mapping(value, "mechanism").items()
+        block: np.array(numbers(rates, _RATES, _rates_of(block), ANY_FINITE))
+        for block, rates in mapping(value, "mechanism").items()
     }
 
 
-def _rates_of(id: str) -> str:
-    return f"mechanism of block {shown(id)}"
+def _rates_of(block: str) -> str:
+    return f"mechanism of block {shown(block)}"

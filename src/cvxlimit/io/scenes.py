@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -149,7 +148,7 @@ def scene_from_dict(document: object) -> Scene:
         supports = items(top["supports"], "supports")
         return Scene(
             blocks=_blocks(top["blocks"]),
-            supports=tuple(text(id, f"support {i}") for i, id in enumerate(supports)),
+            supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
             live=_load("live", loads["live"]),
             dead=_load("dead", loads["dead"]),
             friction=number(top["friction"], "friction of the scene"),
@@ -189,10 +188,10 @@ def _load_to_dict(case: str, load: Load) -> JsonObject:
             entry[name] = list(numbers(vector, _AXES, f"{name} of the {case} load"))
     if load.forces:
         entry["forces"] = {
-            text(id, f"a block id of the {case} load"): list(
-                numbers(force, _FORCE, f"force of the {case} load on block {shown(id)}")
+            text(block, f"a block id of the {case} load"): list(
+                numbers(force, _FORCE, f"force of the {case} load on block {shown(block)}")
             )
-            for id, force in load.forces.items()
+            for block, force in load.forces.items()
         }
     return entry
 
@@ -205,27 +204,27 @@ def _units(value: object) -> Units:
 def _blocks(value: object) -> tuple[Block, ...]:
     blocks = tuple(_block(i, entry) for i, entry in enumerate(items(value, "blocks")))
     ids = sorted(block.id for block in blocks)
-    for id, following in pairwise(ids):
-        if id == following:
-            raise InputError(f"block id {shown(id)} is used twice; ids must be unique")
+    for one, following in pairwise(ids):
+        if one == following:
+            raise InputError(f"block id {shown(one)} is used twice; ids must be unique")
     return blocks
 
 
 def _block(index: int, value: object) -> Block:
     where = f"entry {index} of blocks"
     if isinstance(value, dict) and "id" in value:
-        id = text(value["id"], f"id of {where}")
-        if not id:
+        name = text(value["id"], f"id of {where}")
+        if not name:
             raise InputError(f"id of {where} must not be empty; give every block a name")
-        where = f"block {shown(id)}"
+        where = f"block {shown(name)}"
     entry = fields(value, where, ("id",), ("box", "vertices", "faces", "density"))
     density = number(entry["density"], f"density of {where}") if "density" in entry else None
     if "box" in entry:
-        return _box(id, where, entry, density)
+        return _box(name, where, entry, density)
     if "vertices" not in entry or "faces" not in entry:
         raise InputError(f"{where} has no shape; give it a box, or both vertices and faces")
     return Block.polyhedron(
-        id, _vertices(entry["vertices"], where), _faces(entry["faces"], where), density
+        name, _vertices(entry["vertices"], where), _faces(entry["faces"], where), density
     )
 
 
@@ -271,8 +270,7 @@ def _contact_friction(value: object) -> dict[tuple[str, str], float]:
 
 
 def _pair(value: object, where: str) -> tuple[str, str]:
-    ids: Iterable[object] = items(value, where)
-    names = [text(id, where) for id in ids]
+    names = [text(name, where) for name in items(value, where)]
     if len(names) != 2:
         raise InputError(f"{where} must be two block ids, got {shown(value)}")
     return names[0], names[1]
@@ -287,8 +285,8 @@ def _load(case: str, value: object) -> Load:
         if name in entry
     }
     forces = {
-        id: numbers(force, _FORCE, f"force of {where} on block {shown(id)}")
-        for id, force in mapping(entry.get("forces", {}), f"forces of {where}").items()
+        block: numbers(force, _FORCE, f"force of {where} on block {shown(block)}")
+        for block, force in mapping(entry.get("forces", {}), f"forces of {where}").items()
     }
     with refusals(f"in {where}, "):
         return Load(vectors.get("gravity"), vectors.get("acceleration"), forces)

@@ -21,16 +21,26 @@ from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Coefficient: TypeAlias = "float | FloatArray | cp.Parameter"
+Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
 LinearForm = Mapping[str, Coefficient]
-"""Force component -> coefficient: one number, one per contact (n,), or a Parameter (n,)."""
+"""Force component -> coefficient: one number, one per contact (n,), or an expression (n,) in
+Parameters."""
 
 
 class Norm:
-    """Size of a vector whose components are linear forms: ``Norm({"V1": 1}, {"V2": 1})``."""
+    """Weighted size of a vector of linear forms: ``Norm({"V1": 1}, {"V2": 1}, weight=2.0)``.
 
-    def __init__(self, *rows: LinearForm) -> None:
+    A weight in Parameters keeps them out of the cone's rows: only one row then depends on them.
+    """
+
+    def __init__(self, *rows: LinearForm, weight: Coefficient = 1.0) -> None:
         self.rows = rows
+        self.weight = weight
+
+    @property
+    def is_plain(self) -> bool:
+        """True if the weight is one."""
+        return isinstance(self.weight, (int, float)) and self.weight == 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +117,8 @@ class YieldSurface(ABC):
             rows = forces if condition.contact is None else forces[condition.contact]
             y = -evaluate(condition.resistance, rows)
             for norm in condition.norms:
-                y = y + self.cone.gauge([evaluate(form, rows) for form in norm.rows])
+                size = self.cone.gauge([evaluate(form, rows) for form in norm.rows])
+                y = y + number(norm.weight) * size
             result.append(y)
         return result
 
@@ -122,18 +133,19 @@ def evaluate(form: LinearForm, forces: FloatArray) -> FloatArray:
 
 def number(coefficient: Coefficient) -> float | FloatArray:
     """The coefficient's present value."""
-    if isinstance(coefficient, cp.Parameter):
+    if isinstance(coefficient, cp.Expression):
         return np.asarray(coefficient.value, dtype=float)
     return coefficient
 
 
 def express(form: LinearForm, forces: Mapping[str, cp.Expression]) -> cp.Expression:
     """A linear form as a CVXPY expression (n,)."""
-    terms = [_times(k, forces[component]) for component, k in form.items()]
+    terms = [times(k, forces[component]) for component, k in form.items()]
     return sum(terms[1:], start=terms[0])
 
 
-def _times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
+def times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
+    """Coefficient times a CVXPY expression (n,)."""
     if isinstance(coefficient, (int, float)):
         return component if coefficient == 1 else coefficient * component
     return cp.multiply(coefficient, component)
@@ -142,16 +154,21 @@ def _times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
 def _admissible(
     condition: Condition, forces: Mapping[str, cp.Expression], cone: Cone
 ) -> Iterator[cp.Constraint]:
-    """Norms get an auxiliary bound each, except the last, which takes what remains."""
+    """Norms get an auxiliary bound each, except a plain last one, which takes what remains."""
     if condition.contact is not None:
         forces = {name: forces[name][condition.contact] for name in forces}
     remaining = express(condition.resistance, forces)
     if not condition.norms:
         yield remaining >= 0
         return
-    *others, last = sorted(condition.norms, key=lambda norm: len(norm.rows))
+    *others, last = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
+    if not last.is_plain:
+        others, last = list(condition.norms), None
     for norm in others:
         bound = cp.Variable(remaining.shape)
         yield from cone.epigraph(bound, [express(form, forces) for form in norm.rows])
-        remaining = remaining - bound
-    yield from cone.epigraph(remaining, [express(form, forces) for form in last.rows])
+        remaining = remaining - times(norm.weight, bound)
+    if last is None:
+        yield remaining >= 0
+    else:
+        yield from cone.epigraph(remaining, [express(form, forces) for form in last.rows])

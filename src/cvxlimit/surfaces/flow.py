@@ -22,7 +22,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, number
+from cvxlimit.surfaces.base import (
+    Coefficient,
+    Condition,
+    LinearForm,
+    YieldSurface,
+    number,
+    times,
+)
 from cvxlimit.surfaces.cones import Cone
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +63,11 @@ class _Flow:
         rows = contacts if condition.contact is None else len(condition.contact)
         multiplier = cp.Variable(rows, nonneg=True)
         parts = [[cp.Variable(rows) for _ in norm.rows] for norm in condition.norms]
-        limits = [c for part in parts for c in cone.polar_epigraph(multiplier, part)]
+        limits = [
+            limit
+            for norm, part in zip(condition.norms, parts, strict=True)
+            for limit in cone.polar_epigraph(times(norm.weight, multiplier), part)
+        ]
         return cls(condition, cone, multiplier, parts, limits)
 
     def forms(self) -> list[tuple[LinearForm, cp.Variable, float]]:
@@ -70,7 +81,7 @@ class _Flow:
         """This condition's share of one rate component (n,), None if it has none."""
         spread = _spread(self.condition, contacts)
         terms = [
-            spread(sign * form[component], variable)
+            spread(form[component], sign, variable)
             for form, variable, sign in self.forms()
             if component in form
         ]
@@ -152,7 +163,7 @@ class FlowRule:
             for norm in condition.norms:
                 part = [flows[:, at + i] for i in range(len(norm.rows))]
                 at += len(norm.rows)
-                multiplier = np.maximum(multiplier, cone.polar_gauge(part))
+                multiplier = np.maximum(multiplier, _over(cone.polar_gauge(part), norm.weight))
                 for form, flow in zip(norm.rows, part, strict=True):
                     result -= self._row(form) * flow[:, None]
             if condition.norms:
@@ -212,12 +223,19 @@ class FlowRule:
         return rest, openings
 
 
+def _over(size: FloatArray, weight: Coefficient) -> FloatArray:
+    """size / weight, and 0 / 0 = 0: a norm without weight allows no flow."""
+    divisor = np.broadcast_to(number(weight), size.shape)
+    with np.errstate(divide="ignore"):
+        ratio = np.divide(size, divisor, out=np.zeros_like(size), where=size > 0.0)
+    return np.asarray(ratio)
+
+
 def _spread(condition: Condition, contacts: int):  # type: ignore[no-untyped-def]
     """Maps a coefficient and a variable per row to an expression per contact."""
 
-    def times(coefficient: object, variable: cp.Variable) -> cp.Expression:
-        value = coefficient if np.ndim(coefficient) else float(coefficient)  # type: ignore[arg-type]
-        product = cp.multiply(value, variable)
+    def share(coefficient: Coefficient, sign: float, variable: cp.Variable) -> cp.Expression:
+        product = sign * times(coefficient, variable)
         if condition.contact is None:
             return product
         rows = np.arange(len(condition.contact))
@@ -226,4 +244,4 @@ def _spread(condition: Condition, contacts: int):  # type: ignore[no-untyped-def
         )
         return matrix @ product
 
-    return times
+    return share
