@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ MU = 0.6
 LENGTH, THICKNESS, HEIGHT = 1.0, 0.5, 0.4
 
 
-def solution_of(scene, mechanism, **changes):
+def solution_of(scene, mechanism, /, **changes):
     fields = {
         "scene": scene.name,
         "surface": "conic",
@@ -59,12 +60,12 @@ def about(block, angular, point, linear=(0.0, 0.0, 0.0)):
     return np.concatenate([np.cross(angular, arm) + np.array(linear), angular])
 
 
-def wall_blocks(rename=lambda id: id):
+def wall_blocks(rename=lambda name: name):
     """Three by four blocks in running bond on a huge slab, and a wedge on the last half block."""
     blocks = [Block.box("ground", (-50, -50, -5), (50, 50, 0))]
     for row in range(4):
         joints = [0, 1, 2, 3] if row % 2 == 0 else [0, 0.5, 1.5, 2.5, 3]
-        for i, (start, end) in enumerate(zip(joints[:-1], joints[1:], strict=True)):
+        for i, (start, end) in enumerate(pairwise(joints)):
             low = (start * LENGTH, 0.0, row * HEIGHT)
             high = (end * LENGTH, THICKNESS, (row + 1) * HEIGHT)
             blocks.append(Block.box(rename(f"r{row}-{i}"), low, high, density=20.0))
@@ -295,8 +296,8 @@ def test_nearer_faces_hide_farther_ones():
     canvas = Canvas.blank(20, 20)
     square = np.array([[2.0, 2, 0], [12, 2, 0], [12, 12, 0], [2, 12, 0]])
     canvas.draw(square, 0)
-    canvas.draw(square + [5, 5, 1], 1)
-    canvas.draw(square + [3, 3, -1], 2)
+    canvas.draw(square + np.array([5, 5, 1]), 1)
+    canvas.draw(square + np.array([3, 3, -1]), 2)
     assert canvas.seen[5, 5] == 0
     assert canvas.seen[10, 10] == canvas.seen[16, 16] == 1
     assert canvas.seen[14, 6] == 2
@@ -448,7 +449,7 @@ class Reader(HTMLParser):
             self.scripts.append("")
 
     def handle_data(self, data):
-        if self.elements[-1][0] == "script" and self.scripts:
+        if self.elements and self.elements[-1][0] == "script":
             self.scripts[-1] += data
 
 
@@ -463,10 +464,10 @@ def hostile(mechanism):
     """The wall with hostile texts wherever a user can put one."""
     names = dict(zip(("r0-0", "r1-1", "r2-2", "r3-1", "wedge"), HOSTILE, strict=True))
     scene = Scene(
-        wall_blocks(lambda id: names.get(id, id)), ["ground"], Load(acceleration=(1, 0, 0)),
+        wall_blocks(lambda name: names.get(name, name)), ["ground"], Load(acceleration=(1, 0, 0)),
         friction=MU, name=HOSTILE[0], units=Units(HOSTILE[1], HOSTILE[0]),
     )  # fmt: skip
-    renamed = {names.get(id, id): rates for id, rates in mechanism.items()}
+    renamed = {names.get(name, name): rates for name, rates in mechanism.items()}
     return scene, solution_of(scene, renamed, surface=HOSTILE[4], note=HOSTILE[0])
 
 
@@ -506,6 +507,21 @@ def test_page_data_are_the_mechanism(wall, solved):
     )
     assert data["mesh"]["faceStart"][-1] == len(data["mesh"]["corners"])
     assert len(data["mesh"]["points"]) == 3 * len(data["mesh"]["pointBlock"])
+
+
+def test_a_far_origin_changes_nothing(wall, mechanism):
+    """National grid coordinates in mm, and the same wall at the origin."""
+    far = wall.moved(np.eye(3), (5e8, 4e9, 0.0))
+    images, shapes = [], []
+    for scene in (wall, far):
+        moving = motion(scene, solution_of(scene, mechanism))
+        images.append(paint(scene, moving, camera_from(scene, (1, -2, 1)), pixels=200).image)
+        data = json.loads(Reader(page(scene, solution_of(scene, mechanism))).scripts[0])
+        points = np.array(data["mesh"]["points"]).reshape(-1, 3)
+        shapes.append(points - np.array(data["bounds"][:3]))
+    assert images[0].shape == images[1].shape
+    assert (np.abs(images[0] - images[1]).max(axis=2) > 0.1).mean() < 0.01
+    np.testing.assert_allclose(shapes[0], shapes[1], atol=2e-6)
 
 
 def test_page_in_a_notebook_is_a_closed_frame(hostile):

@@ -202,23 +202,23 @@ REFUSALS: dict[str, tuple[Callable[[], Any], str]] = {
     "text friction": (lambda: scene(friction="0.7"), "friction of the scene.*'0.7'"),
     "negative contact friction": (
         lambda: scene(contact_friction={("lower", "upper"): -0.2}),
-        "friction of contact lower-upper must be finite and not negative, got -0.2",
+        "friction of contact 'lower'-'upper' must be finite and not negative, got -0.2",
     ),
     "friction of an unknown block": (
         lambda: scene(contact_friction={("lower", "roof"): 0.2}),
-        "contact lower-roof, but there is no block 'roof'",
+        "contact 'lower'-'roof', but there is no block 'roof'",
     ),
     "friction given twice": (
         lambda: scene(contact_friction={("lower", "upper"): 0.2, ("upper", "lower"): 0.3}),
-        "friction of contact lower-upper is given twice",
+        "friction of contact 'lower'-'upper' is given twice",
     ),
     "friction of blocks apart": (
         lambda: scene(contact_friction={("ground", "upper"): 0.2}).contacts,
-        "contact ground-upper, but these blocks do not touch",
+        "contact 'ground'-'upper', but these blocks do not touch",
     ),
     "friction of blocks apart, later": (
         lambda: scene().with_friction(0.5, {("upper", "ground"): 0.2}).contacts,
-        "contact ground-upper, but these blocks do not touch",
+        "contact 'ground'-'upper', but these blocks do not touch",
     ),
     "live load on a stranger": (
         lambda: scene(live=Load(forces={"roof": (1, 0, 0, 0, 0, 0)})),

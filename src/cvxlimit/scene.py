@@ -146,7 +146,7 @@ class Scene:
         }
         if len(overrides) < len(self.contact_friction):
             twice = next(p for p in self.contact_friction if p[::-1] in self.contact_friction)
-            raise InputError(f"friction of contact {twice[0]}-{twice[1]} is given twice")
+            raise InputError(f"friction of contact {twice[0]!r}-{twice[1]!r} is given twice")
         object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
         _check_ids(self)
         _check_loads(self)

@@ -20,6 +20,7 @@ class Status(StrEnum):
     CONVERGED = "converged"
     NOT_CONVERGED = "not converged"
     CYCLING = "cycling"
+    DIVERGED = "diverged"
     DEAD_LOAD_UNSTABLE = "dead load cannot stand"
     LIVE_LOAD_HARMLESS = "live load does no harm"
 
@@ -53,6 +54,10 @@ _ADVICE = {
     Status.CYCLING: (
         "the fixed point returns to earlier load factors; none of them is an answer: "
         "use the certified interaction, or another old-value weight"
+    ),
+    Status.DIVERGED: (
+        "the fixed point reached eccentricities at which no load factor exists: "
+        "use the certified interaction, or a larger old-value weight"
     ),
     Status.DEAD_LOAD_UNSTABLE: (
         "a mechanism without live load was found and checked: change the geometry, the supports, "

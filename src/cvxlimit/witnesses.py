@@ -37,7 +37,8 @@ _OPENING_ITERATIONS = 100
 iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took."""
 
 _ATTEMPTS = ((1e-1, 60), (1e-2, 100), (1e-4, 300))
-"""Least corner compression, as a share of the mean one, and iterations allowed for it."""
+"""Least corner compression, as a share of what the lighter of the two blocks would give if its
+load were spread over its contacts, and iterations allowed for it."""
 
 
 class Witnesses:
@@ -96,20 +97,36 @@ class Witnesses:
         """Forces (n, 6) that carry the dead load strictly inside all surfaces, or None."""
         if not self.is_supported or not np.any(self.statics.dead):
             return None
-        corners = len(self.statics.contacts.corner_xy)
-        force = np.abs(self.statics.dead.reshape(-1, DOF)[:, :3]).sum()
+        fair = self._fair_compression()
         for share, iterations in _ATTEMPTS:
-            found = self._find_dead_state(share * force / corners, iterations)
+            found = self._find_dead_state(share * fair, iterations)
             if found is not None:
                 return found
         return None
 
-    def _find_dead_state(self, compression: float, iterations: int) -> FloatArray | None:
+    def _fair_compression(self) -> FloatArray:
+        """Dead load of each corner's lighter block over that block's number of corners, (m,).
+
+        Not a share of the total load: a pebble on a boulder could not give that.
+        """
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
+        force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
+        corners = np.diff(contacts.corner_start)
+        around = np.zeros(len(force) + 1)
+        for side in (contacts.a, contacts.b):
+            np.add.at(around, number[side], corners)
+        spread = np.append(force / around[:-1], np.inf)
+        lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
+        return lighter[contacts.corner_contact]
+
+    def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
         z = self._carried(np.zeros(self.map.shape[1]))
         for _ in range(iterations):
-            forces = (self.map @ z).reshape(-1, len(COMPONENTS))
-            if self._is_inside(z, forces, 0.1 * compression):
-                return forces
+            if self._is_inside(z, 0.1 * compression):
+                z = self._carried(self._carried(z))  # to rounding of each block's own forces
+                if self._is_inside(z, 0.1 * compression):
+                    return np.asarray(self.map @ z).reshape(-1, len(COMPONENTS))
             z = self._carried(z + _OVERSHOOT * (self._pushed_inside(z, compression) - z))
         return None
 
@@ -119,13 +136,14 @@ class Witnesses:
         nearest: FloatArray = z - self._weights * (self._matrix.T @ self._solve(residual))
         return nearest
 
-    def _is_inside(self, z: FloatArray, forces: FloatArray, compression: float) -> bool:
+    def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
         contacts = self.statics.contacts
-        if z[: len(contacts.corner_xy)].min() < compression:
+        forces = (self.map @ z).reshape(-1, len(COMPONENTS))
+        if (z[: len(contacts.corner_xy)] < compression).any():
             return False
         return all(y.max() < 0.0 for s in self.surfaces for y in s.excess(forces, contacts))
 
-    def _pushed_inside(self, z: FloatArray, compression: float) -> FloatArray:
+    def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
         contacts = self.statics.contacts
         corners = len(contacts.corner_xy)
@@ -173,7 +191,7 @@ class Witnesses:
         target[:corners] = 1.0
         for _ in range(_OPENING_ITERATIONS):
             rates = self._solve(self._matrix @ (self._weights * target))
-            missing, _ = self.flow.shortfall(self.statics.relative_rates(rates))
+            missing = self.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
                 return np.asarray(rates).reshape(-1, DOF)
             target = self._matrix.T @ rates

@@ -61,7 +61,7 @@ def _draw_axis(
     axes.plot(*base[[0, -1]].T, color=INK, lw=0.8, clip_on=False, zorder=3)
     for value, at in zip(ticks, base[1:-1], strict=True):
         axes.plot(*np.stack([at, at + step]).T, color=INK, lw=0.8, clip_on=False, zorder=3)
-        _write(axes, f"{value:.6g}", at + 1.7 * step, aside, 7.5)
+        _write(axes, f"{value:.10g}", at + 1.7 * step, aside, 7.5)
     range_text = "" if len(ticks) else f" {low:.4g} to {high:.4g}"
     name = f"{'xyz'[axis]}{range_text} ({scene.units.length})"
     middle = base[[0, -1]].mean(axis=0, keepdims=True)

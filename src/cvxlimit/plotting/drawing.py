@@ -68,7 +68,7 @@ def figure(
     picture = paint(scene, moving, camera)
     result = SceneFigure(dpi=DPI, facecolor="white")
     axes = result.add_axes((0.0, 0.0, 1.0, 1.0))
-    frame = np.stack([picture.frame.low, picture.frame.high])
+    frame = np.stack([picture.frame.low[:2], picture.frame.high[:2]])
     axes.imshow(
         picture.image,
         extent=(frame[0, 0], frame[1, 0], frame[0, 1], frame[1, 1]),

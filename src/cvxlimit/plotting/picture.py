@@ -33,7 +33,10 @@ LIGHT = np.array([-0.35, 0.75, 0.56])
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Part of the projection plane that is painted, and its size in image pixels."""
+    """Part of the projected space that is painted, and its size in image pixels.
+
+    ``low`` and ``high`` (3,) bound it to the right, upwards and towards the viewer.
+    """
 
     low: FloatArray
     high: FloatArray
@@ -43,14 +46,15 @@ class Frame:
     def pixels(self, projected: FloatArray, times: int) -> FloatArray:
         """Column, row and nearness (n, 3) of projected points, at ``times`` the resolution.
 
-        Nearness is in pixels too, so that normals keep their direction.
+        Nearness is in pixels too, so that normals keep their direction, and is counted from
+        the farthest point, so that single precision will do however far away the origin is.
         """
         scale = times * self.width / (self.high[0] - self.low[0])
         result: FloatArray = np.stack(
             [
                 (projected[:, 0] - self.low[0]) * scale - 0.5,
                 (self.high[1] - projected[:, 1]) * scale - 0.5,
-                projected[:, 2] * scale,
+                (projected[:, 2] - self.low[2]) * scale,
             ],
             axis=1,
         )
@@ -116,12 +120,13 @@ def _marks(scene: Scene, motion: Motion, camera: Camera) -> _Marks:
 
 
 def _frame(projected: FloatArray, pixels: int) -> Frame:
-    low, high = projected[:, :2].min(axis=0), projected[:, :2].max(axis=0)
-    pad = 0.01 * (high - low).max()
+    low, high = projected.min(axis=0), projected.max(axis=0)
+    pad = 0.01 * (high - low)[:2].max()
     low, high = low - pad, high + pad
-    size = np.maximum(np.ceil(pixels * (high - low) / (high - low).max()), 1).astype(int)
-    high = low + (high - low)[0] / size[0] * size
-    return Frame(low, high, int(size[0]), int(size[1]))
+    extent = (high - low)[:2]
+    width, height = np.ceil(pixels * extent / extent.max()).astype(int).tolist()
+    high[1] = low[1] + extent[0] * height / width
+    return Frame(low, high, width, height)
 
 
 def _draw_blocks(mesh: Mesh, points: FloatArray, frame: Frame) -> Canvas:

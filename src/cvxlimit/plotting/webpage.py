@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 from importlib.resources import files
 from typing import Any
 
@@ -17,6 +18,7 @@ from cvxlimit.plotting.look import (
     KIND_TEXTS,
     SPEED_STOPS,
     SPEED_TEXT,
+    STONE_COLOUR,
     block_colours,
     title,
 )  # fmt: skip
@@ -28,7 +30,8 @@ from cvxlimit.solution import Solution
 FloatArray = NDArray[np.float64]
 
 DIGITS = 7
-"""Significant digits in the page: finer than a pixel at any useful zoom."""
+"""Significant digits of numbers in the page; coordinates have as many relative to the structure's
+size, however far away the origin is: finer than a pixel at any useful zoom."""
 
 PLACE = "/*DATA*/"
 """Where the template takes the data."""
@@ -68,9 +71,9 @@ def _page_data(scene: Scene, solution: Solution) -> dict[str, Any]:
     mesh = drawn_mesh(scene)
     return {
         "title": title(solution),
-        "advice": " ".join(f"{solution.status}: {solution.status.advice}. {solution.note}".split()),
+        "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
         "units": {"length": scene.units.length, "force": scene.units.force},
-        "bounds": _short(free_bounds(scene)),
+        "bounds": _coordinates(scene, free_bounds(scene)),
         "size": free_size(scene),
         "up": upright(scene).tolist(),
         "viewer": default_camera(scene, moving).axes[2].tolist(),
@@ -78,8 +81,9 @@ def _page_data(scene: Scene, solution: Solution) -> dict[str, Any]:
         "moves": moving.moves,
         "largest": moving.largest,
         "stops": SPEED_STOPS,
+        "stone": STONE_COLOUR,
         "speedText": SPEED_TEXT,
-        "mesh": _mesh_data(mesh),
+        "mesh": _mesh_data(scene, mesh),
         "blocks": _block_data(scene, moving),
         "contacts": _contact_data(scene, solution, moving),
         "kinds": [
@@ -89,9 +93,13 @@ def _page_data(scene: Scene, solution: Solution) -> dict[str, Any]:
     }
 
 
-def _mesh_data(mesh: Mesh) -> dict[str, Any]:
+def _advice(solution: Solution) -> str:
+    return f"{solution.status}: {solution.status.advice}"
+
+
+def _mesh_data(scene: Scene, mesh: Mesh) -> dict[str, Any]:
     return {
-        "points": _short(mesh.points),
+        "points": _coordinates(scene, mesh.points),
         "pointBlock": mesh.point_block.tolist(),
         "corners": mesh.corners.tolist(),
         "faceStart": mesh.face_start.tolist(),
@@ -103,7 +111,7 @@ def _block_data(scene: Scene, moving: Motion) -> dict[str, Any]:
     return {
         "id": [b.id for b in scene.blocks],
         "support": [b.id in set(scene.supports) for b in scene.blocks],
-        "centroid": _short(np.array([b.centroid for b in scene.blocks])),
+        "centroid": _coordinates(scene, np.array([b.centroid for b in scene.blocks])),
         "rates": _short(moving.rates),
         "speed": _short(moving.speed),
         "colour": np.round(255 * block_colours(scene, moving)).astype(int).ravel().tolist(),
@@ -120,7 +128,7 @@ def _contact_data(scene: Scene, solution: Solution, moving: Motion) -> dict[str,
         "b": c.b.tolist(),
         "kind": what.kind.tolist(),
         "start": c.corner_start.tolist(),
-        "points": _short(c.corner_points),
+        "points": _coordinates(scene, c.corner_points),
         "opening": _short(-c.corner_minimum(-what.opening)),
         "slip": _short(what.slip),
         "twist": _short(what.twist),
@@ -132,3 +140,9 @@ def _contact_data(scene: Scene, solution: Solution, moving: Motion) -> dict[str,
 def _short(values: FloatArray) -> list[float]:
     """All numbers in a row, with :data:`DIGITS` significant digits."""
     return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
+
+
+def _coordinates(scene: Scene, points: FloatArray) -> list[float]:
+    """All coordinates in a row, rounded relative to the size of what is drawn."""
+    decimals = DIGITS - math.ceil(math.log10(free_size(scene)))
+    return [float(v) for v in np.round(points, decimals).ravel()]

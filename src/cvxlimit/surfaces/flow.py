@@ -12,6 +12,7 @@ Forces on a contact then do at least -shortfall * N of work on such rates.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -117,9 +118,22 @@ class FlowRule:
         exact when the surfaces determine the flow uniquely, and otherwise an upper bound, from
         the best decomposition found.
         """
+        return self._shortfall(rates, *self._proposal(rates))
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """An upper bound (n,) on the shortfall that costs no optimisation: least-norm flows."""
+        flows = np.zeros((len(self.contacts), self._stacked.shape[1]))
+        missing, leftover = self._shortfall(rates, flows, np.zeros_like(rates))
+        resisted = np.abs(leftover).max(axis=1) <= 1e-12 * np.abs(rates).max()
+        return np.where(resisted, missing, np.inf)
+
+    def _shortfall(
+        self, rates: FloatArray, flows: FloatArray, linear: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Complete proposed flows to exact ones with the least change, and measure them."""
         stack = self._stacked
+        rates = rates - linear
         target = -rates[:, _TANGENTIAL_COLUMNS]
-        flows = self._proposal(rates)
         missing = target - np.einsum("nrc,nr->nc", stack, flows)
         flows = flows + np.einsum("nrc,nc->nr", self._inverse, missing)
         leftover = target - np.einsum("nrc,nr->nc", stack, flows)
@@ -170,19 +184,20 @@ class FlowRule:
                 result += self._row(condition.resistance) * multiplier[:, None]
         return result
 
-    def _proposal(self, rates: FloatArray) -> FloatArray:
-        """Flows (n, rows) with the least shortfall where the surfaces leave a choice, else zero.
+    def _proposal(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Flows (n, rows) with the least shortfall where the surfaces leave a choice, else zero;
+        and the rates (n, 6) of conditions without norms, with multipliers >= 0.
 
         One small conic problem without coupling between contacts; what comes back is only a
         proposal, which :meth:`shortfall` makes exact and measures.
         """
-        n, rows = len(self.contacts), self._stacked.shape[1]
+        none = np.zeros((len(self.contacts), self._stacked.shape[1])), np.zeros_like(rates)
         scale = float(np.abs(rates).max())
         if self._is_unique or scale == 0.0:
-            return np.zeros((n, rows))
+            return none
         flows = self._flows()
         symbolic = {c: cp.Constant(rates[:, COLUMN[c]] / scale) for c in COMPONENTS}
-        missing = cp.Variable(n)
+        missing = cp.Variable(len(self.contacts))
         opening = cp.Constant(corner_openings(rates / scale, self.contacts))
         rest, opening = self._rest(flows, symbolic, opening)
         constraints = [*(c for flow in flows for c in flow.limits)]
@@ -190,13 +205,32 @@ class FlowRule:
         constraints.append(opening + missing[self.contacts.corner_contact] >= 0)
         problem = cp.Problem(cp.Minimize(cp.sum(missing)), constraints)
         try:
-            problem.solve(solver=cp.CLARABEL, ignore_dpp=True)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+                problem.solve(solver=cp.CLARABEL, ignore_dpp=True)
         except cp.error.SolverError:
-            return np.zeros((n, rows))
-        found = [y.value for flow in flows for part in flow.parts for y in part]
-        if any(value is None for value in found):
-            return np.zeros((n, rows))
-        return scale * np.stack(found, axis=1)
+            return none
+        if missing.value is None:
+            return none
+        found, linear = none
+        parts = [y.value for flow in flows for part in flow.parts for y in part]
+        if parts:
+            found = scale * np.stack(parts, axis=1)
+        for flow in flows:
+            if not flow.condition.norms:
+                linear = linear + scale * self._linear_rates(flow)
+        return found, linear
+
+    def _linear_rates(self, flow: _Flow) -> FloatArray:
+        """Rates (n, 6) of a condition without norms, for the multipliers it carries."""
+        multiplier = np.maximum(flow.multiplier.value, 0.0)
+        contact = flow.condition.contact
+        rates = np.zeros((len(self.contacts), len(COMPONENTS)))
+        for component, coefficient in flow.condition.resistance.items():
+            share = np.broadcast_to(number(coefficient) * multiplier, multiplier.shape)
+            rows = slice(None) if contact is None else contact
+            np.add.at(rates[:, COLUMN[component]], rows, share)
+        return rates
 
     def _flows(self) -> list[_Flow]:
         return [

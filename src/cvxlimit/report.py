@@ -1,0 +1,144 @@
+"""What the command line shows: summary, history and the built-in scenes, as tables of text."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
+
+from rich.console import Console, JustifyMethod, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from cvxlimit.io.fields import one_line
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Iterate, Solution, Status
+
+_DIGITS = 7
+
+_NO_TERMINAL_WIDTH = 1000
+"""Columns where no terminal sets a limit, so that nothing wraps in files and pipes."""
+
+
+def show(*renderables: RenderableType) -> None:
+    """Print to stdout as it is: ids and paths are no markup, lines end where their text does."""
+    if sys.stdout is None:
+        return
+    width = None if sys.stdout.isatty() else _NO_TERMINAL_WIDTH
+    console = Console(markup=False, emoji=False, highlight=False, width=width)
+    with console.capture() as capture:
+        for renderable in renderables:
+            console.print(renderable)
+    sys.stdout.writelines(f"{line.rstrip()}\n" for line in capture.get().splitlines())
+    sys.stdout.flush()
+
+
+def summary(solution: Solution, origin: str, tolerance: float, files: Sequence[str]) -> Table:
+    """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
+    facts: list[tuple[str, str | Text]] = [
+        ("scene", one_line(f"{solution.scene} ({origin})")),
+        ("size", f"{solution.blocks} free blocks x {solution.contacts} contacts"),
+        ("surface", one_line(solution.surface)),
+        ("interaction", _interaction(solution)),
+        ("load factor", Text(_load_factor(solution), style="bold")),
+        ("bracket", _bracket(solution, tolerance)),
+        ("basis", "" if solution.note == solution.status.advice else one_line(solution.note)),
+        ("status", Text(str(solution.status), style=_style(solution.status))),
+        ("solver", _solvers(solution.history)),
+        ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
+        *(("written", one_line(file)) for file in files),
+    ]
+    table = _columns()
+    for name, fact in facts:
+        if fact:
+            table.add_row(name, fact)
+    return table
+
+
+def history(iterates: Sequence[Iterate]) -> Table:
+    """One row per solve; columns that are empty throughout are left out."""
+    columns: dict[str, list[str]] = {
+        "solve": [str(i) for i in range(1, len(iterates) + 1)],
+        "load factor": [_nearest(x.load_factor) for x in iterates],
+        "lower": [_down(x.lower) for x in iterates],
+        "upper": [_up(x.upper) for x in iterates],
+        "change": ["" if x.change is None else f"{x.change:.1e}" for x in iterates],
+        "seconds": [f"{x.seconds:.3f}" for x in iterates],
+        "solver": [one_line(x.solver) for x in iterates],
+        "status": [one_line(x.status) for x in iterates],
+    }
+    kept = {name: cells for name, cells in columns.items() if any(cells)}
+    table = _columns(header=True)
+    for name in kept:
+        words = name in ("solver", "status")
+        justify: JustifyMethod = "left" if words else "right"
+        table.add_column(name, justify=justify, no_wrap=not words, overflow="fold")
+    for row in zip(*kept.values(), strict=True):
+        table.add_row(*row)
+    return table
+
+
+def listing(scenes: Mapping[str, tuple[Scene, str]]) -> Table:
+    """Name, size and description of scenes, given as name -> (scene, description)."""
+    table = _columns(header=True)
+    table.add_column("name", no_wrap=True)
+    table.add_column("blocks", justify="right", no_wrap=True)
+    table.add_column("contacts", justify="right", no_wrap=True)
+    table.add_column("description")
+    for name, (scene, description) in scenes.items():
+        table.add_row(name, str(len(scene.free)), str(len(scene.contacts)), description)
+    return table
+
+
+def _columns(header: bool = False) -> Table:
+    return Table(box=None, show_header=header, pad_edge=False, padding=(0, 2, 0, 0))
+
+
+def _interaction(solution: Solution) -> str:
+    if solution.interaction == "none":
+        return "none"
+    return f"{solution.interaction}, {solution.moments} moments"
+
+
+def _load_factor(solution: Solution) -> str:
+    value = _nearest(solution.load_factor) or "none"
+    return value if solution.status.is_good else f"{value} ({solution.status})"
+
+
+def _bracket(solution: Solution, tolerance: float) -> str:
+    if not solution.status.has_answer:
+        return ""
+    ends = f"[{_down(solution.lower)}, {_up(solution.upper)}]"
+    return f"{ends}, relative width {solution.gap:.1e} (asked: {tolerance:g})"
+
+
+def _style(status: Status) -> str:
+    if status.is_good:
+        return "green"
+    return "yellow" if status.has_answer else "red"
+
+
+def _solvers(iterates: Sequence[Iterate]) -> str:
+    counts = Counter(one_line(iterate.solver) for iterate in iterates)
+    return ", ".join(f"{name} ({n} solve{'s' * (n > 1)})" for name, n in counts.items())
+
+
+def _nearest(value: float | None) -> str:
+    return _rounded(value, ROUND_HALF_EVEN)
+
+
+def _down(value: float | None) -> str:
+    return _rounded(value, ROUND_FLOOR)
+
+
+def _up(value: float | None) -> str:
+    return _rounded(value, ROUND_CEILING)
+
+
+def _rounded(value: float | None, rounding: str) -> str:
+    """Bounds are rounded outward, so that a bracket on the screen holds as well."""
+    if value is None:
+        return ""
+    exact = value + 0.0  # no minus zero
+    return f"{Context(prec=_DIGITS, rounding=rounding).create_decimal_from_float(exact):g}"
