@@ -1,14 +1,11 @@
-"""JSON documents on disk: read strictly, written atomically."""
+"""JSON documents on disk: read strictly, encoded in UTF-8."""
 
 from __future__ import annotations
 
 import json
 import os
-import secrets
-import shutil
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import suppress
 
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line, shown
@@ -48,30 +45,18 @@ def read_document(path: Path) -> object:
         raise InputError("a number has thousands of digits; shorten it") from error
 
 
-def write_document(document: Mapping[str, object], path: Path) -> None:
-    """Write a JSON object so that the file is either complete or untouched.
-
-    A temporary file in the same folder is filled, flushed to disk and renamed. Links are
-    followed, and permissions of an existing file are kept. Devices and pipes are written to
-    directly.
+def encoded(document: Mapping[str, object]) -> bytes:
+    """A JSON object as it goes to disk, UTF-8.
 
     Raises
     ------
     InputError
-        If the document is not JSON (an infinite number) or the file cannot be written.
+        If the document is not JSON (an infinite number).
     """
     try:
-        data = laid_out(document).encode("utf-8")
+        return laid_out(document).encode("utf-8")
     except ValueError as error:
         raise InputError(f"cannot be written as JSON in UTF-8: {error}") from error
-    try:
-        if os.path.exists(path) and not os.path.isfile(path):
-            with open(path, "wb") as special:
-                special.write(data)
-        else:
-            _replace(os.path.realpath(path), data)
-    except (OSError, ValueError) as error:
-        raise InputError(f"the file cannot be written: {_reason(error)}") from error
 
 
 def laid_out(document: Mapping[str, object]) -> str:
@@ -136,19 +121,3 @@ def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 def _reason(error: OSError | ValueError) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
-
-
-def _replace(path: str, data: bytes) -> None:
-    temporary = os.path.join(os.path.dirname(path), f".cvxlimit-{secrets.token_hex(8)}.tmp")
-    try:
-        with open(temporary, "xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if os.path.exists(path):
-            shutil.copymode(path, temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        with suppress(FileNotFoundError):
-            os.unlink(temporary)
-        raise

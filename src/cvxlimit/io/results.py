@@ -10,7 +10,8 @@ import numpy as np
 
 from cvxlimit.contacts import COMPONENTS
 from cvxlimit.errors import InputError
-from cvxlimit.io.documents import Path, file_prefix, read_document, write_document
+from cvxlimit.files import write_file
+from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
 from cvxlimit.io.fields import (
     ANY_FINITE,
     JsonObject,
@@ -84,7 +85,8 @@ def write_result(solution: Solution, path: Path) -> None:
     See :func:`read_result`.
     """
     with refusals(file_prefix(path)):
-        write_document(result_to_dict(solution), path)
+        data = encoded(result_to_dict(solution))
+    write_file(path, data)
 
 
 def result_to_dict(solution: Solution) -> JsonObject:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
-from cvxlimit.io.documents import Path, file_prefix, read_document, write_document
+from cvxlimit.files import write_file
+from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
 from cvxlimit.io.fields import (
     LARGEST,
     JsonObject,
@@ -82,7 +83,8 @@ def write_scene(scene: Scene, path: Path) -> None:
     See :func:`read_scene`.
     """
     with refusals(file_prefix(path)):
-        write_document(scene_to_dict(scene), path)
+        data = encoded(scene_to_dict(scene))
+    write_file(path, data)
 
 
 def scene_to_dict(scene: Scene) -> JsonObject:

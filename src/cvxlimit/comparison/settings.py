@@ -1,0 +1,45 @@
+"""Solver settings at an asked tolerance, whatever each solver calls its options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cvxpy as cp
+
+from cvxlimit.errors import ModelError
+from cvxlimit.solvers import SolverSettings
+
+_TOLERANCE_OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "CLARABEL": ("tol_gap_abs", "tol_gap_rel", "tol_feas"),
+    "ECOS": ("abstol", "reltol", "feastol"),
+    "SCS": ("eps_abs", "eps_rel"),
+    "QOCO": ("abstol", "reltol"),
+    "HIGHS": ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
+    "MOSEK": ("eps",),
+    "GUROBI": ("BarConvTol", "BarQCPConvTol"),
+    "CUOPT": ("optimality",),
+}
+
+_FIXED_OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "CLARABEL": {"direct_solve_method": "qdldl", "max_iter": 500},
+    "ECOS": {"max_iters": 300},
+    "SCS": {"max_iters": 100_000},
+}
+
+
+def settings_for(solver: str, tolerance: float, label: str = "", **options: Any) -> SolverSettings:
+    """Settings of ``solver`` (CVXPY's name) at ``tolerance``, whatever it calls its options.
+
+    >>> settings_for("SCS", 1e-4).options["eps_rel"]
+    0.0001
+    """
+    names = _TOLERANCE_OPTIONS.get(solver, ())
+    own = {**_FIXED_OPTIONS.get(solver, {}), **dict.fromkeys(names, tolerance), **options}
+    return SolverSettings(solver, own, label or solver)
+
+
+def check_installed(solver: str) -> None:
+    """Refuse a solver that CVXPY cannot find."""
+    if solver not in cp.installed_solvers():
+        raise ModelError(f"solver {solver} is not installed; CVXPY finds it once it is")

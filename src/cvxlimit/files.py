@@ -1,0 +1,49 @@
+"""Writing files so that they appear complete or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from contextlib import suppress
+
+from cvxlimit.errors import InputError
+
+
+def write_file(path: str | os.PathLike[str], data: bytes) -> None:
+    """Replace ``path`` by a file with ``data``, in one step; on failure it is left untouched.
+
+    A temporary file in the same folder is filled, flushed to disk and renamed. Links are
+    followed, permissions of an existing file are kept, devices and pipes are written directly.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or cannot be written to, or ``path`` is a folder.
+    """
+    try:
+        if os.path.exists(path) and not os.path.isfile(path):
+            with open(path, "wb") as special:
+                special.write(data)
+        else:
+            _replace(os.path.realpath(path), data)
+    except (OSError, ValueError) as error:
+        name = "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fsdecode(path))
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{name}: the file cannot be written: {reason}") from error
+
+
+def _replace(path: str, data: bytes) -> None:
+    temporary = os.path.join(os.path.dirname(path), f".cvxlimit-{secrets.token_hex(8)}.tmp")
+    try:
+        with open(temporary, "xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if os.path.exists(path):
+            shutil.copymode(path, temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(FileNotFoundError):
+            os.unlink(temporary)
+        raise

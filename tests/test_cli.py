@@ -1,0 +1,511 @@
+"""The command line: exit codes, one-line errors, what is shown, files that appear or do not."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene, cli, report
+from cvxlimit.errors import SolverError
+from cvxlimit.io import read_result, write_scene
+from cvxlimit.masonry import BUILTIN
+from cvxlimit.report import show
+from malformed_scenes import MALFORMED
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run in an empty folder; returns exit code, stdout and stderr."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    monkeypatch.delenv("CVXLIMIT_DEBUG", raising=False)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        code = cli.run(arguments)
+        captured = capsys.readouterr()
+        return int(code), captured.out, captured.err
+
+    return call
+
+
+def assert_refused(outcome: tuple[int, str, str], phrase: str, code: int = 2) -> None:
+    """One clear line on stderr, nothing on stdout, no file left behind."""
+    assert outcome[0] == code, outcome
+    assert outcome[1] == ""
+    assert re.fullmatch(r"cvxlimit: [^\n]+\n", outcome[2]), outcome[2]
+    assert outcome[2][:-1].isprintable()
+    assert phrase in outcome[2]
+    assert "Traceback" not in outcome[2]
+    assert not list(Path().iterdir())
+
+
+def without_times(text: str) -> str:
+    return re.sub(r"\d+\.\d{3}(?!\d)", "T", text)
+
+
+def tower(live: tuple[float, float, float] = (1, 0, 0), shift: float = 0.0) -> Scene:
+    """A block on the ground, moved sideways over its edge if ``shift`` is large."""
+    ground = Block.box("ground", (-1, -1, -1), (1, 2, 0))
+    block = Block.box("tower [red]", (shift, 0, 0), (shift + 1, 1, 4), density=20.0)
+    return Scene([ground, block], ["ground"], Load(acceleration=live), name="tower [bold]")
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "cvxlimit", *arguments]
+
+
+# --- solved -------------------------------------------------------------------------------------
+
+
+def test_solved_scene(run: Run) -> None:
+    code, out, err = run("solve", "tuff-wall")
+    assert code == 0
+    assert err == ""
+    rows = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in out.splitlines())
+    assert rows["scene"] == "tuff-wall (built-in)"
+    assert rows["size"] == "54 free blocks x 146 contacts"
+    assert float(rows["load factor"]) == pytest.approx(0.423056, abs=5e-6)
+    assert rows["status"] == "certified"
+    assert "proved" in rows["basis"]
+    assert re.fullmatch(r"CLARABEL \(1 solve\)", rows["solver"])
+    assert re.findall(r"[a-z]+(?= \d)", rows["time in s"])[-1] == "total"
+    ends = re.match(r"\[(\S+), (\S+)\], relative width (\S+) \(asked: 1e-05\)", rows["bracket"])
+    assert ends is not None
+    assert float(ends[1]) <= float(rows["load factor"]) <= float(ends[2])
+    assert float(ends[3]) <= 1e-5
+
+
+def test_summary_is_deterministic_apart_from_times(run: Run) -> None:
+    first, second = (run("solve", "arch", "--surface", "octagon")[1] for _ in range(2))
+    assert without_times(first) == without_times(second)
+    assert "surface      octagon\n" in first
+
+
+def test_result_file_is_the_solution(run: Run) -> None:
+    code, out, _ = run("solve", "stack", "--json", "out.json")
+    result = read_result("out.json")
+    scene = builtin_scene("stack")
+    assert code == 0
+    assert "written      out.json\n" in out
+    assert (result.scene, result.status) == ("stack", Status.CERTIFIED)
+    assert (result.blocks, result.contacts) == (5, 5)
+    assert result.forces is not None
+    assert result.mechanism is not None
+    assert result.forces.shape == (len(scene.contacts), 6)
+    assert list(result.mechanism) == [scene.blocks[i].id for i in scene.free]
+    work = sum(
+        float(force @ result.mechanism[scene.blocks[i].id])
+        for i, force in zip(scene.free, scene.live_forces, strict=True)
+    )
+    assert work == pytest.approx(1.0, abs=1e-9)
+    shown = re.search(r"load factor  (\S+)", out)
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(result.load_factor, rel=1e-6)
+
+
+def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    returned: list[Solution] = []
+    solve = cli.solve
+
+    def keep(*args: object, **kwargs: object) -> Solution:
+        returned.append(solve(*args, **kwargs))  # type: ignore[arg-type]
+        return returned[-1]
+
+    monkeypatch.setattr(cli, "solve", keep)
+    run("solve", "single-block", "--json", "out.json")
+    expected, result = returned[0], read_result("out.json")
+    for name in ("scene", "surface", "load_factor", "lower", "upper", "status", "history", "note"):
+        assert getattr(result, name) == getattr(expected, name), name
+    assert dict(result.seconds) == dict(expected.seconds)
+    np.testing.assert_array_equal(result.forces, expected.forces)
+    assert result.mechanism is not None
+    assert expected.mechanism is not None
+    for id, rates in expected.mechanism.items():
+        np.testing.assert_array_equal(result.mechanism[id], rates)
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "files"),
+    [
+        ("m.png", b"\x89PNG\r\n", ["m.png"]),
+        ("m.html", b"<!", ["m.html"]),
+        ("m.vtu", b"<?xml", ["m.vtu", "m-contacts.vtu"]),
+        ("M.PNG", b"\x89PNG\r\n", ["M.PNG"]),
+    ],
+)
+def test_pictures(run: Run, name: str, start: bytes, files: list[str]) -> None:
+    code, out, _ = run("solve", "single-block", "--plot", name)
+    assert code == 0
+    assert Path(name).read_bytes().lower().startswith(start.lower())
+    assert sorted(p.name for p in Path().iterdir()) == sorted(files)
+    assert [line.split()[1] for line in out.splitlines() if line.startswith("written")] == files
+
+
+def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, object] = {}
+    solve = cli.solve
+
+    def record(scene: Scene, surface: str, **options: object) -> Solution:
+        asked.update(options, surface=surface)
+        return replace(solve(scene), interaction="fixed-point", status=Status.CONVERGED)
+
+    monkeypatch.setattr(cli, "solve", record)
+    options = ["--surface", "16-gon", "--interaction", "fixed-point", "--moments", "signed"]
+    code, out, err = run("solve", "single-block", *options, "--tolerance", "1e-3")
+    assert (code, err) == (0, "")
+    assert asked.pop("progress") is None
+    assert asked == {
+        "surface": "16-gon",
+        "interaction": "fixed-point",
+        "moments": "signed",
+        "tolerance": 1e-3,
+    }
+    assert "solve  load factor" in out  # the history of an iteration
+
+
+def test_scene_file_and_names_that_look_like_markup(run: Run) -> None:
+    Path("[red]").mkdir()
+    write_scene(tower(), "[red]/to[bold]wer.json")
+    code, out, err = run("solve", "[red]/to[bold]wer.json", "--json", "[red]/o[i].json")
+    assert (code, err) == (0, "")
+    assert "tower [bold] ([red]/to[bold]wer.json)\n" in out
+    assert "written      [red]/o[i].json\n" in out
+    assert Path("[red]/o[i].json").exists()
+
+
+def test_control_characters_in_names_do_not_reach_the_terminal(run: Run) -> None:
+    write_scene(tower().with_name("a\x1b[31m\nb"), "s.json")
+    code, out, _ = run("solve", "s.json")
+    assert code == 0
+    assert r"scene        a\x1b[31m\nb (s.json)" in out
+    assert "\x1b" not in out
+
+
+def test_builtin_name_wins_over_a_file_and_a_path_does_not(run: Run) -> None:
+    write_scene(tower(), "stack")
+    assert "scene        stack (built-in)" in run("solve", "stack")[1]
+    assert "scene        tower [bold] (./stack)" in run("solve", "./stack")[1]
+
+
+def test_scenes_lists_all(run: Run) -> None:
+    code, out, err = run("scenes")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == list(BUILTIN)
+    assert re.search(r"^tuff-wall +54 +146 +\S", out, re.MULTILINE)
+    assert all(scene.description in out for scene in BUILTIN.values())
+
+
+@pytest.mark.parametrize("arguments", [(), ("--help",), ("solve", "--help"), ("scenes", "--help")])
+def test_help(run: Run, arguments: tuple[str, ...]) -> None:
+    code, out, err = run(*arguments)
+    assert (code, err) == (0, "")
+    assert "Usage: cvxlimit" in out
+
+
+# --- refused: exit 2 ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_malformed_scene(run: Run, tmp_path: Path, name: str) -> None:
+    content, phrase = MALFORMED[name]
+    file = tmp_path / "scene.json"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert_refused(run("solve", str(file), "--json", "out.json", "--plot", "out.html"), phrase)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "phrase"),
+    [
+        (("solve",), "Missing argument 'SCENE'; see cvxlimit solve --help"),
+        (("solve", "arch", "--surfaces", "conic"), "No such option"),
+        (("solve", "arch", "--json"), "requires an argument"),
+        (("solve", "arch", "more"), "unexpected extra argument"),
+        (("solve", "arch", "--tolerance", "tight"), "--tolerance"),
+        (("scenes", "arch"), "unexpected extra argument"),
+        (("draw",), "No such command 'draw'; see cvxlimit --help"),
+        (("solve", "arch", "--surface", "cone"), "got 'cone'"),
+        (("solve", "arch", "--surface", "2-gon"), "at least 3 facets, got 2"),
+        (("solve", "arch", "--surface", "[red]"), "got '[red]'"),
+        (("solve", "arch", "--interaction", "some"), "got 'some'"),
+        (("solve", "arch", "--moments", "both"), "got 'both'"),
+        (("solve", "arch", "--tolerance", "0"), "tolerance must be between 0 and 1, got 0.0"),
+        (("solve", "arch", "--tolerance", "nan"), "got nan"),
+        (("solve", "arhc"), "did you mean 'arch'?"),
+        (("solve", "zzz"), "cvxlimit scenes lists the built-in ones"),
+        (("solve", ""), "there is no built-in scene"),
+        (("solve", "no/arch"), "no/arch: there is no such file"),
+        (("solve", "arch.json"), "arch.json: there is no such file"),
+        (("solve", "."), "this is a folder"),
+        (("solve", "new\nline"), r"new\nline"),
+        (("solve", "arch", "--plot", "m.pdf"), "must end in .png, .html, .vtu"),
+        (("solve", "arch", "--plot", "png"), "must end in"),
+        (("solve", "arch", "--plot", "no/m.png"), "there is no folder 'no'; create it first"),
+        (("solve", "arch", "--json", "no/o.json"), "there is no folder 'no'; create it first"),
+        (("solve", "arch", "--json", "."), "this is a folder; name a file in it"),
+        (("solve", "arch", "--json", "x" * 300), "File name too long"),
+        (("solve", "arch", "--json", "a.png", "--plot", "./a.png"), "the file of --json"),
+    ],
+)
+def test_bad_arguments(run: Run, arguments: tuple[str, ...], phrase: str) -> None:
+    assert_refused(run(*arguments), phrase)
+
+
+def test_geometric_fault_names_the_blocks(run: Run, tmp_path: Path) -> None:
+    ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    blocks = [
+        Block.box(id, (x, 0, 0), (x + 1, 1, 1), density=1.0) for id, x in (("p", 0), ("q", 0.5))
+    ]
+    scene = Scene([ground, *blocks], ["ground"], Load(acceleration=(1, 0, 0)))
+    write_scene(scene, tmp_path / "s.json")
+    outcome = run("solve", str(tmp_path / "s.json"), "--json", "out.json")
+    assert_refused(outcome, "q")
+    assert "p" in outcome[2]
+
+
+def test_outputs_are_checked_before_the_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "solve", lambda *_, **__: pytest.fail("solved in vain"))
+    assert_refused(run("solve", "arch", "--plot", "m.jpg"), "must end in")
+    assert_refused(run("solve", "arch", "--json", "no/o.json"), "there is no folder")
+
+
+def test_the_scene_is_not_overwritten(run: Run) -> None:
+    write_scene(tower(), "s.json")
+    before = Path("s.json").read_bytes()
+    code, out, err = run("solve", "s.json", "--json", "./s.json")
+    assert (code, out) == (2, "")
+    assert "this is the file of the scene; choose another name" in err
+    assert Path("s.json").read_bytes() == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+@pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write anywhere")
+def test_folder_without_rights(run: Run) -> None:
+    Path("locked").mkdir()
+    Path("locked").chmod(stat.S_IRUSR | stat.S_IXUSR)
+    code, out, err = run("solve", "arch", "--json", "locked/o.json")
+    Path("locked").chmod(stat.S_IRWXU)
+    assert (code, out) == (2, "")
+    assert "Permission denied" in err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_disk_full_at_the_end_still_shows_the_result(run: Run) -> None:
+    code, out, err = run("solve", "single-block", "--json", "/dev/full")
+    assert code == 2
+    assert "load factor" in out
+    assert err == "cvxlimit: /dev/full: the file cannot be written: No space left on device\n"
+
+
+def test_picture_without_matplotlib(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli.importlib.util, "find_spec", lambda name: None)
+    assert_refused(run("solve", "arch", "--plot", "m.png"), "pip install 'cvxlimit[plot]'")
+
+
+# --- no answer: exit 3; not good enough: exit 4 ---------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "status"),
+    [
+        (tower(shift=0.8), Status.DEAD_LOAD_UNSTABLE),
+        (tower(live=(0, 0, -1)), Status.LIVE_LOAD_HARMLESS),
+    ],
+    ids=["overhanging", "pressed-down"],
+)
+def test_no_answer(run: Run, scene: Scene, status: Status) -> None:
+    write_scene(scene, "s.json")
+    code, out, err = run("solve", "s.json", "--json", "o.json", "--plot", "o.html")
+    assert code == 3
+    assert err == f"cvxlimit: {status}: {status.advice}\n"
+    assert f"load factor  none ({status})\n" in out
+    result = read_result("o.json")
+    assert (result.status, result.load_factor) == (status, None)
+    assert Path("o.html").exists()
+
+
+def test_not_certified_to_the_tolerance(run: Run) -> None:
+    code, out, err = run("solve", "arch", "--tolerance", "1e-14", "--json", "o.json")
+    result = read_result("o.json")
+    assert code == 4
+    assert err == f"cvxlimit: not certified: {Status.NOT_CERTIFIED.advice}\n"
+    assert result.status is Status.NOT_CERTIFIED
+    assert re.search(r"^solve +load factor .* solver +status$", out, re.MULTILINE)
+    assert len(re.findall(r"^ +\d+ ", out, re.MULTILINE)) == len(result.history)
+
+
+@pytest.mark.parametrize("status", Status)
+def test_exit_code_of_every_status(
+    run: Run, monkeypatch: pytest.MonkeyPatch, status: Status
+) -> None:
+    solve = cli.solve
+    monkeypatch.setattr(cli, "solve", lambda scene, *_, **__: replace(solve(scene), status=status))
+    code, _, err = run("solve", "single-block")
+    assert code == (0 if status.is_good else 4 if status.has_answer else 3)
+    assert (err == "") == (code == 0)
+
+
+def test_no_solver(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> Solution:
+        raise SolverError("no solver could be run: install one")
+
+    monkeypatch.setattr(cli, "solve", fail)
+    assert_refused(run("solve", "arch"), "install one", code=4)
+
+
+# --- what nobody planned: exit 1, 130 -------------------------------------------------------------
+
+
+def test_internal_error(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> Solution:
+        raise KeyError("a\nb")
+
+    monkeypatch.setattr(cli, "solve", fail)
+    assert_refused(run("solve", "arch"), "please report it", code=1)
+    monkeypatch.setenv("CVXLIMIT_DEBUG", "1")
+    code, out, err = run("solve", "arch")
+    assert (code, out) == (1, "")
+    assert err.startswith("Traceback")
+
+
+def test_keyboard_interrupt(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> Solution:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "solve", interrupt)
+    assert_refused(run("solve", "arch", "--json", "o.json"), "interrupted", code=130)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_interrupt_from_outside_ends_a_running_solver(tmp_path: Path) -> None:
+    """A pipe in place of the scene file says when the program is under way."""
+    os.mkfifo(tmp_path / "scene")
+    process = subprocess.Popen(
+        command("solve", str(tmp_path / "scene")),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with (tmp_path / "scene").open("w"):  # opens when the reader is there
+        time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (130, "", "cvxlimit: interrupted\n")
+
+
+# --- streams ------------------------------------------------------------------------------------
+
+
+def test_process_with_pipes() -> None:
+    done = subprocess.run(
+        command("solve", "single-block"), capture_output=True, stdin=subprocess.DEVNULL, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    lines = done.stdout.decode().splitlines()
+    assert lines[0] == "scene        single-block (built-in)"
+    assert all(line == line.rstrip() for line in lines)
+    assert b"\x1b" not in done.stdout
+
+
+def test_long_error_is_one_line_whatever_the_terminal(tmp_path: Path) -> None:
+    name = str(tmp_path / ("long " * 40)) + "/s.json"
+    done = subprocess.run(
+        command("solve", name),
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "COLUMNS": "40", "FORCE_COLOR": "1"},
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"cvxlimit: {name}: there is no such file; check the path\n"
+
+
+def test_stdout_that_cannot_hold_the_characters(tmp_path: Path) -> None:
+    write_scene(tower().with_name("Würfel ☃"), tmp_path / "s.json")
+    done = subprocess.run(
+        command("solve", str(tmp_path / "s.json")),
+        capture_output=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert rb"W\xfcrfel \u2603" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_full_stdout_is_one_line() -> None:
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            command("scenes"), stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr == "cvxlimit: standard output: No space left on device\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
+def test_terminal_gets_progress_on_stderr_only(tmp_path: Path) -> None:
+    import pty
+
+    master, slave = pty.openpty()
+    done = subprocess.run(
+        command("solve", "single-block"),
+        stdout=subprocess.PIPE,
+        stderr=slave,
+        check=False,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "80"},
+    )
+    os.close(slave)
+    seen = os.read(master, 100_000).decode()
+    os.close(master)
+    assert done.returncode == 0
+    assert "reading the scene" in seen or "solving" in seen
+    assert done.stdout.startswith(b"scene ")
+    assert b"\x1b" not in done.stdout
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+def test_bounds_are_rounded_outward() -> None:
+    third = Solution(
+        "s", "conic", "none", "independent", 1, 1, 1 / 3, 1 / 3, 2 / 3, Status.NOT_CERTIFIED, (), {}
+    )
+    show(report.summary(third, "file", 1e-5, []))
+    assert report._bracket(third, 1e-5).startswith("[0.3333333, 0.6666667], relative width 5.0e-01")
+    assert report._bracket(replace(third, lower=-0.0), 1e-5).startswith("[0, 0.6666667]")
+    assert report._bracket(replace(third, lower=-1 / 3), 1e-5).startswith("[-0.3333334, ")
+    unbounded = replace(third, lower=-np.inf, upper=np.inf)
+    assert report._bracket(unbounded, 1e-5).startswith("[-Infinity, Infinity], relative width inf")
+
+
+def test_history_leaves_empty_columns_out(capsys: pytest.CaptureFixture[str]) -> None:
+    iterates = [Iterate(0.3, 0.01, "CLARABEL", "optimal", change=c) for c in (None, 1e-3)]
+    show(report.history(iterates))
+    head, first, second = capsys.readouterr().out.splitlines()
+    assert head.split() == ["solve", "load", "factor", "change", "seconds", "solver", "status"]
+    assert first.split() == ["1", "0.3000000", "0.010", "CLARABEL", "optimal"]
+    assert second.split() == ["2", "0.3000000", "1.0e-03", "0.010", "CLARABEL", "optimal"]
+
+
+def test_result_file_is_json_with_the_promised_keys(run: Run) -> None:
+    run("solve", "single-block", "--json", "o.json")
+    document = json.loads(Path("o.json").read_text("utf-8"))
+    assert (document["format"], document["version"]) == ("cvxlimit-result", 1)
+    assert document["load_factor"] == pytest.approx(0.4, abs=1e-5)
+    assert set(document["seconds"]) >= {"detect", "compile", "solve", "total"}

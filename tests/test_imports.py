@@ -1,0 +1,144 @@
+"""Import arrows go one way; what must not be in the package is not."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "cvxlimit"
+
+LAYERS = (
+    {"errors"},
+    {"checks", "files"},
+    {"polygons", "blocks"},
+    {"contacts"},
+    {"penetration"},
+    {"detection"},
+    {"scene", "solution", "solvers"},
+    {"masonry", "statics"},
+    {"surfaces"},
+    {"formulations"},
+    {"problem", "kinematics", "witnesses"},
+    {"certificate"},
+    {"analysis"},
+    {"interaction"},
+    {"solve"},
+    {"io", "plotting"},
+    {"report"},
+    {"cli"},
+    {"__init__", "__main__"},
+)
+"""Modules and packages, lowest first: each sees lower layers only. A new one gets its place here."""
+
+OUTSIDE = {"scene", "solution", "blocks", "contacts", "errors", "checks", "files"}
+"""All that input, output and plotting may see besides themselves."""
+
+
+def modules() -> dict[str, ast.Module]:
+    """Syntax tree of every module by dotted name below cvxlimit; packages end in __init__."""
+    return {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts): ast.parse(path.read_text("utf-8"))
+        for path in sorted(SOURCE.rglob("*.py"))
+    }
+
+
+TREES = modules()
+
+
+def imported(name: str) -> Iterator[str]:
+    """Modules of the package that a module imports, wherever in its text."""
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            yield from (resolved(a.name, None) for a in node.names if inside(a.name))
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name} imports relatively in line {node.lineno}"
+            if inside(node.module or ""):
+                yield from (resolved(node.module or "", a.name) for a in node.names)
+
+
+def inside(module: str) -> bool:
+    return module.split(".")[0] == "cvxlimit"
+
+
+def resolved(module: str, member: str | None) -> str:
+    """The module below cvxlimit that ``from module import member`` loads."""
+    below = module.split(".")[1:]
+    for parts in ([*below, member or ""], [*below, member or "", "__init__"], below):
+        if ".".join(parts) in TREES:
+            return ".".join(parts)
+    return ".".join([*below, "__init__"])
+
+
+def layer(module: str) -> int:
+    top = module.split(".")[0]
+    found = [i for i, names in enumerate(LAYERS) if top in names]
+    assert found, f"{module} has no place in LAYERS yet: give it one"
+    return found[0]
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_arrows_point_downward(name: str) -> None:
+    top = name.split(".")[0]
+    upward = [m for m in imported(name) if m.split(".")[0] != top and layer(m) >= layer(name)]
+    assert not upward, f"{name} imports {upward}, which are not below it"
+
+
+def test_no_cycles() -> None:
+    """Packages count with all their modules: a module may not import its own package."""
+    graph = {name: set(imported(name)) for name in TREES if name != "__init__"}
+    try:
+        order = list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"import cycle: {error.args[1]}")
+    assert len(order) >= len(graph)
+
+
+@pytest.mark.parametrize("name", [n for n in TREES if n.split(".")[0] in ("io", "plotting")])
+def test_files_and_pictures_see_scenes_and_solutions_only(name: str) -> None:
+    own = name.split(".")[0]
+    seen = {m.split(".")[0] for m in imported(name)} - {own}
+    assert seen <= OUTSIDE, f"{name} imports {sorted(seen - OUTSIDE)}"
+
+
+def test_the_map_is_complete() -> None:
+    """Every name in LAYERS exists, so that the list cannot rot."""
+    tops = {name.split(".")[0] for name in TREES}
+    assert set().union(*LAYERS) == tops
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_nothing_that_runs_or_unpickles_text(name: str) -> None:
+    calls = {
+        node.func.id
+        for node in ast.walk(TREES[name])
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    assert not calls & {"eval", "exec", "compile", "__import__", "print", "input", "breakpoint"}
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_no_pickle_and_no_star(name: str) -> None:
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            roots = {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            roots = {(node.module or "").split(".")[0]}
+            assert "*" not in {alias.name for alias in node.names}, f"{name}:{node.lineno}"
+        else:
+            continue
+        assert not roots & {"pickle", "marshal", "shelve", "dill", "cloudpickle"}
+
+
+def test_the_checks_can_fail() -> None:
+    """The resolver sees submodules, packages and members."""
+    assert resolved("cvxlimit.surfaces.base", "Norm") == "surfaces.base"
+    assert resolved("cvxlimit.surfaces", "base") == "surfaces.base"
+    assert resolved("cvxlimit.surfaces", "Cone") == "surfaces.__init__"
+    assert resolved("cvxlimit", "scene") == "scene"
+    assert resolved("cvxlimit", "masonry") == "masonry.__init__"
+    assert "scene" in set(imported("statics"))
+    assert layer("statics") > layer("scene")

@@ -1,0 +1,496 @@
+"""Yield surfaces without a solver: gauges, the paper's rows, polygons, users' own surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import shapely
+from helpers import assert_certified, corners_in_plane, hand_torsion_arm, yield_excess
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cvxlimit import Block, Contacts, Load, Scene, builtin_scene, solve
+from cvxlimit.errors import ModelError
+from cvxlimit.formulations import corner_compressions, resultants
+from cvxlimit.masonry import single_block, stack
+from cvxlimit.problem import LimitProblem
+from cvxlimit.surfaces import (
+    Condition,
+    Conic,
+    Facets,
+    Norm,
+    Rocking,
+    Sliding,
+    Torsion,
+    TorsionShear,
+    YieldSurface,
+    parse_cone,
+)
+from cvxlimit.surfaces.presets import needed_surfaces, surfaces_of
+
+ROUNDING = 1e-12
+"""Sums of a few products of numbers of order one, in double precision."""
+
+KS = [3, 4, 5, 7, 8, 9, 16, 33]
+
+
+class Ellipse(YieldSurface):
+    """The docstring's example: sqrt(V^2 + (MT / c_T)^2) <= mu N."""
+
+    name = "ellipse"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
+        return [Condition([size], {"N": contacts.friction})]
+
+
+class Core(YieldSurface):
+    """Linear rows only: the pressure centre stays in the contact shrunk to ``share``."""
+
+    name = "core"
+
+    def __init__(self, share: float) -> None:
+        super().__init__()
+        self.share = share
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        contact, inward, offset = contacts.edges
+        inside = {"N": self.share * offset, "M2": -inward[:, 0], "M1": inward[:, 1]}
+        return [Condition((), inside, contact)]
+
+
+class Cushion(YieldSurface):
+    """Sliding whose friction is a Parameter per contact: may change between solves."""
+
+    name = "cushion"
+
+    def __init__(self, friction: float, contacts: int) -> None:
+        super().__init__()
+        self.mu = cp.Parameter(contacts, value=np.full(contacts, friction))
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [Condition([Norm({"V1": 1}, {"V2": 1})], {"N": self.mu})]
+
+
+def vectors(seed: int, n: int = 200) -> list[np.ndarray]:
+    return list(np.random.default_rng(seed).normal(size=(2, n)))
+
+
+def polygon_corners(k: int, circumscribed: bool) -> np.ndarray:
+    """Corners (k, 2) halfway between facet normals, drawn by hand; unit circle in or around."""
+    angles = 2.0 * np.pi * (np.arange(k) + 0.5) / k
+    radius = 1.0 / np.cos(np.pi / k) if circumscribed else 1.0
+    return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def facets(k: int, circumscribed: bool) -> Facets:
+    return Facets.circumscribed(k) if circumscribed else Facets.inscribed(k)
+
+
+def contact_of(corners: np.ndarray, friction: float = 0.6) -> Contacts:
+    """Contact between the ground and a prism with this base."""
+    ring = [np.column_stack([corners, np.full(len(corners), z)]) for z in (0.0, 1.0)]
+    ground = Block.box("ground", (-9, -9, -1), (9, 9, 0))
+    prism = Block.hull("prism", np.vstack(ring), density=1.0)
+    live = Load(acceleration=(1, 0, 0))
+    return Scene((ground, prism), ("ground",), live, friction=friction).contacts
+
+
+def regular(sides: int) -> np.ndarray:
+    angles = 0.3 + 2.0 * np.pi * np.arange(sides) / sides
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+class TestConic:
+    def test_three_four_five(self) -> None:
+        rows = [np.array([3.0, -5.0]), np.array([-4.0, 12.0])]
+        assert Conic().gauge(rows).tolist() == [5.0, 13.0]
+        assert Conic().polar_gauge(rows).tolist() == [5.0, 13.0]
+
+    def test_any_number_of_components(self) -> None:
+        rows = [np.array([2.0]), np.array([3.0]), np.array([6.0])]
+        assert Conic().gauge(rows).tolist() == [7.0]
+
+    @pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8), Facets.inscribed(5)])
+    def test_one_component_is_its_absolute_value(self, cone: Conic | Facets) -> None:
+        assert cone.gauge([np.array([-2.0, 3.0])]).tolist() == [2.0, 3.0]
+        assert cone.polar_gauge([np.array([-2.0, 3.0])]).tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize("circumscribed", [True, False])
+@pytest.mark.parametrize("k", KS)
+class TestFacets:
+    def test_gauge_is_one_on_the_polygon_drawn_by_hand(self, k: int, circumscribed: bool) -> None:
+        corners = polygon_corners(k, circumscribed)
+        share = np.random.default_rng(k).uniform(size=k)[:, None]
+        points = share * corners + (1.0 - share) * np.roll(corners, 1, axis=0)
+        cone = facets(k, circumscribed)
+        np.testing.assert_allclose(cone.gauge(list(points.T)), 1.0, atol=ROUNDING)
+        np.testing.assert_allclose(cone.gauge(list(2.5 * corners.T)), 2.5, atol=ROUNDING)
+
+    def test_polar_gauge_is_the_support_function(self, k: int, circumscribed: bool) -> None:
+        v = vectors(k)
+        expected = (polygon_corners(k, circumscribed) @ np.stack(v)).max(axis=0)
+        polar = facets(k, circumscribed).polar_gauge(v)
+        np.testing.assert_allclose(polar, expected, atol=ROUNDING)
+
+    def test_duality(self, k: int, circumscribed: bool) -> None:
+        """r @ v <= polar(r) gauge(v) for all pairs, with equality for some v for every r."""
+        r, v = np.stack(vectors(1)), np.stack(vectors(2))
+        cone = facets(k, circumscribed)
+        product = cone.polar_gauge(list(r))[:, None] * cone.gauge(list(v))[None, :]
+        assert (r.T @ v <= product + ROUNDING).all()
+        corners = polygon_corners(k, circumscribed).T
+        reached = (r.T @ corners / cone.gauge(list(corners))[None, :]).max(axis=1)
+        np.testing.assert_allclose(cone.polar_gauge(list(r)), reached, atol=ROUNDING)
+
+    def test_on_its_side_of_the_circle(self, k: int, circumscribed: bool) -> None:
+        v = vectors(3)
+        gauge, exact = facets(k, circumscribed).gauge(v), Conic().gauge(v)
+        worst = 1.0 / np.cos(np.pi / k)
+        low, high = (exact / worst, exact) if circumscribed else (exact, exact * worst)
+        assert (low - ROUNDING <= gauge).all()
+        assert (gauge <= high + ROUNDING).all()
+
+    @pytest.mark.parametrize("polar", [False, True])
+    def test_constraints_say_the_same(self, k: int, circumscribed: bool, polar: bool) -> None:
+        """The least bound that the CVXPY constraints allow is the gauge in NumPy.
+
+        To 1e-7: Clarabel at its default 1e-8 on numbers of order one.
+        """
+        v = vectors(4, 20)
+        cone = facets(k, circumscribed)
+        bound = cp.Variable(20)
+        rows = [cp.Constant(row) for row in v]
+        limits = (cone.polar_epigraph if polar else cone.epigraph)(bound, rows)
+        cp.Problem(cp.Minimize(cp.sum(bound)), limits).solve(solver=cp.CLARABEL)
+        expected = (cone.polar_gauge if polar else cone.gauge)(v)
+        np.testing.assert_allclose(bound.value, expected, atol=1e-7)
+
+
+def test_facets_approach_the_circle_as_one_over_k_squared() -> None:
+    """The worst ratio 1 / cos(pi / K) - 1 falls by 4 when K doubles, to a few per cent at K = 8."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 20001)
+    v = [np.cos(angles), np.sin(angles)]
+    counts = np.array([8, 16, 32, 64])
+    for circumscribed in (True, False):
+        gap = [np.abs(facets(k, circumscribed).gauge(v) - 1.0).max() for k in counts.tolist()]
+        rate = np.polyfit(np.log(counts), np.log(gap), 1)[0]
+        assert rate == pytest.approx(-2.0, abs=0.05)
+
+
+class TestNames:
+    @pytest.mark.parametrize(
+        ("name", "cone"),
+        [
+            ("conic", Conic()),
+            ("octagon", Facets.circumscribed(8)),
+            ("8-gon", Facets.circumscribed(8)),
+            ("3-gon", Facets.circumscribed(3)),
+            ("64-gon-inscribed", Facets.inscribed(64)),
+            ("octagon-inscribed", Facets.inscribed(8)),
+        ],
+    )
+    def test_parsed_and_printed(self, name: str, cone: Conic | Facets) -> None:
+        assert parse_cone(name) == cone
+        assert parse_cone(str(cone)) == cone
+
+    @pytest.mark.parametrize(
+        "name", ["", "circle", "gon", "8gon", "-8-gon", "8.5-gon", "conic-inscribed", "octagon "]
+    )
+    def test_other_names_are_refused(self, name: str) -> None:
+        with pytest.raises(ModelError, match=f"surface must be .* got {name!r}"):
+            parse_cone(name)
+
+    @pytest.mark.parametrize("k", [-1, 0, 1, 2, True, 8.0])
+    def test_too_few_facets(self, k: Any) -> None:
+        for make in (Facets.circumscribed, Facets.inscribed):
+            with pytest.raises(ModelError, match=f"at least 3 facets, got {k!r}"):
+                make(k)
+
+    def test_two_gon(self) -> None:
+        with pytest.raises(ModelError, match="at least 3 facets, got 2"):
+            parse_cone("2-gon-inscribed")
+
+
+class TestSlidingAndTorsion:
+    """Set forces, ask for the excess, change the coefficients, ask again."""
+
+    def test_sliding(self) -> None:
+        contacts = single_block(friction=0.5).contacts
+        forces = np.array([[3.0, -4.0, 10.0, 7.0, 7.0, 7.0]])
+        assert Sliding().excess(forces, contacts)[0].tolist() == [0.0]
+        assert Sliding().excess(1.1 * forces, contacts)[0] == pytest.approx([0.0], abs=ROUNDING)
+        slippery = contacts.with_friction(np.array([0.3]))
+        assert Sliding().excess(forces, slippery)[0].tolist() == [2.0]
+
+    def test_torsion(self) -> None:
+        square = single_block((1.0, 1.0, 1.0), friction=0.5).contacts
+        forces = np.array([[3.0, -4.0, 10.0, 7.0, 7.0, -0.3825978582]])
+        expected = 1.0 - 5.0  # MT / c_T - mu N with c_T of published.json
+        assert Torsion().excess(forces, square)[0] == pytest.approx([expected], abs=1e-9)
+        double = square.scaled(2.0)
+        assert Torsion().excess(forces, double)[0] == pytest.approx([0.5 - 5.0], abs=1e-9)
+
+    def test_torsion_shear_is_their_sum(self) -> None:
+        contacts = single_block((1.0, 0.5, 1.0), friction=0.4).contacts
+        forces = np.array([[0.6, 0.8, 10.0, 0.0, 0.0, 2.0 * 0.2966167080]])
+        assert TorsionShear().excess(forces, contacts)[0] == pytest.approx([-1.0], abs=1e-9)
+        rough = contacts.with_friction(np.array([0.2]))
+        assert TorsionShear().excess(forces, rough)[0] == pytest.approx([1.0], abs=1e-9)
+
+    def test_facets_lean_on_the_contact_axes(self) -> None:
+        """mu N along the axes; mu N / cos(22.5 degrees) halfway between two facet normals."""
+        contacts = single_block(friction=0.5).contacts
+        far = 0.5 / np.cos(np.pi / 8.0)
+        angles = np.pi / 8.0 * np.arange(16)
+        reach = np.where(np.arange(16) % 2 == 0, 0.5, far)
+        for angle, v in zip(angles, reach, strict=True):
+            forces = np.array([[v * np.cos(angle), v * np.sin(angle), 1.0, 0.0, 0.0, 0.0]])
+            for surface, share in ((Facets.circumscribed(8), 1.0), (Facets.inscribed(8), 0.5 / far)):
+                y = Sliding(surface).excess(share * forces * [1, 1, 1 / share, 1, 1, 1], contacts)
+                assert y[0] == pytest.approx([0.0], abs=ROUNDING)
+
+    @given(seed=st.integers(0, 2**32 - 1))
+    @settings(max_examples=20, deadline=None)
+    def test_homogeneous_and_convex(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        contacts = stack(50).contacts
+        x, z = generator.normal(size=(2, 50, 6))
+        for surface in (
+            Rocking(), Sliding(), Torsion(), TorsionShear(), TorsionShear(Facets.inscribed(5)),
+            Ellipse(), Core(0.5),
+        ):  # fmt: skip
+            for y, y2, yz, mixed in zip(
+                *(surface.excess(f, contacts) for f in (x, 2.5 * x, z, 0.3 * x + 0.7 * z)),
+                strict=True,
+            ):
+                np.testing.assert_allclose(y2, 2.5 * y, atol=1e-11)
+                assert (mixed <= 0.3 * y + 0.7 * yz + 1e-11).all()
+
+
+class TestPaperRows:
+    """Eq. 9 and Eq. 25 as printed, row by row."""
+
+    @pytest.mark.parametrize("k", [8, 5, 12])
+    def test_eq_25(self, k: int) -> None:
+        contacts = builtin_scene("tuff-wall").contacts
+        forces = np.random.default_rng(k).normal(size=(len(contacts), 6))
+        forces[:, 5] *= 0.05
+        (y,) = TorsionShear(Facets.circumscribed(k)).excess(forces, contacts)
+        for j, contact in enumerate(contacts):
+            v1, v2, n, _, _, mt = forces[j]
+            arm = hand_torsion_arm(contact)
+            rows = [
+                sign * mt / arm + np.cos(t) * v1 + np.sin(t) * v2 - contact.friction * n
+                for sign in (1, -1)
+                for t in 2.0 * np.pi * np.arange(k) / k
+            ]
+            assert y[j] == pytest.approx(max(rows), abs=ROUNDING)
+
+    def test_eq_9_on_rectangles(self) -> None:
+        contacts = builtin_scene("tuff-wall").contacts
+        forces = np.random.default_rng(0).normal(size=(len(contacts), 6))
+        forces[:, 3:5] *= 0.05
+        worst = contacts.corner_minimum(-Rocking().excess(forces, contacts)[0])
+        n, m1, m2 = forces[:, 2:5].T
+        l1, l2 = contacts.sides.T
+        expected = np.minimum(n * l2 / 2 - np.abs(m1), n * l1 / 2 - np.abs(m2))
+        np.testing.assert_allclose(worst, expected, atol=ROUNDING)
+
+    def test_hand_written_excess_agrees(self) -> None:
+        """The helper that other tests check solutions with says the same as the classes."""
+        contacts = (scene := builtin_scene("tuff-wall")).contacts
+        forces = np.random.default_rng(1).normal(size=(len(contacts), 6)) * [1, 1, 1, 0.05, 0.05, 0]
+        inside = np.all(
+            [
+                TorsionShear().excess(forces, contacts)[0] <= 0.0,
+                contacts.corner_minimum(-Rocking().excess(forces, contacts)[0]) >= 0.0,
+            ],
+            axis=0,
+        )
+        assert 0 < inside.sum() < len(contacts)
+        np.testing.assert_array_equal(yield_excess(scene, forces) <= 0.0, inside)
+
+
+class TestRockingOnPolygons:
+    @pytest.mark.parametrize("sides", [3, 4, 5, 6])
+    def test_is_point_in_polygon(self, sides: int) -> None:
+        contacts = contact_of(regular(sides))
+        polygon = shapely.Polygon(corners_in_plane(contacts[0]))
+        generator = np.random.default_rng(sides)
+        inside = 0
+        for e, n in zip(
+            generator.uniform(-1.2, 1.2, (500, 2)), generator.uniform(0.1, 9, 500), strict=True
+        ):
+            forces = np.array([[9.0, 9.0, n, n * e[1], -n * e[0], 9.0]])
+            admissible = Rocking().excess(forces, contacts)[0].max() <= 0.0
+            assert admissible == polygon.covers(shapely.Point(e))
+            inside += admissible
+            assert Rocking().excess(-forces, contacts)[0].max() > 0.0  # no tension anywhere
+        assert 50 < inside < 450
+
+    def test_excess_is_the_moment_about_the_edge(self) -> None:
+        contacts = single_block((2.0, 1.0, 1.0)).contacts
+        edge = np.array([[0.0, 0.0, 3.0, 0.0, 3.0 * 1.0, 0.0]])  # pressure centre at e1 = -1
+        assert Rocking().excess(edge, contacts)[0].max() == pytest.approx(0.0, abs=ROUNDING)
+        beyond = edge + [0, 0, 0, 0, 0.5, 0]
+        assert Rocking().excess(beyond, contacts)[0].max() == pytest.approx(0.5)
+
+
+class TestConditions:
+    def test_norms_have_one_row_per_contact(self) -> None:
+        with pytest.raises(ModelError, match="one row per contact"):
+            Condition([Norm({"V1": 1})], {"N": 1.0}, contact=np.array([0, 0]))
+
+    def test_facets_refuse_three_components(self) -> None:
+        contacts = single_block().contacts
+        with pytest.raises(ModelError, match="this surface has 3: use surface 'conic'"):
+            Ellipse(Facets.circumscribed(8)).excess(np.ones((1, 6)), contacts)
+        with pytest.raises(ModelError, match="this surface has 3: use surface 'conic'"):
+            solve(single_block(), [Rocking(), Ellipse(Facets.circumscribed(8))])
+
+    def test_parameter_coefficients(self) -> None:
+        contacts = single_block().contacts
+        surface = Cushion(0.5, 1)
+        forces = np.array([[3.0, 4.0, 10.0, 0.0, 0.0, 0.0]])
+        assert surface.excess(forces, contacts)[0].tolist() == [0.0]
+        surface.mu.value = np.array([0.2])
+        assert surface.excess(forces, contacts)[0].tolist() == [3.0]
+
+
+def scalar_rows(problem: LimitProblem) -> int:
+    return sum(constraint.size for constraint in problem.problem.constraints)
+
+
+class TestRowsWritten:
+    """n contacts, m corners, f free blocks: what a scene needs and no more."""
+
+    @pytest.mark.parametrize("k", [5, 8])
+    @pytest.mark.parametrize("extra", [(), (Sliding,), (Torsion,), (Torsion, Sliding)])
+    def test_implied_surfaces_are_not(self, k: int, extra: tuple[type[YieldSurface], ...]) -> None:
+        scene, cone = builtin_scene("tuff-wall"), Facets.circumscribed(k)
+        n, m, f = len(scene.contacts), len(scene.contacts.corner_xy), len(scene.free)
+        surfaces = [*(s(cone) for s in extra), TorsionShear(cone), Rocking()]
+        yielding = 2 * n + k * n  # |MT| <= bound, K facets of V <= the rest
+        lean = LimitProblem(scene, surfaces)
+        assert scalar_rows(lean) == 6 * f + yielding
+        assert scalar_rows(LimitProblem(scene, surfaces, resultants)) == 6 * f + yielding + m
+
+    def test_without_the_sum_both_are(self) -> None:
+        scene = builtin_scene("tuff-wall")
+        n, f = len(scene.contacts), len(scene.free)
+        cone = Facets.circumscribed(8)
+        problem = LimitProblem(scene, [Rocking(), Sliding(cone), Torsion(cone)])
+        assert scalar_rows(problem) == 6 * f + 8 * n + 2 * n
+
+    def test_names_kept(self) -> None:
+        kept = needed_surfaces([Sliding(), Rocking(), Torsion(), TorsionShear()])
+        assert [s.name for s in kept] == ["torsion-shear"]
+
+    def test_no_python_object_per_contact(self) -> None:
+        small, large = (
+            len(LimitProblem(builtin_scene(name)).problem.constraints)
+            for name in ("single-block", "tuff-wall")
+        )
+        assert small == large
+
+    @pytest.mark.parametrize(
+        ("surfaces", "message"),
+        [
+            ([TorsionShear()], "lack rocking, so contacts would carry tension"),
+            ([], "lack rocking"),
+            ([Rocking(), Sliding(), Sliding()], "'sliding' is given twice"),
+        ],
+    )
+    def test_refusals(self, surfaces: list[YieldSurface], message: str) -> None:
+        with pytest.raises(ModelError, match=message):
+            solve(single_block(), surfaces)
+
+    def test_surfaces_must_be_surfaces(self) -> None:
+        with pytest.raises(ModelError, match="must be YieldSurface objects"):
+            surfaces_of(["rocking"])  # type: ignore[list-item]
+
+
+class TestOwnSurfaces:
+    """A user's surface, solved and certified, between surfaces that contain it."""
+
+    @pytest.mark.parametrize("name", ["tuff-wall", "ferris-tin-loi-3"])
+    def test_ellipse(self, name: str) -> None:
+        """TorsionShear inside the ellipse, the ellipse inside sliding and torsion."""
+        scene = builtin_scene(name)
+        inner = solve(scene)
+        middle = solve(scene, [Rocking(), Ellipse()])
+        outer = solve(scene, [Rocking(), Sliding(), Torsion()])
+        for solution in (inner, middle, outer):
+            assert_certified(solution, scene, proved=False)
+        assert inner.lower <= middle.upper
+        assert middle.lower <= outer.upper
+
+    def test_ellipse_lies_strictly_between_where_torsion_and_shear_mix(self) -> None:
+        """One block twisted and pushed: closed forms of all three surfaces."""
+        mu, arm, h = 0.5, 0.3825978582, 20.0
+        twist = Load(forces={"b1": (1.0, 0.0, 0.0, 0.0, 0.0, arm)})
+        scene = single_block((1.0, 1.0, 0.1), density=10.0 * h, friction=mu, live=twist)
+        weight = 10.0 * h * 0.1
+        expected = {
+            1.0 / 2.0: [Rocking(), TorsionShear()],
+            1.0 / np.sqrt(2.0): [Rocking(), Ellipse()],
+            1.0: [Rocking(), Sliding(), Torsion()],
+        }
+        for share, surfaces in expected.items():
+            solution = solve(scene, surfaces)
+            assert_certified(solution, scene, proved=False)
+            assert solution.load_factor == pytest.approx(share * mu * weight, rel=1e-6)
+
+    @pytest.mark.parametrize("share", [0.3, 0.8, 1.0])
+    def test_linear_rows_alone(self, share: float) -> None:
+        """Rocking about an edge of the shrunk contact: share * b / h."""
+        solution = solve(single_block((0.4, 0.4, 1.0)), [Rocking(), Core(share)])
+        assert_certified(solution, single_block((0.4, 0.4, 1.0)))
+        assert solution.load_factor == pytest.approx(share * 0.4, rel=1e-6)
+
+    def test_linear_rows_with_norms(self) -> None:
+        scene = builtin_scene("ferris-tin-loi-1")
+        factors = []
+        for share in (0.6, 0.8, 1.0):
+            solution = solve(scene, [Rocking(), TorsionShear(), Core(share)])
+            assert_certified(solution, scene, proved=False)
+            factors.append(solution)
+        assert all(a.lower < b.upper for a, b in zip(factors, factors[1:], strict=False))
+        # A core of the whole contact changes nothing: the published value.
+        assert factors[-1].load_factor == pytest.approx(0.642859, rel=1e-5)
+
+    def test_one_sided_linear_row(self) -> None:
+        """Shear along t1 limited to one side only: V1 >= -0.1 N."""
+
+        class OneWay(YieldSurface):
+            name = "one-way"
+
+            def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+                return [Condition((), {"N": 0.1, "V1": 1})]
+
+        ways = []
+        for push in (1.0, -1.0):
+            scene = single_block((1, 1, 0.2), friction=0.5, live=Load(acceleration=(push, 0, 0)))
+            assert abs(scene.contacts[0].t1[0]) == 1.0
+            solution = solve(scene, [Rocking(), TorsionShear(), OneWay()])
+            assert_certified(solution, scene)
+            ways.append(solution.load_factor)
+        assert sorted(ways) == pytest.approx([0.1, 0.5], rel=1e-6)
+
+    @pytest.mark.parametrize("formulation", [corner_compressions, resultants])
+    @pytest.mark.parametrize("ignore_dpp", [False, True])
+    def test_parameters_change_between_solves(self, formulation: Any, ignore_dpp: bool) -> None:
+        """A slab slides at mu: one compiled problem, several frictions, no other answer."""
+        scene = single_block((1.0, 1.0, 0.2))
+        surface = Cushion(0.3, 1)
+        problem = LimitProblem(scene, [Rocking(), surface, Torsion()], formulation)
+        for mu in (0.3, 0.6, 0.1):
+            surface.mu.value = np.array([mu])
+            state = problem.solve(ignore_dpp=ignore_dpp)
+            assert state.load_factor == pytest.approx(mu, rel=1e-7)
