@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, suits
 from cvxlimit.statics import DOF, Scaling
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
@@ -104,7 +104,8 @@ class _Run:
         tell: Progress,
     ) -> None:
         self.scene, self.name, self.problem, self.surfaces = scene, name, problem, surfaces
-        self.tolerance, self.ladder, self.clock, self.tell = tolerance, ladder, clock, tell
+        self.tolerance, self.clock, self.tell = tolerance, clock, tell
+        self.ladder = [settings for settings in ladder if suits(settings, problem.problem)]
         self.certifier = Certifier(scene, problem.surfaces)
         self.history: list[Iterate] = []
         self.lower: tuple[float, bool, LimitState | None] = (-np.inf, False, None)
@@ -229,7 +230,7 @@ class _Run:
             return None
         self.tell("checking that the dead load can stand")
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        for certificate, state in self._shares(alone):
+        for certificate, state in self._shares(alone, "dead load alone"):
             if certificate.upper < 0.5:
                 return state.mechanism
             if certificate.lower > 0.5:
@@ -240,7 +241,7 @@ class _Run:
         """Forces (contacts, 6) that carry the live load alone, hence any multiple of it."""
         self.tell("checking whether the live load does any harm")
         alone = self.scene.with_dead(Load())
-        for certificate, state in self._shares(alone):
+        for certificate, state in self._shares(alone, "live load alone"):
             carried = state.load_factor is not None and state.load_factor > 0.5
             exact = max(certificate.equilibrium_residual, certificate.yield_excess)
             if carried and exact <= _HARMLESS:
@@ -249,7 +250,7 @@ class _Run:
                 break
         return None
 
-    def _shares(self, scene: Scene) -> Iterator[tuple[Certificate, LimitState]]:
+    def _shares(self, scene: Scene, what: str) -> Iterator[tuple[Certificate, LimitState]]:
         """Climb the first rungs on the question which share <= 1 of the live load is carried."""
         problem = LimitProblem(scene, self.surfaces, most=1.0)
         certifier = Certifier(scene, problem.surfaces)
@@ -257,7 +258,8 @@ class _Run:
             state = problem.solve(settings)
             self._book(state)
             certificate = certifier.certificate(state.forces, state.load_factor, state.mechanism)
-            self.history.append(_iterate(settings, state, certificate))
+            named = replace(settings, label=f"{settings}, {what}")
+            self.history.append(_iterate(named, state, certificate))
             yield certificate, state
 
 

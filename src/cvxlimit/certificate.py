@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvxlimit.errors import ModelError
 from cvxlimit.scene import Scene
 from cvxlimit.statics import DOF, Statics
 from cvxlimit.surfaces.base import YieldSurface
@@ -100,8 +101,14 @@ class Certifier:
 
         Either side may be None: its bound is then infinite. Numbers that are not finite give
         infinite bounds as well.
+
+        Raises
+        ------
+        ModelError
+            If an array does not have the scene's number of contacts or free blocks.
         """
-        x, u = _finite(forces), _finite(mechanism)
+        x = _finite(forces, len(self.statics.contacts), "contact")
+        u = _finite(mechanism, len(self.statics.dead) // DOF, "free block")
         lower = (-np.inf, False, np.nan, np.nan)
         upper = (np.inf, False, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
@@ -202,8 +209,14 @@ class Certifier:
         return result
 
 
-def _finite(array: ArrayLike | None) -> FloatArray | None:
+def _finite(array: ArrayLike | None, rows: int, what: str) -> FloatArray | None:
     if array is None:
         return None
-    values = np.asarray(array, dtype=float).reshape(-1, DOF)
+    values = np.asarray(array, dtype=float)
+    if values.size != rows * DOF:
+        raise ModelError(
+            f"the scene has {rows} {what}(s), so an array ({rows}, {DOF}) is needed, "
+            f"got shape {values.shape}: does it belong to another scene?"
+        )
+    values = values.reshape(rows, DOF)
     return values if np.isfinite(values).all() else None

@@ -35,9 +35,9 @@ from cvxlimit.io import read_scene, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.plotting import plot
-from cvxlimit.report import history, listing, show, summary
+from cvxlimit.report import advice, history, listing, show, summary
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution, Status
+from cvxlimit.solution import Solution
 from cvxlimit.solve import INTERACTIONS, MOMENTS, solve
 
 Job = Callable[[], int]
@@ -243,7 +243,7 @@ def _solve_job(order: Order) -> ExitCode:
         show(summary(solution, origin, order.tolerance, written))
         if solution.interaction != "none" or len(solution.history) > 1:
             show(Text(), history(solution.history))
-    return _verdict(solution.status)
+    return _verdict(solution)
 
 
 def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
@@ -257,11 +257,12 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
     )
 
 
-def _verdict(status: Status) -> ExitCode:
+def _verdict(solution: Solution) -> ExitCode:
+    status = solution.status
     if status.is_good:
         return ExitCode.SOLVED
     code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
-    return _refuse(code, f"{status}: {status.advice}")
+    return _refuse(code, f"{status}: {advice(solution)}")
 
 
 def _scene(name: str) -> Scene:

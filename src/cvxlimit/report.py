@@ -38,12 +38,15 @@ def summary(solution: Solution, origin: str, tolerance: float, files: Sequence[s
     """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
     facts: list[tuple[str, str | Text]] = [
         ("scene", one_line(f"{solution.scene} ({origin})")),
-        ("size", f"{solution.blocks} free blocks x {solution.contacts} contacts"),
+        (
+            "size",
+            f"{_count(solution.blocks, 'free block')} x {_count(solution.contacts, 'contact')}",
+        ),
         ("surface", one_line(solution.surface)),
         ("interaction", _interaction(solution)),
         ("load factor", Text(_load_factor(solution), style="bold")),
         ("bracket", _bracket(solution, tolerance)),
-        ("basis", "" if solution.note == solution.status.advice else one_line(solution.note)),
+        ("basis", "" if solution.note == advice(solution) else one_line(solution.note)),
         ("status", Text(str(solution.status), style=_style(solution.status))),
         ("solver", _solvers(solution.history)),
         ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
@@ -54,6 +57,12 @@ def summary(solution: Solution, origin: str, tolerance: float, files: Sequence[s
         if fact:
             table.add_row(name, fact)
     return table
+
+
+def advice(solution: Solution) -> str:
+    """What the status means and what to do, with the objects if the solution names them."""
+    general = solution.status.advice
+    return solution.note if general in solution.note else general
 
 
 def history(iterates: Sequence[Iterate]) -> Table:
@@ -121,7 +130,11 @@ def _style(status: Status) -> str:
 
 def _solvers(iterates: Sequence[Iterate]) -> str:
     counts = Counter(one_line(iterate.solver) for iterate in iterates)
-    return ", ".join(f"{name} ({n} solve{'s' * (n > 1)})" for name, n in counts.items())
+    return ", ".join(f"{name} ({_count(n, 'solve')})" for name, n in counts.items())
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def _nearest(value: float | None) -> str:

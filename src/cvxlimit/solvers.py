@@ -41,6 +41,8 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 )
 """Tight settings per solver name, as CVXPY spells it."""
 
+_LINEAR_ONLY = frozenset({"HIGHS", "GLOP", "PDLP", "SCIPY", "GLPK", "CBC"})
+
 
 @dataclass(frozen=True)
 class SolverSettings:
@@ -77,6 +79,12 @@ def default_ladder() -> tuple[SolverSettings, ...]:
     ]
     others = [name for name in ("MOSEK", "GUROBI", "ECOS", "HIGHS", "SCS") if name in _installed()]
     return (*rungs, *(SolverSettings(name, OPTIONS[name]) for name in others))
+
+
+def suits(settings: SolverSettings, problem: cp.Problem) -> bool:
+    """False for solvers of linear problems when the problem has second-order cones."""
+    conic = any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
+    return not (conic and settings.name in _LINEAR_ONLY)
 
 
 def _installed() -> Sequence[str]:

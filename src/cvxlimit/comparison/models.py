@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solve import solve
 from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
 from cvxlimit.surfaces.presets import surfaces_of
 
 PHASES = ("detect", "compile", "reparametrise", "solve", "certify")
@@ -85,12 +86,15 @@ class Method(ABC):
         return {"interaction": self.interaction, "moments": self.moments}
 
 
+@dataclass
 class Stopwatch:
     """Seconds since the last lap, by phase."""
 
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.start = self.last = time.perf_counter()
+    seconds: dict[str, float] = field(default_factory=dict)
+    start: float = field(default_factory=time.perf_counter)
+
+    def __post_init__(self) -> None:
+        self.last = self.start
 
     def lap(self, phase: str) -> None:
         """Add the time since the last lap to ``phase``."""
@@ -115,7 +119,7 @@ class Model(Method):
 
     Attributes
     ----------
-    surface : str
+    surface : str, Cone or sequence of YieldSurface
         As for :func:`cvxlimit.solve`: ``"conic"``, ``"octagon"``, ``"16-gon-inscribed"`` ...
     formulation : callable
         :func:`~cvxlimit.formulations.corner_compressions` or ``resultants``.
@@ -138,7 +142,7 @@ class Model(Method):
 
     name: str
     line: str = ""
-    surface: str = "conic"
+    surface: str | Cone | Sequence[YieldSurface] = "conic"
     formulation: Formulation = corner_compressions
     solver: SolverSettings | None = None
     tolerance: float = TOLERANCE
@@ -151,8 +155,9 @@ class Model(Method):
             object.__setattr__(self, "line", self.name)
 
     def axes(self) -> dict[str, str]:
+        """See :class:`Method`."""
         return {
-            "surface": self.surface,
+            "surface": surfaces_of(self.surface)[1],
             "formulation": self.formulation.__name__.replace("_", " "),
             "solver": "ladder" if self.solver is None else str(self.solver),
             "tolerance": f"{self.tolerance:g}",
@@ -160,6 +165,7 @@ class Model(Method):
         }
 
     def measure(self, scene: Scene) -> Measurement:
+        """See :class:`Method`."""
         if self.interaction != "none":
             return self._solved(scene)
         if self.solver is None:
@@ -168,7 +174,7 @@ class Model(Method):
 
     def _solved(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        options = {"interaction": self.interaction, "moments": self.moments}
+        options: dict[str, Any] = {"interaction": self.interaction, "moments": self.moments}
         return _measured(solve(scene, self.surface, tolerance=self.tolerance, **options), start)
 
     def _analysed(self, scene: Scene) -> Measurement:
@@ -212,24 +218,27 @@ class FrozenModel(Model):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not isinstance(self.surface, (str, Cone)):
+            raise ModelError(f"surface must be a name or a cone, got {self.surface!r}")
         if self.parameters not in self.CHOICES:
             raise ModelError(
                 f"parameters must be one of {', '.join(self.CHOICES)}, got {self.parameters!r}"
             )
 
     def axes(self) -> dict[str, str]:
+        """See :class:`Method`."""
         return {**super().axes(), "parameters": self.parameters}
 
     def measure(self, scene: Scene) -> Measurement:
+        """See :class:`Method`."""
         from cvxlimit.interaction.fixed_point import FrozenProblem
         from cvxlimit.interaction.pressure import Pressure
-        from cvxlimit.surfaces.cones import parse_cone
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()
         contacts = scene.contacts
         watch.lap("detect")
-        frozen = FrozenProblem(scene, parse_cone(self.surface), self.moments)
+        frozen = FrozenProblem(scene, parse_cone(str(self.surface)), self.moments)
         frozen.ignore_dpp = self.parameters == "recompiled"
         centred = Pressure.of(np.zeros((len(contacts), 6)), contacts)
         watch.lap("compile")
@@ -247,9 +256,7 @@ class FrozenModel(Model):
         return packed(state, bounds, watch, len(contacts))
 
 
-def packed(
-    state: LimitState, bounds: Certificate, watch: Stopwatch, contacts: int
-) -> Measurement:
+def packed(state: LimitState, bounds: Certificate, watch: Stopwatch, contacts: int) -> Measurement:
     """A solver's answer and its bracket as a measurement."""
     return Measurement(
         state.outcome.status,

@@ -13,6 +13,7 @@ from cvxlimit.comparison.settings import settings_for
 from cvxlimit.errors import ModelError
 from cvxlimit.formulations import resultants
 
+
 @dataclass
 class _Registry:
     methods: dict[str, Method] = field(default_factory=dict)

@@ -23,7 +23,12 @@ from cvxlimit.scene import Scene
 
 _TASK, _RESULT = "task.pickle", "result.pickle"
 _SERVE = "import sys; from cvxlimit.comparison.runs import serve; serve(sys.argv[1])"
-_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")
+_THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "RAYON_NUM_THREADS",
+)
 
 
 @dataclass(frozen=True)
@@ -90,20 +95,14 @@ def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Fai
 
 
 def _write_task(folder: Path, task: _Task) -> None:
-    if getattr(type(task.method), "__module__", "") == "__main__":
-        raise ModelError(_sending(task.method))
     try:
         content = pickle.dumps(task)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise ModelError(_sending(task.method)) from error
+        raise ModelError(
+            f"model {task.method.name!r} cannot be sent to another process: define its parts in "
+            "a module that can be imported, not as a lambda or inside a function"
+        ) from error
     (folder / _TASK).write_bytes(content)
-
-
-def _sending(method: Method) -> str:
-    return (
-        f"model {method.name!r} cannot be sent to another process: define its parts in a module "
-        "that can be imported, not in a notebook or as a lambda"
-    )
 
 
 def _environment(limits: Limits) -> dict[str, str]:

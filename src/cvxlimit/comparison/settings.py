@@ -28,7 +28,9 @@ _FIXED_OPTIONS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def settings_for(solver: str, tolerance: float, label: str = "", **options: Any) -> SolverSettings:
+def settings_for(
+    solver: str, tolerance: float, label: str = "", /, **options: Any
+) -> SolverSettings:
     """Settings of ``solver`` (CVXPY's name) at ``tolerance``, whatever it calls its options.
 
     >>> settings_for("SCS", 1e-4).options["eps_rel"]

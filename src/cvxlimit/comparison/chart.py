@@ -1,0 +1,103 @@
+"""Time against true error, with the Pareto front: Matplotlib, imported when it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cvxlimit.comparison.rows import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MARKERS = "os^Dv<>phXP*d8"
+COLOURS = (
+    "#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0",
+    "#6b7280", "#9aad00", "#3b5bdb", "#b45309",
+)  # fmt: skip
+OWN = "cvxlimit"
+"""Lines whose names begin like this are drawn larger: the package's default."""
+
+LEAST = 1e-12
+"""Errors below this are drawn there: a logarithmic axis has no zero."""
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points that no other one beats in both coordinates, by the first one.
+
+    >>> pareto_front([(1, 5), (2, 6), (3, 1), (3, 2), (4, 1)])
+    [0, 2]
+    """
+    front: list[int] = []
+    best = np.inf
+    for i in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[i][1] < best:
+            front.append(i)
+            best = points[i][1]
+    return front
+
+
+def fitted_exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """p of the least-squares fit of value = constant x size^p; NaN for fewer than two sizes.
+
+    >>> round(fitted_exponent([10, 100, 1000], [3, 300, 30000]), 6)
+    2.0
+    """
+    if len(set(sizes)) < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+
+
+def on_front(rows: Sequence[Row]) -> set[str]:
+    """Names of the methods on the Pareto front of total time against true error."""
+    timed = _timed(rows)
+    return {timed[i].method for i in pareto_front([_point(row) for row in timed])}
+
+
+def draw_time_against_error(axes: Axes, rows: Sequence[Row], title: str = "") -> None:
+    """One line per method family, the Pareto front shaded behind them, into ``axes``."""
+    timed = _timed(rows)
+    lines: dict[str, list[Row]] = {}
+    for row in timed:
+        lines.setdefault(row.line, []).append(row)
+    for number, (label, members) in enumerate(lines.items()):
+        times, errors = zip(*(_point(row) for row in members), strict=True)
+        own = label.startswith(OWN)
+        axes.plot(
+            times,
+            errors,
+            marker=MARKERS[number % len(MARKERS)],
+            color=COLOURS[number % len(COLOURS)],
+            markersize=10 if own else 6,
+            markeredgecolor="black" if own else "white",
+            markeredgewidth=0.8,
+            linewidth=1.2,
+            label=label,
+            zorder=4 if own else 3,
+        )
+    _draw_front(axes, [_point(row) for row in timed])
+    axes.set(xscale="log", yscale="log", title=title)
+    axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
+    axes.set_ylabel("true relative error of the load factor")
+    axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+    front = [points[i] for i in pareto_front(points)]
+    if front:
+        times, errors = zip(*front, strict=True)
+        axes.step(
+            times, errors, where="post", color="#4aa3a8", linewidth=6, alpha=0.35,
+            label="Pareto front", zorder=1,
+        )  # fmt: skip
+
+
+def _timed(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row.total is not None and row.error is not None]
+
+
+def _point(row: Row) -> tuple[float, float]:
+    return row.total or 0.0, max(row.error or 0.0, LEAST)

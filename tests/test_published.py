@@ -1,0 +1,115 @@
+"""Published and independently computed values of published.json, each to 1e-5 and certified."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import assert_certified
+
+from cvxlimit import Load, Status, builtin_scene, solve
+from cvxlimit.masonry import arch
+from cvxlimit.polygons import torsion_arm
+
+PUBLISHED = {
+    ("ferris-tin-loi-1", "octagon"): (33, 83, 0.642859),
+    ("ferris-tin-loi-1", "conic"): (33, 83, 0.642859),
+    ("ferris-tin-loi-2", "octagon"): (55, 141, 0.579999),
+    ("ferris-tin-loi-2", "conic"): (55, 141, 0.579999),
+    ("ferris-tin-loi-3", "octagon"): (46, 102, 0.403694),
+    ("ferris-tin-loi-3", "conic"): (46, 102, 0.403694),
+    ("tuff-wall", "octagon"): (54, 146, 0.450034),
+    ("tuff-wall", "conic"): (54, 146, 0.423056),
+    ("s12-panel", "conic"): (313, 886, 0.175819),
+    ("s12-panel", "octagon"): (313, 886, 0.178313),
+    ("s10-panel", "conic"): (663, 1902, 0.165318),
+    ("s10-panel", "octagon"): (663, 1902, 0.165318),
+}
+
+
+@pytest.mark.parametrize(("name", "surface"), PUBLISHED)
+def test_built_in_scenes(name: str, surface: str) -> None:
+    """Counts, factor to 1e-5, both bounds proved and within 1e-5 of each other."""
+    blocks, contacts, factor = PUBLISHED[name, surface]
+    scene = builtin_scene(name)
+    assert (len(scene.free), len(scene.contacts)) == (blocks, contacts)
+    solution = solve(scene, surface)
+    assert_certified(solution, scene, proved=True)
+    assert (solution.surface, solution.scene) == (surface, name)
+    assert solution.load_factor == pytest.approx(factor, rel=1e-5)
+    # The bracket is of the number above, which is rounded to six digits.
+    assert solution.lower <= factor + 1e-6
+    assert solution.upper >= factor - 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("single-block", 0.4), ("stack", 0.5 / (5 * 0.25)), ("arch", 0.14935017)]
+)
+def test_other_built_in_scenes(name: str, factor: float) -> None:
+    """Closed forms b / h of one block and of a stack that rocks as one; the arch's value is that of
+    the planar linear program in test_masonry."""
+    for surface in ("conic", "octagon"):
+        solution = solve(builtin_scene(name), surface)
+        assert_certified(solution, builtin_scene(name))
+        assert solution.load_factor == pytest.approx(factor, rel=1e-6)
+
+
+def stands(thickness_ratio: float) -> bool:
+    """Whether 100 voussoirs carry their own weight, by the sign of what the crown can carry.
+
+    A load on the crown drives the mechanism of a thin arch, so the crown's capacity changes sign
+    at the least thickness. Above it, a certified positive factor is a proof (the arch carries
+    more than itself; by convexity it also carries itself, as the lifted crown of the opposite
+    load does: checked at the end); below it, a proof that the dead load falls.
+    """
+    solution = solve(crown(thickness_ratio, -0.5))
+    if solution.status is Status.DEAD_LOAD_UNSTABLE:
+        return False
+    assert solution.status is Status.CERTIFIED, (thickness_ratio, solution)
+    assert solution.lower > 0.0
+    return True
+
+
+def crown(thickness_ratio: float, force: float):  # type: ignore[no-untyped-def]
+    load = (0.0, 0.0, force, 0.0, 0.0, 0.0)
+    live = Load(forces={"v50": load, "v51": load})
+    return arch(100, thickness_ratio, friction=10.0, live=live)
+
+
+def test_least_thickness_of_the_semicircular_arch() -> None:
+    """0.107456 with 100 straight-sided voussoirs (0.107426 for the smooth arch), by bisection.
+
+    Bisected to 1e-6, a tenth of the tolerance.
+    """
+    low, high = 0.100, 0.115
+    assert not stands(low)
+    assert stands(high)
+    while high - low > 1e-6:
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if stands(middle) else (middle, high)
+    assert (low + high) / 2.0 == pytest.approx(0.107456, abs=1e-5)
+    lifted = solve(crown(high + 1e-5, +0.5))
+    assert lifted.status is Status.CERTIFIED
+    assert lifted.lower > 0.0  # carries lift and load at the crown, so nothing there as well
+
+
+@pytest.mark.parametrize(
+    ("sides", "arm"),
+    [((1.0, 1.0), 0.3825978582), ((1.0, 0.5), 0.2966167080), ((1.0, 0.0), 0.25)],
+)
+def test_torsion_arms(sides: tuple[float, float], arm: float) -> None:
+    assert float(torsion_arm(*sides)) == pytest.approx(arm, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "inscribed", "circumscribed"),
+    [("tuff-wall", "octagon-inscribed", "octagon"), ("s12-panel", "16-gon-inscribed", "16-gon")],
+)
+def test_facets_bracket_the_cone(name: str, inscribed: str, circumscribed: str) -> None:
+    low, exact, high = (
+        solve(builtin_scene(name), surface) for surface in (inscribed, "conic", circumscribed)
+    )
+    for solution in (low, exact, high):
+        assert_certified(solution)
+    assert low.upper < exact.lower
+    assert exact.upper < high.lower
+    assert np.isfinite([low.lower, high.upper]).all()
