@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import assert_certified, panels, piles, renumbered, rotations, scenes, walls
-from hypothesis import assume, given, settings
+from hypothesis import assume, currently_in_test_context, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -23,8 +23,17 @@ NAMES = ["tuff-wall", "ferris-tin-loi-3", "arch"]
 
 
 def answer(scene: Scene, surface: str = "conic") -> Solution:
+    """Certified; random scenes without an answer are left out."""
     solution = solve(scene, surface)
-    assume(solution.status.has_answer)
+    if currently_in_test_context():
+        assume(solution.status.has_answer)
+    assert_certified(solution, proved=False)
+    return solution
+
+
+def again(scene: Scene, surface: str = "conic") -> Solution:
+    """Certified, come what may: the scene had an answer before it was transformed."""
+    solution = solve(scene, surface)
     assert_certified(solution, proved=False)
     return solution
 
@@ -41,12 +50,12 @@ class TestRigidMotion:
     @given(scene=scenes(), turn=rotations())
     @SOME
     def test_rotation_conic(self, scene: Scene, turn: np.ndarray) -> None:
-        assert_same(answer(scene), answer(scene.moved(turn)))
+        assert_same(answer(scene), again(scene.moved(turn)))
 
     @pytest.mark.parametrize("name", NAMES)
     def test_rotation_of_builtin_scenes(self, name: str) -> None:
         turn = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
-        assert_same(answer(builtin_scene(name)), answer(builtin_scene(name).moved(turn)))
+        assert_same(answer(builtin_scene(name)), again(builtin_scene(name).moved(turn)))
 
     @given(scene=st.one_of(walls(), panels()), turn=rotations(), surface=st.sampled_from(
         ["octagon", "octagon-inscribed", "16-gon"]))  # fmt: skip
@@ -55,7 +64,7 @@ class TestRigidMotion:
         """Facets lean on t1. On rectangles t1 turns with the contact, up to quarter turns and
         signs, which carry a polygon with 4 k facets onto itself: the factor stays.
         """
-        assert_same(answer(scene, surface), answer(scene.moved(turn), surface))
+        assert_same(answer(scene, surface), again(scene.moved(turn), surface))
 
     @given(scene=piles(), angle=st.floats(0.0, 6.28))
     @SOME
@@ -78,7 +87,7 @@ class TestRigidMotion:
         skew = single_block((1, 1, 0.2), friction=0.5, live=push)
         turned = skew.moved(Rotation.from_rotvec([0, 0, -t]).as_matrix())
         np.testing.assert_allclose(turned.live.acceleration, [1, 0, 0], atol=1e-12)
-        assert_same(answer(skew, "octagon"), answer(turned, "octagon"))
+        assert_same(answer(skew, "octagon"), again(turned, "octagon"))
         assert answer(turned, "octagon").load_factor == pytest.approx(0.5 / np.cos(t), rel=1e-7)
 
     @given(scene=scenes(), far=st.sampled_from([10.0, 1e3, 1e4]))
@@ -86,14 +95,14 @@ class TestRigidMotion:
     def test_translation(self, scene: Scene, far: float) -> None:
         """Coordinates of 1e4 block sizes keep twelve digits of a block's: far below 1e-6."""
         shift = far * np.array([1.0, -0.7, 0.3])
-        assert_same(answer(scene), answer(scene.moved(np.eye(3), shift)))
+        assert_same(answer(scene), again(scene.moved(np.eye(3), shift)))
 
     @given(turn=rotations())
     @SOME
     def test_mechanism_turns_along(self, turn: np.ndarray) -> None:
         """The single block's mechanism is unique: its rates rotate with the scene."""
         scene = builtin_scene("single-block")
-        a, b = answer(scene), answer(scene.moved(turn))
+        a, b = answer(scene), again(scene.moved(turn))
         expected = np.concatenate([turn @ part for part in np.split(a.mechanism["b1"], 2)])
         np.testing.assert_allclose(b.mechanism["b1"], expected, atol=1e-6 * np.abs(expected).max())
 
@@ -110,13 +119,13 @@ class TestNumbering:
         """
         if not scene.contacts.is_rectangle.all():
             surface = "conic"
-        assert_same(answer(scene, surface), answer(renumbered(scene, seed), surface))
+        assert_same(answer(scene, surface), again(renumbered(scene, seed), surface))
 
     @pytest.mark.parametrize("name", NAMES)
     def test_builtin_backwards(self, name: str) -> None:
         scene = builtin_scene(name)
         backwards = replace(scene, blocks=scene.blocks[::-1])
-        a, b = answer(scene), answer(backwards)
+        a, b = answer(scene), again(backwards)
         assert_same(a, b)
         assert set(a.mechanism) == set(b.mechanism)
 
@@ -128,7 +137,7 @@ class TestNumbering:
             blocks=tuple(replace(block, id=names[block.id]) for block in scene.blocks),
             supports=tuple(names[s] for s in scene.supports),
         )
-        assert_same(answer(scene), answer(renamed))
+        assert_same(answer(scene), again(renamed))
 
 
 class TestUnits:
@@ -136,18 +145,15 @@ class TestUnits:
         [1e3, 1e6, 1e-3, 0.2248]))  # fmt: skip
     @SOME
     def test_random(self, scene: Scene, length: float, force: float) -> None:
-        assert_same(answer(scene), answer(scene.in_units(Units("a", "b"), length, force)))
+        assert_same(answer(scene), again(scene.in_units(Units("a", "b"), length, force)))
 
     @pytest.mark.parametrize("name", NAMES)
     def test_metres_and_kilonewtons_to_millimetres_and_newtons(self, name: str) -> None:
         scene = builtin_scene(name)
-        a, b = answer(scene), answer(scene.in_units(Units("mm", "N"), 1e3, 1e3))
-        assert_same(a, b)
-        unit = 1e3 * np.array([1, 1, 1, 1e3, 1e3, 1e3])
-        total = 1e3 * scene.total_weight
-        for solution, x in ((a, a.forces * unit), (b, b.forces)):
-            del solution
-            assert np.abs(x[:, 2]).max() < 10.0 * total
+        other = scene.in_units(Units("mm", "N"), 1e3, 1e3)
+        solution = again(other)
+        assert_certified(solution, other)  # forces in N, moments in N mm: equilibrium by hand
+        assert_same(answer(scene), solution)
 
     def test_density_cancels(self) -> None:
         scene = builtin_scene("tuff-wall")
@@ -158,7 +164,7 @@ class TestUnits:
                 for b in scene.blocks
             ),
         )
-        assert_same(answer(scene), answer(heavy))
+        assert_same(answer(scene), again(heavy))
 
 
 class TestLoads:
@@ -167,18 +173,18 @@ class TestLoads:
     def test_live_load_times_k(self, name: str, k: float) -> None:
         scene = builtin_scene(name)
         live = Load(acceleration=tuple(k * np.array(scene.live.acceleration)))
-        assert_same(answer(scene), answer(scene.with_live(live)), 1.0 / k)
+        assert_same(answer(scene), again(scene.with_live(live)), 1.0 / k)
 
     @given(scene=scenes(), k=st.sampled_from([1e-3, 0.5, 40.0]))
     @SOME
     def test_live_load_times_k_on_random_scenes(self, scene: Scene, k: float) -> None:
         live = Load(acceleration=tuple(k * np.array(scene.live.acceleration)))
-        assert_same(answer(scene), answer(scene.with_live(live)), 1.0 / k)
+        assert_same(answer(scene), again(scene.with_live(live)), 1.0 / k)
 
     def test_acceleration_and_forces_say_the_same(self) -> None:
         scene = builtin_scene("ferris-tin-loi-1")
         forces = {scene.blocks[i].id: (scene.blocks[i].weight, 0, 0, 0, 0, 0) for i in scene.free}
-        assert_same(answer(scene), answer(scene.with_live(Load(forces=forces))))
+        assert_same(answer(scene), again(scene.with_live(Load(forces=forces))))
 
     def test_dead_load_times_k(self) -> None:
         """All forces scale with the dead load, so does the live load that can be carried."""
@@ -186,7 +192,7 @@ class TestLoads:
         forces = {scene.blocks[i].id: (0, scene.blocks[i].weight, 0, 0, 0, 0) for i in scene.free}
         scene = scene.with_live(Load(forces=forces))
         heavier = scene.with_dead(Load(acceleration=(0, 0, -2.5)))
-        assert_same(answer(scene), answer(heavier), 2.5)
+        assert_same(answer(scene), again(heavier), 2.5)
 
     def test_concave_in_the_dead_load(self) -> None:
         """alpha(mean of two dead loads) >= mean of alphas: the static theorem's convexity."""

@@ -37,14 +37,14 @@ class ForceModel:
     def equilibrium(self, matrix: sp.csr_array) -> cp.Expression:
         """A x as an expression (6 free blocks,)."""
         terms = [
-            (matrix @ map).tocsr() @ (v if v.ndim == 1 else cp.vec(v, order="F"))
-            for v, map in self.maps
+            (matrix @ meaning).tocsr() @ (v if v.ndim == 1 else cp.vec(v, order="F"))
+            for v, meaning in self.maps
         ]
         return sum(terms[1:], start=terms[0])
 
     def values(self) -> FloatArray:
         """Forces (n, 6) of the present solution."""
-        total = sum(map @ np.asarray(v.value).ravel(order="F") for v, map in self.maps)
+        total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
         return np.asarray(total).reshape(-1, len(COMPONENTS))
 
 

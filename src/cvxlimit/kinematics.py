@@ -17,8 +17,8 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.statics import DOF, Scaling, Statics
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 from cvxlimit.surfaces.flow import FlowRule
+from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -290,7 +290,7 @@ def _check_loads(scene: Scene) -> None:
         for key in load.forces:
             if key not in known:
                 raise InputError(f"the {case} load names block {key!r}, which is not in the scene")
-            if key in scene.supports:
+            if key in fixed:
                 raise InputError(
                     f"the {case} load acts on block {key!r}, which is a support and cannot move"
                 )

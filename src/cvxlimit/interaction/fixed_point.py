@@ -81,7 +81,7 @@ interior, and nothing is allowed there that a solver could tell from nothing."""
 
 
 class FrozenProblem:
-    """The limit problem with torsion-shear-bending frozen at Parameters, re-solved as they change."""
+    """The limit problem with eccentricities frozen at Parameters, re-solved as they change."""
 
     def __init__(self, scene: Scene, cone: Cone, moments: str) -> None:
         n = len(scene.contacts)

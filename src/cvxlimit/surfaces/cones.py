@@ -153,10 +153,8 @@ class Facets(Cone):
         """Rows are a combination of facet normals with multipliers z >= 0 that sum to bound."""
         self._check(len(rows))
         z = cp.Variable((self.count, bound.size), nonneg=True)
-        return [
-            cp.sum(z, axis=0) <= bound,
-            *[cp.sum(cp.multiply(self.normals[:, i : i + 1], z), axis=0) == rows[i] for i in (0, 1)],
-        ]  # fmt: skip
+        sums = [cp.sum(cp.multiply(self.normals[:, i : i + 1], z), axis=0) for i in (0, 1)]
+        return [cp.sum(z, axis=0) <= bound, sums[0] == rows[0], sums[1] == rows[1]]
 
     def _check(self, components: int) -> None:
         if components != 2:

@@ -19,6 +19,7 @@ class Rocking(YieldSurface):
     name = "rocking"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
         contact, inward, offset = contacts.edges
         inside = {"N": offset, "M2": -inward[:, 0], "M1": inward[:, 1]}
         return [Condition((), inside, contact)]
@@ -30,6 +31,7 @@ class Sliding(YieldSurface):
     name = "sliding"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
         return [Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})]
 
 
@@ -39,6 +41,7 @@ class Torsion(YieldSurface):
     name = "torsion"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
         return [Condition([Norm({"MT": 1 / contacts.torsion_arm})], {"N": contacts.friction})]
 
 
@@ -49,5 +52,6 @@ class TorsionShear(YieldSurface):
     implies = frozenset({"sliding", "torsion"})
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
         norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
         return [Condition(norms, {"N": contacts.friction})]

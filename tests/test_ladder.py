@@ -1,0 +1,353 @@
+"""The ladder of solvers, and scenes without an answer: each proof is computed anew, by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from helpers import assert_certified, hand_equilibrium, missing_opening, scenes, yield_excess
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene, solve
+from cvxlimit.errors import ModelError
+from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
+from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
+
+GOOD = default_ladder()[0]
+STOPPED = SolverSettings("CLARABEL", {"max_iter": 2}, "stopped")
+UNKNOWN = SolverSettings("NO_SUCH_SOLVER", label="unknown")
+WRONG_OPTION = SolverSettings("CLARABEL", {"no_such_option": 1}, "wrong option")
+UNFIT = SolverSettings("HIGHS", label="no cones")
+TRUE = 0.423056  # tuff wall, conic, published.json
+
+
+def assert_bounds_hold(solution: Solution, true: float) -> None:
+    assert solution.lower <= true * (1.0 + 2e-6)  # six published digits
+    assert solution.upper >= true * (1.0 - 2e-6)
+
+
+class TestLadder:
+    @pytest.mark.parametrize("bad", [STOPPED, UNKNOWN, WRONG_OPTION, UNFIT], ids=str)
+    def test_a_bad_rung_is_recorded_and_the_next_one_closes(self, bad: SolverSettings) -> None:
+        scene = builtin_scene("tuff-wall")
+        told: list[str] = []
+        solution = solve(scene, ladder=[bad, GOOD], progress=told.append)
+        assert_certified(solution, scene)
+        assert solution.load_factor == pytest.approx(TRUE, rel=1e-5)
+        assert [h.solver for h in solution.history][-2:] == [str(bad), "CLARABEL"]
+        assert f"solving with {bad}" in told
+        first = solution.history[0]
+        assert first.status.startswith("failed") or first.status == "user_limit"
+        assert first.lower is None or first.lower <= TRUE * (1.0 + 2e-6)
+        assert first.upper is None or first.upper >= TRUE * (1.0 - 2e-6)
+
+    def test_the_first_good_rung_is_the_last(self) -> None:
+        solution = solve(builtin_scene("tuff-wall"), ladder=[GOOD, UNKNOWN])
+        assert_certified(solution)
+        assert len(solution.history) == 1
+
+    def test_only_bad_rungs(self) -> None:
+        solution = solve(builtin_scene("tuff-wall"), ladder=[STOPPED, UNKNOWN, WRONG_OPTION])
+        assert solution.status is Status.NOT_CERTIFIED
+        assert not solution.status.is_good
+        assert solution.status.has_answer
+        assert_bounds_hold(solution, TRUE)
+        assert solution.gap > 1e-5
+        assert {"stopped", "unknown", "wrong option"} <= {h.solver for h in solution.history}
+
+    def test_rungs_that_do_not_even_return(self) -> None:
+        solution = solve(builtin_scene("tuff-wall"), ladder=[UNKNOWN, UNFIT])
+        assert solution.status is Status.NOT_CERTIFIED
+        assert (solution.lower, solution.upper) == (-np.inf, np.inf)
+        assert solution.load_factor is None
+        assert solution.forces is None
+        assert solution.mechanism is None
+
+    @pytest.mark.parametrize("iterations", [3, 5, 7, 9, 11])
+    def test_stopped_early(self, iterations: int) -> None:
+        """Bounds hold and, rung by rung, are taken from whoever gave the better one."""
+        rungs = [
+            SolverSettings("CLARABEL", {"max_iter": k}, f"{k}") for k in (iterations, iterations + 1)
+        ]
+        solution = solve(builtin_scene("ferris-tin-loi-3"), ladder=rungs)
+        assert_bounds_hold(solution, 0.403694)
+        lowers = [h.lower for h in solution.history if h.lower is not None]
+        uppers = [h.upper for h in solution.history if h.upper is not None]
+        if lowers:
+            assert solution.lower == max(lowers)
+        if uppers:
+            assert solution.upper == min(uppers)
+        if solution.load_factor is not None and solution.status is Status.CERTIFIED:
+            assert_certified(solution)
+
+    def test_loose_solver_is_believed_for_what_it_proves(self) -> None:
+        loose = SolverSettings("SCS", {"eps_abs": 1e-3, "eps_rel": 1e-3}, "SCS loose")
+        solution = solve(builtin_scene("tuff-wall"), ladder=[loose])
+        assert_bounds_hold(solution, TRUE)
+        assert solution.status is Status.NOT_CERTIFIED
+        wide = solve(builtin_scene("tuff-wall"), ladder=[loose, GOOD], tolerance=0.5)
+        assert wide.status is Status.CERTIFIED
+        assert_bounds_hold(wide, TRUE)
+
+    @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-5])
+    def test_tolerance(self, tolerance: float) -> None:
+        solution = solve(builtin_scene("tuff-wall"), tolerance=tolerance)
+        assert_certified(solution, tolerance=tolerance)
+
+    @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1.0, float("nan")])
+    def test_nonsense_tolerance(self, tolerance: float) -> None:
+        with pytest.raises(ModelError, match="tolerance must be between 0 and 1"):
+            solve(builtin_scene("single-block"), tolerance=tolerance)
+
+    def test_unreachable_tolerance_is_said_to_be_so(self) -> None:
+        solution = solve(builtin_scene("tuff-wall"), tolerance=1e-15, ladder=[GOOD])
+        assert solution.status is Status.NOT_CERTIFIED
+        assert_bounds_hold(solution, TRUE)
+
+    def test_default_order(self) -> None:
+        ladder = default_ladder()
+        assert [rung.name for rung in ladder[:3]] == ["CLARABEL"] * 3
+        assert len({str(rung) for rung in ladder}) == len(ladder)
+        assert {rung.name for rung in ladder} <= set(OPTIONS)
+
+    @pytest.mark.parametrize("rung", default_ladder(), ids=str)
+    def test_every_rung_is_honest_on_its_own(self, rung: SolverSettings) -> None:
+        scene = builtin_scene("ferris-tin-loi-1")
+        solution = solve(scene, "octagon", ladder=[rung])
+        assert not solution.history[-1].status.startswith("failed"), solution.history
+        assert_bounds_hold(solution, 0.642859)
+        # A looser solver may leave a wider bracket, never a wrong one.
+        assert solution.load_factor == pytest.approx(0.642859, rel=1e-3)
+
+
+def assert_falls(solution: Solution, scene: Scene) -> None:
+    """A mechanism on which the dead load alone works, allowed by the flow rule at every contact.
+
+    1e-6 of the largest rate against a dead load that does work of that order: far from rounding.
+    """
+    assert solution.status is Status.DEAD_LOAD_UNSTABLE, solution
+    assert (solution.load_factor, solution.lower, solution.upper) == (None, -np.inf, np.inf)
+    assert "falls" in solution.note
+    assert solution.mechanism is not None
+    u = np.array([solution.mechanism[scene.blocks[i].id] for i in scene.free])
+    power = (u * scene.dead_forces).sum()
+    assert power > 0.0
+    short = max(0.0, missing_opening(scene, u).max())
+    assert short <= 1e-6 * np.abs(u).max()
+    # No forces of the size of the load do enough work on what is missing to make up for it.
+    assert short * np.abs(scene.dead_forces).sum() * len(scene.contacts) < 0.5 * power
+
+
+def assert_harmless(solution: Solution, scene: Scene) -> None:
+    """Forces in equilibrium with the live load alone, inside all surfaces: any multiple is carried."""
+    assert solution.status is Status.LIVE_LOAD_HARMLESS, solution
+    assert (solution.load_factor, solution.lower, solution.upper) == (None, -np.inf, np.inf)
+    assert solution.forces is not None
+    matrix, _, live = hand_equilibrium(scene)
+    carried = matrix @ solution.forces.ravel()
+    factor = -(carried @ live) / (live @ live)
+    assert factor > 0.4  # of the live load
+    unit = np.abs(live).sum()
+    assert np.abs(carried + factor * live).max() <= 1e-7 * unit
+    assert yield_excess(scene, solution.forces).max() <= 1e-7 * unit
+
+
+def incline(slope: float, friction: float) -> Scene:
+    """A flat block on a plane that rises at ``slope`` degrees along x; gravity along -z."""
+    t = np.radians(slope)
+    turn = np.array([[np.cos(t), 0, -np.sin(t)], [0, 1, 0], [np.sin(t), 0, np.cos(t)]])
+    scene = single_block((1.0, 1.0, 0.1), friction=friction).moved(turn)
+    return scene.with_dead(Load(gravity=(0, 0, -1))).with_live(Load(acceleration=(0, 1, 0)))
+
+
+def floating_pair() -> Scene:
+    """Two blocks on each other touch no support; a third one stands on the ground."""
+    blocks = (
+        Block.box("ground", (-9, -9, -1), (9, 9, 0)),
+        Block.box("standing", (0, 0, 0), (1, 1, 1), 20.0),
+        Block.box("low", (5, 5, 3), (6, 6, 4), 20.0),
+        Block.box("high", (5, 5, 4), (6, 6, 5), 20.0),
+    )
+    return Scene(blocks, ("ground",), Load(acceleration=(1, 0, 0)))
+
+
+def hung_from_above() -> Scene:
+    blocks = (
+        Block.box("ceiling", (-1, -1, 1), (2, 2, 2)),
+        Block.box("b", (0, 0, 0), (1, 1, 1), 20.0),
+    )
+    return Scene(blocks, ("ceiling",), Load(acceleration=(1, 0, 0)))
+
+
+FALLING: dict[str, Callable[[], Scene]] = {
+    "overhang": lambda: stack(2, (1, 1, 0.3), shift=(0.6, 0.0)),
+    "leaning stack": lambda: stack(6, (1, 1, 0.2), shift=(0.3, 0.1)),
+    "steep incline": lambda: incline(32.0, 0.6),  # arctan 0.6 is 30.96 degrees
+    "icy incline": lambda: incline(1.0, 0.0),
+    "floating pair": floating_pair,
+    "hung from above": hung_from_above,
+    "arch too thin": lambda: arch(40, 0.10, friction=10.0),
+    "arch that slides": lambda: arch(20, 0.3, friction=0.1),
+    "dead load upwards": lambda: single_block().with_dead(Load(gravity=(0, 0, 1))),
+    "dead load sideways": lambda: single_block(friction=0.5).with_dead(
+        Load(acceleration=(0.6, 0, -1.0))
+    ),
+}
+
+
+class TestDeadLoadCannotStand:
+    @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    @pytest.mark.parametrize("name", FALLING)
+    def test_proof(self, name: str, surface: str) -> None:
+        scene = FALLING[name]()
+        assert_falls(solve(scene, surface), scene)
+
+    @pytest.mark.parametrize("name", FALLING)
+    @pytest.mark.parametrize("force", [1e-6, 1e6])
+    def test_in_other_units(self, name: str, force: float) -> None:
+        scene = FALLING[name]().in_units(Units("a", "b"), 1e3, force)
+        solution = solve(scene)
+        assert solution.status is Status.DEAD_LOAD_UNSTABLE
+
+    @pytest.mark.parametrize("slope", [30.0, 30.9])
+    def test_just_not_steep_enough(self, slope: float) -> None:
+        """Across the slope: alpha^2 cos^2... = the rest of the friction circle, in closed form."""
+        scene = incline(slope, 0.6)
+        t = np.radians(slope)
+        expected = np.sqrt((0.6 * np.cos(t)) ** 2 - np.sin(t) ** 2)
+        solution = solve(scene)
+        assert_certified(solution, scene, proved=False)
+        assert solution.load_factor == pytest.approx(expected, rel=1e-5)
+
+    def test_names_a_block_that_falls(self) -> None:
+        assert "block 'b2' falls" in solve(FALLING["overhang"]()).note
+
+
+def between_supports() -> Scene:
+    blocks = (
+        Block.box("left", (-1, 0, 0), (0, 1, 1)),
+        Block.box("b", (0, 0, 0), (1, 1, 1), 20.0),
+        Block.box("right", (1, 0, 0), (2, 1, 1)),
+        Block.box("ground", (-1, 0, -1), (2, 1, 0)),
+    )
+    return Scene(blocks, ("left", "right", "ground"), Load(acceleration=(1, 0, 0)), friction=0.5)
+
+
+HARMLESS: dict[str, Callable[[], Scene]] = {
+    "pressed down": lambda: single_block(live=Load(acceleration=(0, 0, -1))),
+    "within the friction cone": lambda: single_block(
+        (1, 1, 0.2), friction=0.5, live=Load(acceleration=(0.49, 0, -1))
+    ),
+    "against a wall": between_supports,
+    "wedged": lambda: between_supports().with_live(Load(acceleration=(0, 0.3, 0.2)))
+    .with_friction(1.2),
+    "wall pressed down": lambda: wall(
+        running_bond(3, 4), live=Load(acceleration=(0.05, 0.0, -1.0))
+    ),
+    "thick arch": lambda: arch(10, 0.4, live=Load(acceleration=(0, 0, -1.0))),
+    "dead load only helps": lambda: single_block().with_dead(Load()).with_live(
+        Load(acceleration=(0, 0, -1))
+    ),
+}
+
+
+class TestLiveLoadHarmless:
+    @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    @pytest.mark.parametrize("name", HARMLESS)
+    def test_proof(self, name: str, surface: str) -> None:
+        scene = HARMLESS[name]()
+        assert_harmless(solve(scene, surface), scene)
+
+    def test_just_outside_the_friction_cone(self) -> None:
+        """alpha = mu / (t - mu) when pushed at slope t > mu: large, and finite."""
+        live = Load(acceleration=(0.51, 0, -1))
+        scene = single_block((1, 1, 0.2), friction=0.5, live=live)
+        solution = solve(scene)
+        assert_certified(solution, scene)
+        assert solution.load_factor == pytest.approx(0.5 / 0.01, rel=1e-5)
+
+    @pytest.mark.parametrize("size", [1e-9, 1e9])
+    def test_whatever_its_size(self, size: float) -> None:
+        scene = single_block(live=Load(acceleration=(0, 0, -size)))
+        assert_harmless(solve(scene), scene)
+
+
+def on_the_edge() -> Scene:
+    """The centroid exactly above the rim of its support: any push outwards tips it."""
+    blocks = (
+        Block.box("ground", (-1, 0, -1), (0.5, 1, 0)),
+        Block.box("b", (0, 0, 0), (1, 1, 0.5), 20.0),
+    )
+    return Scene(blocks, ("ground",), Load(acceleration=(1, 0, 0)), friction=0.5)
+
+
+ZERO: dict[str, Callable[[], Scene]] = {
+    "on the edge": on_the_edge,
+    "no friction": lambda: single_block(friction=0.0),
+    "stack without friction": lambda: stack(4, friction=0.0),
+    "one icy joint": lambda: stack(3).with_friction(0.6, {("b1", "b2"): 0.0}),
+    "no dead load": lambda: single_block().with_dead(Load()),
+    "no dead load on a wall": lambda: builtin_scene("tuff-wall").with_dead(Load()),
+    "at the friction angle": lambda: single_block((1, 1, 0.2), friction=0.5).with_dead(
+        Load(acceleration=(0.5, 0, -1))
+    ),
+}
+
+
+class TestLoadFactorZero:
+    """1e-6 of dead over live load: where a factor counts as zero to six digits."""
+
+    @pytest.mark.parametrize("name", ZERO)
+    def test_is_a_number_not_a_failure(self, name: str) -> None:
+        scene = ZERO[name]()
+        solution = solve(scene)
+        assert solution.status in (Status.CERTIFIED, Status.NOT_CERTIFIED), solution
+        assert solution.load_factor == pytest.approx(0.0, abs=1e-6)
+        assert solution.lower <= 1e-9
+        assert solution.upper >= -1e-9
+        assert solution.upper - solution.lower <= 1e-6
+
+    @pytest.mark.parametrize("name", ["no friction", "no dead load"])
+    @pytest.mark.parametrize("force", [1e-3, 1e3, 1e9])
+    def test_in_any_unit_of_force(self, name: str, force: float) -> None:
+        solution = solve(ZERO[name]().in_units(Units("m", "x"), 1.0, force))
+        assert solution.load_factor == pytest.approx(0.0, abs=1e-6)
+        assert solution.upper >= -1e-9
+
+
+class TestExtremeLoads:
+    @pytest.mark.parametrize("size", [1e-12, 1e-6, 1e6, 1e12])
+    def test_live_load_of_any_size(self, size: float) -> None:
+        scene = single_block(live=Load(acceleration=(size, 0, 0)))
+        solution = solve(scene)
+        assert_certified(solution)
+        assert solution.load_factor == pytest.approx(0.4 / size, rel=1e-6)
+
+    @pytest.mark.parametrize("density", [1e-9, 1e9])
+    def test_dead_load_of_any_size(self, density: float) -> None:
+        solution = solve(single_block(density=density))
+        assert_certified(solution)
+        assert solution.load_factor == pytest.approx(0.4, rel=1e-6)
+
+    @pytest.mark.parametrize("friction", [1e-6, 1e-3, 1e3])
+    def test_friction_of_any_size(self, friction: float) -> None:
+        scene = single_block((0.4, 0.4, 1.0), friction=friction)
+        solution = solve(scene)
+        assert_certified(solution, proved=False)
+        assert solution.load_factor == pytest.approx(min(friction, 0.4), rel=1e-5)
+
+
+@given(scene=scenes(), mu=st.sampled_from([0.05, 0.2, 0.6]), tilt=st.floats(0.0, 0.6))
+@settings(max_examples=25, deadline=None)
+def test_every_end_is_proved_on_random_scenes(scene: Scene, mu: float, tilt: float) -> None:
+    """Leaning gravity and low friction: standing, falling or harmless, each with its proof."""
+    scene = scene.with_friction(mu).with_dead(Load(acceleration=(np.sin(tilt), 0, -np.cos(tilt))))
+    solution = solve(scene)
+    if solution.status is Status.DEAD_LOAD_UNSTABLE:
+        assert_falls(solution, scene)
+    elif solution.status is Status.LIVE_LOAD_HARMLESS:
+        assert_harmless(solution, scene)
+    else:
+        assert_certified(solution, proved=False)
