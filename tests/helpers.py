@@ -6,6 +6,7 @@ block by block in a loop, conditions are the paper's equations written out once 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,11 @@ from scipy.optimize import linprog
 from scipy.sparse import coo_array, csr_array, hstack
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Load, Scene, Solution, Status
+from cvxlimit import Block, Contacts, Load, Scene, Solution, Status
 from cvxlimit.contacts import Contact
 from cvxlimit.masonry import arch, panel, running_bond, wall
 from cvxlimit.polygons import mean_distance
+from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]
 
@@ -71,17 +73,17 @@ def hand_equilibrium(scene: Scene) -> tuple[csr_array, FloatArray, FloatArray]:
     blocks = {block.id: block for block in scene.blocks}
     rows, columns, values = [], [], []
     for j, contact in enumerate(scene.contacts):
-        for id, sign in ((contact.a, -1.0), (contact.b, 1.0)):
-            if id not in place:
+        for key, sign in ((contact.a, -1.0), (contact.b, 1.0)):
+            if key not in place:
                 continue
-            arm = contact.origin - blocks[id].centroid
+            arm = contact.origin - blocks[key].centroid
             wrench = np.zeros((6, 6))
             for k, direction in enumerate((contact.t1, contact.t2, contact.normal)):
                 wrench[:3, k] = sign * direction
                 wrench[3:, k] = sign * np.cross(arm, direction)
                 wrench[3:, 3 + k] = sign * direction
             r, c = np.nonzero(wrench)
-            rows.append(6 * place[id] + r)
+            rows.append(6 * place[key] + r)
             columns.append(6 * j + c)
             values.append(wrench[r, c])
     index = np.concatenate(rows), np.concatenate(columns)
@@ -161,7 +163,17 @@ class LinearAnswer:
     forces: FloatArray | None
 
 
-def linear_load_factor(scene: Scene, count: int = 8, reach: float = 1.0) -> LinearAnswer:
+def dead_load_stands(scene: Scene, count: int = 8, reach: float = 1.0) -> bool:
+    """Whether the dead load alone is carried: the same problem at load factor zero."""
+    return linear_load_factor(scene, count, reach, alpha=(0.0, 0.0)).status == 0
+
+
+def linear_load_factor(
+    scene: Scene,
+    count: int = 8,
+    reach: float = 1.0,
+    alpha: tuple[float | None, float | None] = (None, None),
+) -> LinearAnswer:
     """Eq. 39 with Eq. 9 and Eq. 25 as matrices of our own, solved by HiGHS.
 
     Forces are in units of the total load and HiGHS' feasibility is set to its tightest, 1e-10.
@@ -176,7 +188,7 @@ def linear_load_factor(scene: Scene, count: int = 8, reach: float = 1.0) -> Line
         b_ub=np.zeros(rows.shape[0]),
         A_eq=hstack([matrix, coo_array(live[:, None] / unit)]).tocsr(),
         b_eq=-dead / unit,
-        bounds=(None, None),
+        bounds=[(None, None)] * matrix.shape[1] + [alpha],
         method="highs",
         options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
     )
@@ -201,7 +213,7 @@ def yield_excess(scene: Scene, forces: FloatArray) -> FloatArray:
 
 
 def missing_opening(scene: Scene, rates: FloatArray) -> FloatArray:
-    """Dual of Eq. 9 and Eq. 24 per contact, (contacts,): opening that block ``rates`` (free, 6) lack.
+    """Dual of Eq. 9 and Eq. 24: opening (contacts,) that block ``rates`` (free, 6) lack.
 
     Relative rates follow from the rigid motion of the two blocks at the corners. The flow rule
     asks every corner to open by mu times the larger of slip and c_T times twist.
@@ -210,8 +222,8 @@ def missing_opening(scene: Scene, rates: FloatArray) -> FloatArray:
     motion |= {scene.blocks[i].id: u for i, u in zip(scene.free, rates, strict=True)}
     centroid = {block.id: block.centroid for block in scene.blocks}
 
-    def velocity(id: str, points: FloatArray) -> FloatArray:
-        return motion[id][:3] + np.cross(motion[id][3:], points - centroid[id])
+    def velocity(key: str, points: FloatArray) -> FloatArray:
+        return motion[key][:3] + np.cross(motion[key][3:], points - centroid[key])
 
     result = []
     for c in scene.contacts:
@@ -302,9 +314,7 @@ def panels(draw: st.DrawFn) -> Scene:
     """A few courses with a return."""
     front, side = 0.2 + 0.1 * draw(SHARES), 0.1 + 0.1 * draw(SHARES)
     courses = draw(st.integers(1, 4))
-    return panel(
-        front, courses, left_return=side, friction=draw(FRICTION), live=draw(live_loads())
-    )
+    return panel(front, courses, left_return=side, friction=draw(FRICTION), live=draw(live_loads()))
 
 
 def scenes() -> st.SearchStrategy[Scene]:
@@ -325,3 +335,45 @@ def renumbered(scene: Scene, seed: int) -> Scene:
         scene.units,
         scene.name,
     )
+
+
+# Users' own surfaces, and single contacts of any shape.
+
+
+class Ellipse(YieldSurface):
+    """The docstring's example: sqrt(V^2 + (MT / c_T)^2) <= mu N."""
+
+    name = "ellipse"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
+        return [Condition([size], {"N": contacts.friction})]
+
+
+class Core(YieldSurface):
+    """Linear rows only: the pressure centre stays in the contact shrunk to ``share``."""
+
+    name = "core"
+
+    def __init__(self, share: float) -> None:
+        super().__init__()
+        self.share = share
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        contact, inward, offset = contacts.edges
+        inside = {"N": self.share * offset, "M2": -inward[:, 0], "M1": inward[:, 1]}
+        return [Condition((), inside, contact)]
+
+
+def contact_of(corners: np.ndarray, friction: float = 0.6) -> Contacts:
+    """Contact between the ground and a prism with this base."""
+    ring = [np.column_stack([corners, np.full(len(corners), z)]) for z in (0.0, 1.0)]
+    ground = Block.box("ground", (-9, -9, -1), (9, 9, 0))
+    prism = Block.hull("prism", np.vstack(ring), density=1.0)
+    live = Load(acceleration=(1, 0, 0))
+    return Scene((ground, prism), ("ground",), live, friction=friction).contacts
+
+
+def regular(sides: int) -> np.ndarray:
+    angles = 0.3 + 2.0 * np.pi * np.arange(sides) / sides
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -6,18 +6,10 @@ True factors come from elsewhere: closed forms, SciPy's linprog on matrices of o
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers import (
-    assert_certified,
-    hand_equilibrium,
-    linear_load_factor,
-    missing_opening,
-    piles,
-    scenes,
-    yield_excess,
-)
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +21,15 @@ from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.statics import Scaling
 from cvxlimit.surfaces import Facets, Rocking, TorsionShear
 from cvxlimit.surfaces.presets import surfaces_of
+from helpers import (
+    assert_certified,
+    hand_equilibrium,
+    linear_load_factor,
+    missing_opening,
+    piles,
+    scenes,
+    yield_excess,
+)
 
 SLACK = 1e-9
 """Relative; HiGHS gives the true factor to about 1e-10."""
@@ -69,7 +70,7 @@ class TestCorruptedForces:
                 assert c.equilibrium_residual > 0.0
                 lower.append(c.lower)
             means.append(factor - np.mean(lower))
-        assert all(a < b for a, b in zip(means, means[1:], strict=False)), means
+        assert all(a < b for a, b in pairwise(means)), means
         assert means[-1] > 0.1 * factor
 
     @pytest.mark.parametrize("name", NAMES)
@@ -122,7 +123,7 @@ class TestCorruptedForces:
 class TestCorruptedMechanisms:
     @pytest.mark.parametrize("name", NAMES)
     def test_noise_widens_the_bracket_and_never_breaks_it(self, name: str) -> None:
-        scene, certifier, state, factor = case(name)
+        _, certifier, state, factor = case(name)
         unit = np.abs(state.mechanism[:, :3]).max() * np.array([1, 1, 1, *[1 / certifier.size] * 3])
         means = []
         for size in SIZES:
@@ -134,7 +135,7 @@ class TestCorruptedMechanisms:
                 assert c.upper_is_proved or np.isinf(c.upper)
                 upper.append(min(c.upper, 1e6))
             means.append(np.mean(upper) - factor)
-        assert all(a < b for a, b in zip(means, means[1:], strict=False)), means
+        assert all(a < b for a, b in pairwise(means)), means
         assert means[-1] > 0.1 * factor
 
     def test_every_block_frozen(self) -> None:
@@ -411,7 +412,9 @@ class TestWronglyScaledRuns:
             SolverSettings("SCS", {"eps_abs": 1e-5, "eps_rel": 1e-5, "max_iters": 2000}),
             *(SolverSettings("CLARABEL", {"max_iter": k}, f"CLARABEL {k}") for k in (2, 6, 9, 12)),
             *(
-                SolverSettings("CLARABEL", dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), t))
+                SolverSettings(
+                    "CLARABEL", dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), t)
+                )
                 for t in (1e-2, 1e-4)
             ),
         ],
@@ -443,7 +446,7 @@ def test_gap_is_relative_to_the_larger_bound() -> None:
 
 
 def test_arches_near_their_least_thickness_say_what_they_assume() -> None:
-    """No state strictly inside exists at the limit: the bound names its assumption, or is proved."""
+    """No state strictly inside exists at the limit: a bound names its assumption, or is proved."""
     solution = solve(arch(20, 0.11, friction=10.0, live=Load(forces={"v10": (0, 0, -1, 0, 0, 0)})))
     assert solution.status in (Status.CERTIFIED, Status.DEAD_LOAD_UNSTABLE)
     if solution.status is Status.CERTIFIED:

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import cvxpy as cp
 import numpy as np
 import pytest
-from helpers import missing_opening, piles, rotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_surfaces import Core, Ellipse, contact_of, regular
 
 from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
 from cvxlimit.formulations import resultants
 from cvxlimit.statics import Statics
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
 from cvxlimit.surfaces.flow import FlowRule, corner_openings
+from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations
 
 SETS: dict[str, list[YieldSurface]] = {
     "rocking": [],

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers import missing_opening, rotations, scenes
 from hypothesis import assume, given, settings
 
 from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.kinematics import KinematicProblem
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.problem import LimitProblem
+from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.presets import surfaces_of
+from helpers import missing_opening, rotations, scenes
 
 AGREE = 1e-6
 """Asked of static and kinematic factors; both solvers stop at 1e-10, so this leaves room."""
@@ -30,6 +31,19 @@ def test_static_is_kinematic_on_builtin_scenes(name: str, surface: str) -> None:
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
 
 
+def _sure(problem: KinematicProblem) -> LimitState:
+    """The first state its solver is sure of, tightest settings first.
+
+    The default rung alone is 1e-7 to 1e-6 off on panels with thin cut bricks, and at times says
+    "optimal_inaccurate" and is 7e-6 off: nobody certifies it, as the ladder does the static one.
+    """
+    states = (problem.solve(rung) for rung in default_ladder()[2:0:-1])
+    state = next((state for state in states if state.outcome.status == "optimal"), None)
+    assume(state is not None)
+    assert state is not None
+    return state
+
+
 @given(scene=scenes(), turn=rotations())
 @settings(max_examples=20, deadline=None)
 def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) -> None:
@@ -39,7 +53,7 @@ def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) ->
         surfaces, _ = surfaces_of(surface)
         static = LimitProblem(scene, surfaces).solve()
         assume(static.outcome.status == "optimal")
-        kinematic = KinematicProblem(scene, surfaces).solve()
+        kinematic = _sure(KinematicProblem(scene, surfaces))
         assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE, abs=1e-8)
 
 

@@ -6,14 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import (
-    assert_certified,
-    linear_load_factor,
-    piles,
-    scenes,
-    walls,
-    yield_excess,
-)
 from hypothesis import assume, given, settings
 
 from cvxlimit import Load, Scene, builtin_scene, solve
@@ -23,6 +15,14 @@ from cvxlimit.masonry import single_block
 from cvxlimit.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces.presets import surfaces_of
+from helpers import (
+    assert_certified,
+    linear_load_factor,
+    piles,
+    scenes,
+    walls,
+    yield_excess,
+)
 
 ANGLES = np.arange(0.0, 360.0, 22.5)
 COS = np.cos(np.pi / 8.0)
@@ -191,7 +191,9 @@ class TestFormulations:
     @given(scene=piles())
     @settings(max_examples=10, deadline=None)
     def test_same_answer_on_other_polygons(self, scene: Scene) -> None:
-        states = [LimitProblem(scene, formulation=f).solve() for f in (corner_compressions, resultants)]
+        states = [
+            LimitProblem(scene, formulation=f).solve() for f in (corner_compressions, resultants)
+        ]
         assume(all(state.outcome.status == "optimal" for state in states))
         assert states[0].load_factor == pytest.approx(states[1].load_factor, rel=1e-6)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers import assert_certified
 
 from cvxlimit import Load, Status, builtin_scene, solve
 from cvxlimit.masonry import arch
 from cvxlimit.polygons import torsion_arm
+from helpers import assert_certified
 
 PUBLISHED = {
     ("ferris-tin-loi-1", "octagon"): (33, 83, 0.642859),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers import hand_equilibrium, rotations, scenes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.masonry import single_block
 from cvxlimit.statics import DOF, Scaling, Statics, corner_map
+from helpers import hand_equilibrium, rotations, scenes
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(max_examples=20, deadline=None)
@@ -52,9 +52,9 @@ class TestEquilibrium:
         found = Statics.of(scene).relative_rates(rates)
         for contact, q in zip(scene.contacts, found, strict=True):
             velocity, spin = np.zeros(3), np.zeros(3)
-            for id, sign in ((contact.b, 1.0), (contact.a, -1.0)):
-                u = moving.get(id, np.zeros(DOF))
-                velocity += sign * (u[:3] + np.cross(u[3:], contact.origin - centroid[id]))
+            for key, sign in ((contact.b, 1.0), (contact.a, -1.0)):
+                u = moving.get(key, np.zeros(DOF))
+                velocity += sign * (u[:3] + np.cross(u[3:], contact.origin - centroid[key]))
                 spin += sign * u[3:]
             axes = np.stack([contact.t1, contact.t2, contact.normal])
             np.testing.assert_allclose(q, [*(axes @ velocity), *(axes @ spin)], atol=1e-12)

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import pytest
 import shapely
-from helpers import assert_certified, corners_in_plane, hand_torsion_arm, yield_excess
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cvxlimit import Block, Contacts, Load, Scene, builtin_scene, solve
+from cvxlimit import Contacts, Load, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.formulations import corner_compressions, resultants
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.problem import LimitProblem
 from cvxlimit.surfaces import (
     Condition,
+    Cone,
     Conic,
     Facets,
     Norm,
@@ -31,36 +32,21 @@ from cvxlimit.surfaces import (
     parse_cone,
 )
 from cvxlimit.surfaces.presets import needed_surfaces, surfaces_of
+from helpers import (
+    Core,
+    Ellipse,
+    assert_certified,
+    contact_of,
+    corners_in_plane,
+    hand_torsion_arm,
+    regular,
+    yield_excess,
+)
 
 ROUNDING = 1e-12
 """Sums of a few products of numbers of order one, in double precision."""
 
 KS = [3, 4, 5, 7, 8, 9, 16, 33]
-
-
-class Ellipse(YieldSurface):
-    """The docstring's example: sqrt(V^2 + (MT / c_T)^2) <= mu N."""
-
-    name = "ellipse"
-
-    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
-        return [Condition([size], {"N": contacts.friction})]
-
-
-class Core(YieldSurface):
-    """Linear rows only: the pressure centre stays in the contact shrunk to ``share``."""
-
-    name = "core"
-
-    def __init__(self, share: float) -> None:
-        super().__init__()
-        self.share = share
-
-    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        contact, inward, offset = contacts.edges
-        inside = {"N": self.share * offset, "M2": -inward[:, 0], "M1": inward[:, 1]}
-        return [Condition((), inside, contact)]
 
 
 class Cushion(YieldSurface):
@@ -89,20 +75,6 @@ def polygon_corners(k: int, circumscribed: bool) -> np.ndarray:
 
 def facets(k: int, circumscribed: bool) -> Facets:
     return Facets.circumscribed(k) if circumscribed else Facets.inscribed(k)
-
-
-def contact_of(corners: np.ndarray, friction: float = 0.6) -> Contacts:
-    """Contact between the ground and a prism with this base."""
-    ring = [np.column_stack([corners, np.full(len(corners), z)]) for z in (0.0, 1.0)]
-    ground = Block.box("ground", (-9, -9, -1), (9, 9, 0))
-    prism = Block.hull("prism", np.vstack(ring), density=1.0)
-    live = Load(acceleration=(1, 0, 0))
-    return Scene((ground, prism), ("ground",), live, friction=friction).contacts
-
-
-def regular(sides: int) -> np.ndarray:
-    angles = 0.3 + 2.0 * np.pi * np.arange(sides) / sides
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 class TestConic:
@@ -251,8 +223,8 @@ class TestSlidingAndTorsion:
         reach = np.where(np.arange(16) % 2 == 0, 0.5, far)
         for angle, v in zip(angles, reach, strict=True):
             forces = np.array([[v * np.cos(angle), v * np.sin(angle), 1.0, 0.0, 0.0, 0.0]])
-            for surface, share in ((Facets.circumscribed(8), 1.0), (Facets.inscribed(8), 0.5 / far)):
-                y = Sliding(surface).excess(share * forces * [1, 1, 1 / share, 1, 1, 1], contacts)
+            for cone, share in ((Facets.circumscribed(8), 1.0), (Facets.inscribed(8), 0.5 / far)):
+                y = Sliding(cone).excess(share * forces * [1, 1, 1 / share, 1, 1, 1], contacts)
                 assert y[0] == pytest.approx([0.0], abs=ROUNDING)
 
     @given(seed=st.integers(0, 2**32 - 1))
@@ -338,7 +310,7 @@ class TestRockingOnPolygons:
         contacts = single_block((2.0, 1.0, 1.0)).contacts
         edge = np.array([[0.0, 0.0, 3.0, 0.0, 3.0 * 1.0, 0.0]])  # pressure centre at e1 = -1
         assert Rocking().excess(edge, contacts)[0].max() == pytest.approx(0.0, abs=ROUNDING)
-        beyond = edge + [0, 0, 0, 0, 0.5, 0]
+        beyond = edge + np.array([0, 0, 0, 0, 0.5, 0])
         assert Rocking().excess(beyond, contacts)[0].max() == pytest.approx(0.5)
 
 
@@ -391,6 +363,38 @@ class TestRowsWritten:
     def test_names_kept(self) -> None:
         kept = needed_surfaces([Sliding(), Rocking(), Torsion(), TorsionShear()])
         assert [s.name for s in kept] == ["torsion-shear"]
+
+    @pytest.mark.parametrize(
+        ("sum_cone", "slide_cone", "share"),
+        [
+            (Facets.circumscribed(8), Conic(), 1.0),  # the octagon alone would give 1.082
+            (Conic(), Facets.inscribed(8), 1.0),
+            (Conic(), Facets.inscribed(4), np.cos(np.pi / 4) / np.cos(np.pi / 8)),
+            (Facets.circumscribed(8), Facets.inscribed(4), np.cos(np.pi / 4) / np.cos(np.pi / 8)),
+        ],
+    )
+    def test_another_cone_is_not_implied(
+        self, sum_cone: Cone, slide_cone: Cone, share: float
+    ) -> None:
+        """Sliding by another cone than the sum's may be the stricter one: it must count.
+
+        Pushed halfway between two of the octagon's normals; the square's normals are 22.5 degrees
+        off, so its inscribed version resists cos(45) / cos(22.5) of mu.
+        """
+        t = np.pi / 8.0
+        live = Load(acceleration=(np.cos(t), np.sin(t), 0.0))
+        scene = single_block((1.0, 1.0, 0.2), friction=0.5, live=live)
+        solution = solve(scene, [Rocking(), TorsionShear(sum_cone), Sliding(slide_cone)])
+        assert_certified(solution, scene, proved=False)
+        assert solution.load_factor == pytest.approx(0.5 * share, rel=1e-6)
+
+    def test_a_rocking_of_ones_own_is_not_silently_replaced(self) -> None:
+        class Half(Rocking):
+            def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+                return Core(0.5).conditions(contacts)
+
+        with pytest.raises(ModelError, match=r"Half is named 'rocking'.*another name"):
+            solve(single_block(), [Half(), TorsionShear()])
 
     def test_no_python_object_per_contact(self) -> None:
         small, large = (
@@ -461,7 +465,7 @@ class TestOwnSurfaces:
             solution = solve(scene, [Rocking(), TorsionShear(), Core(share)])
             assert_certified(solution, scene, proved=False)
             factors.append(solution)
-        assert all(a.lower < b.upper for a, b in zip(factors, factors[1:], strict=False))
+        assert all(a.lower < b.upper for a, b in pairwise(factors))
         # A core of the whole contact changes nothing: the published value.
         assert factors[-1].load_factor == pytest.approx(0.642859, rel=1e-5)
 

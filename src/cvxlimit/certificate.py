@@ -18,7 +18,7 @@ from cvxlimit.statics import DOF, Statics
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.flow import corner_openings
-from cvxlimit.witnesses import Witnesses
+from cvxlimit.witnesses import Flow, Witnesses
 
 FloatArray = NDArray[np.float64]
 
@@ -86,12 +86,16 @@ class Certifier:
     the violations are weighted by :data:`REFERENCE` forces and rates, and the certificate says
     that the bound rests on that assumption. Where they do exist the proof is never given up for
     a tighter bound with the assumption, which a pebble on a boulder breaks.
+
+    ``flow`` replaces the flow rule of the surfaces in upper bounds; any sublinear shortfall does.
     """
 
-    def __init__(self, scene: Scene, surfaces: Sequence[YieldSurface]) -> None:
+    def __init__(
+        self, scene: Scene, surfaces: Sequence[YieldSurface], flow: Flow | None = None
+    ) -> None:
         self.statics = Statics.of(scene)
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != "rocking"))
-        self.witnesses = Witnesses(self.statics, self.surfaces)
+        self.witnesses = Witnesses(self.statics, self.surfaces, flow)
         self.size = float(np.median(np.sqrt(scene.contacts.area)))
 
     def certificate(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cvxlimit.analysis import TOLERANCE, Progress, analyse
 from cvxlimit.errors import ModelError
+from cvxlimit.interaction.certified import Certified, run_certified
+from cvxlimit.interaction.fixed_point import FixedPoint, run_fixed_point
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
 
 INTERACTIONS = ("none", "fixed-point", "certified")
 MOMENTS = ("independent", "signed")
@@ -19,9 +22,9 @@ def solve(
     scene: Scene,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
-    interaction: str = "none",
+    interaction: str | FixedPoint | Certified = "none",
     moments: str = "independent",
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
@@ -33,14 +36,17 @@ def solve(
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
-    interaction : {"none", "fixed-point", "certified"}
+    interaction : {"none", "fixed-point", "certified"}, FixedPoint or Certified
         Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
-        the paper's iteration (Eq. 41-43), or by the certified method.
+        the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
+        as :class:`FixedPoint` or :class:`Certified`.
     moments : {"independent", "signed"}
         How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
         centre.
-    tolerance : float
-        Asked relative width of the bracket.
+    tolerance : float or None
+        Asked relative width of the bracket; for the fixed point, the change that counts as
+        converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
+        for the certified method as narrow as its budget allows, where 5 % counts as good.
     ladder : sequence of SolverSettings or None
         Solvers to try in turn; None is the tested order.
     progress : callable or None
@@ -66,13 +72,31 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    _check_choice("interaction", interaction, INTERACTIONS)
     _check_choice("moments", moments, MOMENTS)
-    if not 0.0 < tolerance < 1.0:
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
         raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
-    if interaction == "none":
-        return analyse(scene, surface, tolerance=tolerance, ladder=ladder, progress=progress)
-    raise ModelError(f"interaction {interaction!r} is not available yet")
+    if isinstance(interaction, str):
+        _check_choice("interaction", interaction, INTERACTIONS)
+        if interaction == "none":
+            asked = TOLERANCE if tolerance is None else tolerance
+            return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
+        interaction = FixedPoint() if interaction == "fixed-point" else Certified()
+    if tolerance is not None:
+        interaction = replace(interaction, tolerance=tolerance)
+    cone = _single_cone(surface)
+    run = run_fixed_point if isinstance(interaction, FixedPoint) else run_certified
+    return run(scene, cone, moments, interaction, ladder, progress)
+
+
+def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:
+    if isinstance(surface, str):
+        return parse_cone(surface)
+    if isinstance(surface, Cone):
+        return surface
+    raise ModelError(
+        "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
+        "'K-gon' or a Cone, not as a list of surfaces"
+    )
 
 
 def _check_choice(what: str, value: str, allowed: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -41,6 +42,16 @@ _ATTEMPTS = ((1e-1, 60), (1e-2, 100), (1e-4, 300))
 load were spread over its contacts, and iterations allowed for it."""
 
 
+class Flow(Protocol):
+    """What is asked of a flow rule here: see :class:`FlowRule`, whose methods these are."""
+
+    def shortfall(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Missing opening (n,) of rates (n, 6), sublinear in them; and leftovers (n, 3)."""
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """A cheap upper bound (n,) on the missing opening."""
+
+
 class Witnesses:
     """Reference states of one assembly under its dead load.
 
@@ -49,12 +60,16 @@ class Witnesses:
     statics : Statics
         Unscaled equilibrium data.
     surfaces : sequence of YieldSurface
+    flow : Flow or None
+        Flow rule of the mechanisms; None is that of the surfaces.
     """
 
-    def __init__(self, statics: Statics, surfaces: Sequence[YieldSurface]) -> None:
+    def __init__(
+        self, statics: Statics, surfaces: Sequence[YieldSurface], flow: Flow | None = None
+    ) -> None:
         self.statics = statics
         self.surfaces = tuple(s for s in surfaces if s.name != "rocking")
-        self.flow = FlowRule(surfaces, statics.contacts)
+        self.flow = FlowRule(surfaces, statics.contacts) if flow is None else flow
         self.map = corner_map(statics.contacts)
         self._matrix = (statics.matrix @ self.map).tocsr()
         n = len(statics.contacts)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from cvxlimit.comparison.rows import Row
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MARKERS = "os^Dv<>phXP*d8"
+MARKERS = "os^Dv<>phXPd8"
 COLOURS = (
     "#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0",
     "#6b7280", "#9aad00", "#3b5bdb", "#b45309",
@@ -56,20 +56,25 @@ def on_front(rows: Sequence[Row]) -> set[str]:
     return {timed[i].method for i in pareto_front([_point(row) for row in timed])}
 
 
-def draw_time_against_error(axes: Axes, rows: Sequence[Row], title: str = "") -> None:
-    """One line per method family, the Pareto front shaded behind them, into ``axes``."""
+def draw_time_against_error(
+    axes: Axes, rows: Sequence[Row], title: str = "", styles: Mapping[str, int] | None = None
+) -> None:
+    """One line per method family, the Pareto front shaded behind them, into ``axes``.
+
+    ``styles`` numbers the lines' markers and colours, for several plots with one legend.
+    """
     timed = _timed(rows)
     lines: dict[str, list[Row]] = {}
     for row in timed:
         lines.setdefault(row.line, []).append(row)
-    for number, (label, members) in enumerate(lines.items()):
+    for order, (label, members) in enumerate(lines.items()):
+        number = order if styles is None else styles[label]
         times, errors = zip(*(_point(row) for row in members), strict=True)
         own = label.startswith(OWN)
         axes.plot(
             times,
             errors,
-            marker=MARKERS[number % len(MARKERS)],
-            color=COLOURS[number % len(COLOURS)],
+            **style(number, label),
             markersize=10 if own else 6,
             markeredgecolor="black" if own else "white",
             markeredgewidth=0.8,
@@ -78,11 +83,27 @@ def draw_time_against_error(axes: Axes, rows: Sequence[Row], title: str = "") ->
             zorder=4 if own else 3,
         )
     _draw_front(axes, [_point(row) for row in timed])
+    _draw_floor(axes, timed)
     axes.set(xscale="log", yscale="log", title=title)
     axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
     axes.set_ylabel("true relative error of the load factor")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(sparse)
     axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def style(number: int, label: str) -> dict[str, Any]:
+    """Marker and colour of a line; the first colour is kept for the package's own."""
+    others = COLOURS[1:]
+    colour = COLOURS[0] if label.startswith(OWN) else others[number % len(others)]
+    return {"marker": MARKERS[number % len(MARKERS)], "color": colour}
+
+
+def sparse(value: float, position: float | None = None) -> str:
+    """Labels of minor ticks: 2 and 5 of every decade."""
+    digit = round(value / 10.0 ** np.floor(np.log10(value)))
+    return f"{value:g}" if digit in (2, 5) else ""
 
 
 def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
@@ -95,9 +116,25 @@ def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
         )  # fmt: skip
 
 
+def _draw_floor(axes: Axes, rows: Sequence[Row]) -> None:
+    """Below the reference's own width nothing can be told apart."""
+    floors = [_floor(row) for row in rows]
+    if floors and max(floors) > LEAST:
+        axes.axhline(max(floors), color="#888888", linestyle=":", linewidth=1.0, zorder=1,
+                     label="resolution of the reference")  # fmt: skip
+
+
+def _floor(row: Row) -> float:
+    """Twice the reference's relative width: smaller errors are noise."""
+    if row.reference_lower is None or row.reference_upper is None:
+        return LEAST
+    scale = max(abs(row.reference_upper), abs(row.reference_lower), 1e-300)
+    return max(LEAST, 2.0 * (row.reference_upper - row.reference_lower) / scale)
+
+
 def _timed(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.total is not None and row.error is not None]
 
 
 def _point(row: Row) -> tuple[float, float]:
-    return row.total or 0.0, max(row.error or 0.0, LEAST)
+    return row.total or 0.0, max(row.error or 0.0, _floor(row))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,8 +20,17 @@ FloatArray = NDArray[np.float64]
 ACCEPTED = 1e-9
 """Equilibrium residual and excess of Eq. 9 and 30, over the total load, that count as none."""
 
-_SHARES = (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
-"""Shares of the dead-load state mixed in, smallest first, to be strictly admissible."""
+_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
+"""Shares of a dead-load state mixed in, smallest first, to be strictly admissible."""
+
+_PROOF = 1e-5
+"""Largest share spent on turning an accepted bound into a proved one; forces that would be
+refused may cost more."""
+
+_RESERVES = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
+"""Shares of friction and of the contacts' size that dead-load states may use, most demanding
+first. Eq. 30 is not convex: what is inside may lead outside when mixed in, unless its shear is
+small and its pressure central (then it never does)."""
 
 _BALANCED = 1e-11
 """Equilibrium residual of a block that counts as rounding, as a share of the forces acting on it."""
@@ -59,10 +68,10 @@ class LowerBound:
 class LowerBounds:
     """The checker of one scene in one moment convention.
 
-    The forces are brought into equilibrium (the least change), then mixed with a share t of a
-    state that carries the dead load alone strictly inside Eq. 30: the mixture is in equilibrium
-    with (1 - t) alpha, and is checked itself, since Eq. 30 is not convex. Nothing of this asks
-    where the forces came from.
+    The forces are brought into equilibrium (the least change). Where they do not pass exactly,
+    they are mixed with a share t of a state that carries the dead load alone strictly inside
+    Eq. 30: the mixture is in equilibrium with (1 - t) alpha, and is checked itself, since Eq. 30
+    is not convex. Nothing of this asks where the forces came from.
 
     Parameters
     ----------
@@ -81,22 +90,36 @@ class LowerBounds:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
         balanced = self.witnesses.balanced(np.asarray(forces, dtype=float), load_factor)
         plain = self._checked(balanced, load_factor)
-        if not plain.is_accepted or plain.is_proved or self.reserve is None:
+        if plain.is_proved or not np.isfinite(plain.excess):
             return plain
-        for share in _SHARES[1:]:
-            mixed = (1.0 - share) * balanced + share * self.reserve
-            bound = self._checked(mixed, (1.0 - share) * load_factor)
-            if bound.is_proved:
-                return bound
+        most = _PROOF if plain.is_accepted else _SHARES[-1]
+        for share in (share for share in _SHARES if share <= most):
+            for reserve in self.reserves:
+                mixed = (1.0 - share) * balanced + share * reserve
+                bound = self._checked(mixed, (1.0 - share) * load_factor)
+                if bound.is_proved:
+                    return bound
         return plain
 
     @cached_property
-    def reserve(self) -> FloatArray | None:
-        """Forces (n, 6) that carry the dead load strictly inside Eq. 30, or None."""
-        state = self.witnesses.dead_state
-        if state is None or self._excess(state).max() >= 0.0:
+    def reserves(self) -> tuple[FloatArray, ...]:
+        """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
+        states = [self._dead_state(friction, size) for friction, size in _RESERVES]
+        return tuple(state for state in states if state is not None)
+
+    def _dead_state(self, friction: float, size: float) -> FloatArray | None:
+        whole = self.statics.contacts
+        smaller = replace(
+            whole.with_friction(friction * whole.friction),
+            corner_xy=size * whole.corner_xy,
+            sides=size * whole.sides,
+            area=size**2 * whole.area,
+        )
+        surfaces = (Rocking(), TorsionShear())
+        state = Witnesses(replace(self.statics, contacts=smaller), surfaces).dead_state
+        if state is None or self._excess(state).max() >= 0.0 or not self._is_balanced(state, 0.0):
             return None
-        return state if self._is_balanced(state, 0.0) else None
+        return state
 
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):

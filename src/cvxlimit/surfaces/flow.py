@@ -228,7 +228,7 @@ class FlowRule:
         rates = np.zeros((len(self.contacts), len(COMPONENTS)))
         for component, coefficient in flow.condition.resistance.items():
             share = np.broadcast_to(number(coefficient) * multiplier, multiplier.shape)
-            rows = slice(None) if contact is None else contact
+            rows = np.arange(len(multiplier)) if contact is None else contact
             np.add.at(rates[:, COLUMN[component]], rows, share)
         return rates
 

@@ -13,7 +13,11 @@ DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
-    """Surfaces whose rows must be written: rocking is in the formulation, implied ones go."""
+    """Surfaces whose rows must be written: rocking is in the formulation, implied ones go.
+
+    A surface is implied by another of the same cone only: facets around a circle do not imply
+    the circle, nor does the circle imply facets inside it.
+    """
     names = [surface.name for surface in surfaces]
     if Rocking.name not in names:
         raise ModelError(
@@ -22,8 +26,14 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise ModelError(f"surface {twice[0]!r} is given twice; remove one")
-    implied = {name for surface in surfaces for name in surface.implies}
-    return tuple(s for s in surfaces if s.name not in implied and s.name != Rocking.name)
+    own = [s for s in surfaces if s.name == Rocking.name and type(s) is not Rocking]
+    if own:
+        raise ModelError(
+            f"{type(own[0]).__name__} is named 'rocking', which the formulation replaces by its "
+            "own: give it another name and add Rocking()"
+        )
+    implied = {(name, surface.cone) for surface in surfaces for name in surface.implies}
+    return tuple(s for s in surfaces if (s.name, s.cone) not in implied and s.name != Rocking.name)
 
 
 def surfaces_of(

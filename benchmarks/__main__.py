@@ -1,0 +1,118 @@
+"""``python -m benchmarks [run | charts | headline | list]``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from benchmarks import charts, headline
+from benchmarks.cases import Case, all_cases
+from benchmarks.results import Record, environment, read, write
+from benchmarks.suite import QUICK, Plan, methods_of, run_case
+from cvxlimit.comparison.runs import Limits
+
+console = Console(highlight=False, markup=False, soft_wrap=True)
+HERE = Path(__file__).parent
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the suite, draw its charts, or measure the headline figures."""
+    options = _parser().parse_args(arguments)
+    action = {"run": _run, "charts": _charts, "headline": _headline, "list": _list}[options.action]
+    return action(options)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    add = parser.add_argument
+    add("action", nargs="?", default="run", choices=("run", "charts", "headline", "list"))
+    add("--cases", nargs="+", metavar="CASE", help="names of cases; all unless given")
+    add("--sizes", nargs="+", type=int, default=[], help="contacts, instead of the cases' own")
+    add("--methods", nargs="+", default=[], help="method names with * and ?; see list")
+    add("--repeat", type=int, help="runs per method (3; 1 with --quick)")
+    add("--limit", type=float, help="seconds per run (120; 20 with --quick)")
+    add("--memory", type=float, default=8.0, help="GB of address space per run")
+    add("--quick", action="store_true", help="small sizes, one run each: does it all work?")
+    add("--out", type=Path, default=HERE / "results", help="folder of results and charts")
+    add("--docs", type=Path, help="charts also go here (docs/ for those in the README)")
+    return parser
+
+
+def _plan(options: argparse.Namespace) -> Plan:
+    base = QUICK if options.quick else Plan()
+    return Plan(
+        sizes=tuple(options.sizes) or base.sizes,
+        methods=tuple(options.methods),
+        repeat=options.repeat or base.repeat,
+        limits=Limits(options.limit or base.limits.seconds, options.memory),
+        reference_limits=Limits(base.reference_limits.seconds, options.memory),
+    )
+
+
+def _cases(names: Sequence[str] | None) -> list[Case]:
+    cases = all_cases()
+    unknown = sorted(set(names or ()) - set(cases))
+    if unknown:
+        raise SystemExit(f"there is no case {unknown[0]!r}; there are {', '.join(cases)}")
+    return [case for name, case in cases.items() if not names or name in names]
+
+
+def _run(options: argparse.Namespace) -> int:
+    plan, about = _plan(options), environment()
+    about["options"] = {
+        "repeat": plan.repeat,
+        "seconds_per_run": plan.limits.seconds,
+        "threads_per_run": plan.limits.threads,
+    }
+    records: list[Record] = []
+    for case in _cases(options.cases):
+        with console.status(case.name) as status:
+            for record in run_case(case, plan, status.update):
+                records.append(record)
+                _report(record)
+                write(options.out, records, about)
+    console.print(f"written: {options.out / 'results.csv'} and results.json")
+    return _charts(options)
+
+
+def _report(record: Record) -> None:
+    row = record.row
+    figures = row.reason
+    if not row.failed and row.total is not None:
+        error = "?" if row.error is None else f"{row.error:.1e}"
+        figures = f"{row.total:9.3f} s  error {error}  {row.memory or 0:6.0f} MB  {row.status}"
+    console.print(f"{record.case:24} {row.contacts or 0:6} {row.method:46} {figures}")
+
+
+def _charts(options: argparse.Namespace) -> int:
+    records, about = read(options.out)
+    for path in charts.draw_all(records, about, options.out):
+        console.print(f"drawn: {path}")
+        if options.docs is not None:
+            options.docs.mkdir(parents=True, exist_ok=True)
+            (options.docs / path.name).write_bytes(path.read_bytes())
+    return 0
+
+
+def _headline(options: argparse.Namespace) -> int:
+    limits = Limits(options.limit or 120.0, options.memory)
+    text = headline.run(options.repeat or 5, limits, options.out, options.quick, console.print)
+    console.print(text)
+    return 0
+
+
+def _list(options: argparse.Namespace) -> int:
+    for case in _cases(options.cases):
+        console.print(f"{case.name}: {case.family}, sizes {', '.join(map(str, case.sizes))}")
+    names = {m.name: m.line for case in _cases(options.cases) for m in methods_of(case)}
+    for name, line in names.items():
+        console.print(f"  {name:50} {line}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

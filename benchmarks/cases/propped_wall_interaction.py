@@ -1,0 +1,8 @@
+"""The propped wall with torsion-shear-bending interaction: the paper's first example."""
+
+from benchmarks.cases import Case
+from benchmarks.cases.propped_wall import build
+
+CASE = Case(
+    "propped-wall-interaction", "walls with interaction", build, study=(150,), interaction=True
+)

@@ -1,0 +1,201 @@
+"""What the package must show, side by side in one run: ratio, overhead, memory, growth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from benchmarks.baselines import Literal, LiteralConic, ScipyLinprog
+from benchmarks.cases.panel import build as panel_of
+from benchmarks.results import environment
+from cvxlimit.comparison.chart import fitted_exponent
+from cvxlimit.comparison.models import Method, Model
+from cvxlimit.comparison.rows import Row, side_by_side
+from cvxlimit.comparison.runs import Limits
+from cvxlimit.masonry import builtin_scene
+
+OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
+OCTAGON = Model("cvxlimit/octagon/1e-6", "cvxlimit, octagon", surface="octagon", tolerance=1e-6)
+AGAINST: tuple[Method, ...] = (
+    Literal(),
+    Literal("literal/octagon/N-mm", units="N-mm"),
+    LiteralConic(),
+    LiteralConic("literal/conic/N-mm", units="N-mm"),
+    ScipyLinprog(),
+)
+ALL_CORES = Literal("literal/octagon/kN-m/all-cores")
+PANELS = ("s12-panel", "s10-panel")
+SIZES = (500, 1_900, 5_000, 9_000, 16_452)
+QUICK_SIZES = (500, 1_900)
+
+MOST_OVERHEAD = 0.15
+MOST_MEMORY = 2_000.0
+LEAST_RATIO, AIM = 6.0, 10.0
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A promise, what was measured, and whether it holds."""
+
+    promise: str
+    measured: str
+    holds: bool
+
+    def __str__(self) -> str:
+        return f"{'holds ' if self.holds else 'MISSED'}  {self.promise}: {self.measured}"
+
+
+def run(repeat: int, limits: Limits, folder: Path, quick: bool, say: Say) -> str:
+    """Measure, write ``headline.json`` and ``headline.txt``, return the text."""
+    about = environment()
+    rows = speed_rows(repeat, limits, say)
+    many = all_core_rows(repeat, limits, say)
+    sizes = QUICK_SIZES if quick else SIZES
+    grown = growth_rows(sizes, repeat, limits, say)
+    checks = [*speed_checks(rows, many), *growth_checks(grown)]
+    machine = about["machine"]
+    text = "\n".join(
+        [
+            f"{machine['cpu']}, {machine['cores']} cores, load {machine['load_before']} at start; "
+            f"medians of {repeat} runs, methods in turns",
+            "",
+            *(_line(row) for row in (*rows, *many, *grown)),
+            "",
+            *map(str, checks),
+            "",
+            bound(grown),
+        ]
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "headline.txt").write_text(text + "\n", encoding="utf-8")
+    content = {
+        **about,
+        "repeat": repeat,
+        "rows": [asdict(row) for row in (*rows, *many, *grown)],
+        "checks": [asdict(check) for check in checks],
+    }
+    (folder / "headline.json").write_text(json.dumps(content, indent=1), encoding="utf-8")
+    return text
+
+
+def speed_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
+    """Ours and the baselines on the two panels."""
+    rows = []
+    for name in PANELS:
+        methods = (OURS, OCTAGON, *AGAINST)
+        rows += side_by_side(
+            methods, builtin_scene(name), repeat, limits, lambda m, n=name: say(f"{n}: {m}")
+        )
+    return rows
+
+
+def all_core_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
+    """The literal transcription with all cores, as a user's machine would run it."""
+    free = Limits(limits.seconds, limits.memory, threads=None)
+    method = ALL_CORES
+    rows = []
+    for name in PANELS:
+        rows += side_by_side([method], builtin_scene(name), repeat, free, reference_limits=limits)
+        say(f"{name}: {method.name}")
+    return rows
+
+
+def growth_rows(sizes: Sequence[int], repeat: int, limits: Limits, say: Say) -> list[Row]:
+    """Ours over the sizes, on panels with two returns; no reference is needed for that."""
+    rows = []
+    for size in sizes:
+        rows += side_by_side([OURS], panel_of(size), repeat, limits, reference_limits=Limits(1.0))
+        say(f"panel of {rows[-1].contacts or size} contacts")
+    return rows
+
+
+def speed_checks(rows: Sequence[Row], many: Sequence[Row]) -> list[Check]:
+    """Ratios of total times, and whether ours is certified to what it claims."""
+    checks = []
+    for scene in PANELS:
+        here = {row.method: row for row in (*rows, *many) if row.scene == scene}
+        ours = here[OURS.name]
+        checks.append(_certified(ours))
+        others = (*(method.name for method in AGAINST[:2]), ALL_CORES.name)
+        checks += [_ratio(ours, here[name]) for name in others]
+        octagon = here[OCTAGON.name]
+        error = "unknown" if octagon.error is None else f"{octagon.error:.2%}"
+        checks.append(Check(f"{scene}: the octagon's error against the cone", error, True))
+    return checks
+
+
+def _certified(ours: Row) -> Check:
+    gap = _gap(ours)
+    return Check(f"{ours.scene}: certified to 1e-6", f"bracket {gap:.1e}", gap <= 1e-6)
+
+
+def _gap(row: Row) -> float:
+    if row.lower is None or row.upper is None:
+        return float("inf")
+    return (row.upper - row.lower) / max(abs(row.upper), abs(row.lower))
+
+
+def _ratio(ours: Row, other: Row) -> Check:
+    promise = (
+        f"{ours.scene}: at least {LEAST_RATIO:g} times (aim {AIM:g}) as fast as {other.method}"
+    )
+    if ours.total is None:
+        return Check(promise, f"ours failed: {ours.reason}", False)
+    if other.total is None:
+        return Check(promise, f"{other.method} failed: {other.reason}", True)
+    ratio = other.total / ours.total
+    error = "unknown" if other.error is None else f"{other.error:.1e}"
+    text = f"{ratio:.1f} times ({other.total:.2f} s, error {error}, against {ours.total:.2f} s)"
+    return Check(promise, text, ratio >= LEAST_RATIO)
+
+
+def growth_checks(rows: Sequence[Row]) -> list[Check]:
+    """Overhead and memory at every size, growth over all of them."""
+    checks = []
+    for row in rows:
+        size = row.contacts or 0
+        if row.total is None or row.solve is None:
+            checks.append(Check(f"panel of {size} contacts", row.reason, False))
+            continue
+        share = (row.total - row.solve) / row.solve
+        most = MOST_OVERHEAD if size > 1_000 else 1.0
+        promise = f"{size:,} contacts: all outside the solver at most {most:.0%} of its time"
+        checks.append(Check(promise, f"{share:.0%}", share <= most))
+        if size > 16_000 and row.memory is not None:
+            promise = f"{size:,} contacts: peak memory below {MOST_MEMORY:,.0f} MB"
+            checks.append(Check(promise, f"{row.memory:,.0f} MB", row.memory < MOST_MEMORY))
+    return checks
+
+
+def bound(rows: Sequence[Row]) -> str:
+    """Fitted exponents of the total and of its phases: the largest one bounds growth."""
+    done = [row for row in rows if row.total is not None and row.contacts]
+    if len(done) < 2:
+        return "growth: fewer than two sizes"
+    sizes = [float(row.contacts or 0) for row in done]
+    parts = []
+    for phase in ("total", "detect", "compile", "solve", "certify"):
+        values = [getattr(row, phase) for row in done]
+        if all(values):
+            last = values[-1] / (done[-1].total or 1.0)
+            parts.append(f"{phase} {fitted_exponent(sizes, values):.2f} ({last:.0%} at the end)")
+    first, end = int(sizes[0]), int(sizes[-1])
+    return f"growth exponents from {first:,} to {end:,} contacts: " + ", ".join(parts)
+
+
+def _line(row: Row) -> str:
+    name = f"{row.scene:18} {row.contacts or 0:6} {row.method:32}"
+    if row.failed:
+        return f"{name} {row.reason}"
+    error = "" if row.error is None else f"error {row.error:.1e}"
+    phases = " ".join(
+        f"{phase} {getattr(row, phase):.3f}"
+        for phase in ("detect", "compile", "solve", "certify")
+        if getattr(row, phase) is not None
+    )
+    spread = f"{row.total:8.3f} s [{row.total_min:.3f}, {row.total_max:.3f}]"
+    return f"{name} {spread} {error} {phases} {row.memory or 0:.0f} MB {row.status}"

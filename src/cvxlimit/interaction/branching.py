@@ -1,0 +1,371 @@
+"""Branch and bound over eccentricities: the collapse load with interaction to a tolerance.
+
+Every node allows each contact a box of pressure centres. Its upper bound comes from the hull of
+those states, certified: the mechanism of the node's relaxation is checked against the support
+function of the true states *in the boxes*, which is what the bound is a proof for. Boxes of
+the children of a node cover the node, so the largest bound among the open and the closed nodes
+bounds the load factor.
+
+A node whose states cannot carry the dead load needs no special proof: its relaxation may take
+dead load off at a price, and its mechanism then has a bound of minus that price.
+
+Lower bounds are forces: those of a relaxation where they happen to be admissible, and else the
+best with every contact's eccentricity bounded by that of the relaxation and its coefficients
+frozen there (:func:`cvxlimit.interaction.hull.safe_copies`). They count after they were brought
+into equilibrium and passed :func:`cvxlimit.interaction.pressure.interaction_excess`.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.certificate import Certifier
+from cvxlimit.contacts import COLUMN
+from cvxlimit.interaction.hull import Copies, HullProblem, box_copies, safe_copies
+from cvxlimit.interaction.pressure import Pressure, interaction_excess
+from cvxlimit.interaction.support import InteractionFlow, free_sign, half_extent, whole_boxes
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Iterate
+from cvxlimit.solvers import LimitState, default_ladder
+from cvxlimit.statics import DOF
+from cvxlimit.surfaces import Rocking
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+ADMISSIBLE = 1e-9
+"""Excess and residual, as shares of the total load, up to which forces count as admissible."""
+
+_NARROWEST_CHILD = 0.2
+"""Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
+
+_WORTH_A_COPY = 0.05
+"""A node is solved again with added copies when that could lower its bound by more than this
+share of the tolerance."""
+
+_ROUNDS = 3
+_PRICE = 10.0
+"""Price of the whole dead load, in multiples of the root's bound: any that exceeds minus the
+lower bound closes nodes without states."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """What branch and bound has proved.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Of the load factor with interaction; infinite where nothing was found.
+    is_proved : bool
+        True if the upper bound needs no assumption (see :class:`Certifier`).
+    is_closed : bool
+        True if the bracket is within the tolerance.
+    forces : (n, 6) or None
+        Admissible, in equilibrium at ``lower``.
+    mechanism : (free blocks, 6) or None
+        Of the node with the largest bound when the search ended.
+    history : tuple of Iterate
+        One entry whenever a bound improved.
+    solves : int
+    seconds : float
+    """
+
+    lower: float
+    upper: float
+    is_proved: bool
+    is_closed: bool
+    forces: FloatArray | None
+    mechanism: FloatArray | None
+    history: tuple[Iterate, ...]
+    solves: int
+    seconds: float
+
+
+def branch_and_bound(
+    scene: Scene,
+    moments: str,
+    tolerance: float = 1e-4,
+    most_solves: int = 5_000,
+    seconds: float = 60.0,
+    progress: Progress | None = None,
+) -> Bracket:
+    """Bracket the load factor with interaction to ``tolerance``, relative to the upper bound.
+
+    Ends earlier after ``most_solves`` convex problems or ``seconds``; the bracket is valid
+    then, too. Meant for scenes of a few contacts. Contacts that are not rectangles are not split.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> bracket = branch_and_bound(builtin_scene("single-block"), "signed")
+    >>> bracket.is_closed, round(bracket.lower, 4)
+    (True, 0.4)
+    """
+    search = _Search(scene, moments, tolerance, progress or (lambda message: None))
+    search.start()
+    while not search.is_closed and search.open:
+        if search.solves >= most_solves or search.elapsed() > seconds:
+            break
+        search.step()
+    return search.bracket()
+
+
+@dataclass(order=True)
+class _Node:
+    """Boxes of all contacts and what is known about them; ordered by bound, largest first."""
+
+    key: tuple[float, int]
+    boxes: FloatArray = field(compare=False)
+    added: Copies = field(compare=False)
+    forces: FloatArray | None = field(compare=False, default=None)
+    mechanism: FloatArray | None = field(compare=False, default=None)
+
+    @property
+    def bound(self) -> float:
+        return -self.key[0]
+
+
+class _Search:
+    """Open nodes, the largest bound of closed ones, and the best forces."""
+
+    def __init__(self, scene: Scene, moments: str, tolerance: float, tell: Progress) -> None:
+        self.scene, self.moments, self.tolerance, self.tell = scene, moments, tolerance, tell
+        self.started = time.perf_counter()
+        self.contacts = scene.contacts
+        self.half = half_extent(self.contacts)
+        whole = InteractionFlow(self.contacts, moments)
+        self.certifier = Certifier(scene, (Rocking(),), whole)
+        self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
+        self.opening = self.witnesses.opening_field
+        if self.opening is not None:
+            self.spare = -whole.shortfall(self.statics.relative_rates(self.opening))[0]
+        self.problem = HullProblem(scene)
+        self.load = float(
+            sum(np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces,))
+        ) or float(np.linalg.norm(scene.live_forces[:, :3], axis=1).sum())
+        self.price: float | None = None
+        self.open: list[_Node] = []
+        self.closed = -np.inf
+        self.lower, self.forces = -np.inf, None
+        self.solves = self.count = 0
+        self.history: list[Iterate] = []
+
+    # -- bounds ------------------------------------------------------------------------------
+
+    @property
+    def upper(self) -> float:
+        """Largest bound of any node."""
+        top = self.open[0].bound if self.open else -np.inf
+        return max(top, self.closed, self.lower)
+
+    @property
+    def width(self) -> float:
+        """The gap that is asked for, as a load factor."""
+        unit = 1e-6 * self.problem.scaling.load_factor(1.0)
+        sizes = [abs(x) for x in (self.upper, self.lower) if np.isfinite(x)]
+        return self.tolerance * max([*sizes, unit])
+
+    @property
+    def is_closed(self) -> bool:
+        """True when the bracket is within the tolerance."""
+        return self.upper - self.lower <= self.width
+
+    def elapsed(self) -> float:
+        """Seconds so far."""
+        return time.perf_counter() - self.started
+
+    def bracket(self) -> Bracket:
+        """The present state."""
+        return Bracket(
+            lower=self.lower,
+            upper=self.upper,
+            is_proved=self.opening is not None,
+            is_closed=self.is_closed,
+            forces=self.forces,
+            mechanism=self.open[0].mechanism if self.open else self.last.mechanism,
+            history=tuple(self.history),
+            solves=self.solves,
+            seconds=self.elapsed(),
+        )
+
+    # -- the tree ----------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """The root: all pressure centres."""
+        self.last = root = self._evaluated(whole_boxes(self.contacts), Copies.none(), np.inf, None)
+        if np.isfinite(root.bound):
+            natural = self.problem.scaling.load_factor(1.0)
+            self.price = _PRICE * max(abs(root.bound), natural)
+        heapq.heappush(self.open, root)
+        self._raise_lower(root)
+        self._note()
+
+    def step(self) -> None:
+        """Split the node with the largest bound."""
+        node = self.last = heapq.heappop(self.open)
+        choice = self._choice(node)
+        if choice is None:
+            self.closed = max(self.closed, node.bound)
+            return
+        contact, axis, at = choice
+        for boxes in _children(node.boxes, contact, axis, at, self.moments):
+            rows = np.array([contact])
+            child = self._evaluated(boxes, node.added.without(rows), node.bound, node)
+            if child.bound > self.lower + self.width:
+                self._raise_lower(child)
+            if child.bound > self.lower + 0.5 * self.width:
+                heapq.heappush(self.open, child)
+            else:
+                self.closed = max(self.closed, child.bound)
+        self._note()
+
+    def _note(self) -> None:
+        now = (self.lower, self.upper)
+        if self.history and (self.history[-1].lower, self.history[-1].upper) == now:
+            return
+        known = [float(x) if np.isfinite(x) else None for x in now]
+        self.history.append(
+            Iterate(known[0], self.elapsed(), "branch and bound", f"{self.solves} solves", *known)
+        )
+        self.tell(f"branch and bound: [{now[0]:.6f}, {now[1]:.6f}], {len(self.open)} open")
+
+    def _choice(self, node: _Node) -> tuple[int, int, float] | None:
+        """Contact, axis and fraction at which to split; None where nothing can be split."""
+        forces, mechanism = node.forces, node.mechanism
+        if forces is None or mechanism is None:
+            return self._widest(node)
+        rates = self.statics.relative_rates(mechanism)
+        speed = np.hypot(rates[:, 0], rates[:, 1])
+        speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
+        excess = np.maximum(interaction_excess(forces, self.contacts, self.moments), 0.0)
+        score = np.where(self.contacts.is_rectangle, excess * speed, 0.0)
+        contact = int(score.argmax())
+        if not score[contact] > 0.0:
+            return self._widest(node)
+        centre = self._centre(forces)[contact]
+        low, high = node.boxes[contact].T
+        if self.moments == "independent":
+            symmetric = free_sign(node.boxes)[contact]
+            low, centre = np.where(symmetric, 0.0, low), np.where(symmetric, abs(centre), centre)
+        inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
+        axis = int(inner.argmax())
+        return contact, axis, float(centre[axis])
+
+    def _widest(self, node: _Node) -> tuple[int, int, float] | None:
+        width = np.where(
+            self.contacts.is_rectangle[:, None], node.boxes[..., 1] - node.boxes[..., 0], 0.0
+        )
+        contact, axis = np.unravel_index(int(width.argmax()), width.shape)
+        if width[contact, axis] <= 1e-9:
+            return None
+        return int(contact), int(axis), float(node.boxes[contact, axis].mean())
+
+    # -- one node ----------------------------------------------------------------------------
+
+    def _evaluated(
+        self, boxes: FloatArray, added: Copies, bound: float, parent: _Node | None
+    ) -> _Node:
+        """Solve, certify, add copies; a solver's failure leaves the parent's bound and forces."""
+        flow = InteractionFlow(self.contacts, self.moments, boxes)
+        first = box_copies(self.contacts, self.moments, boxes)
+        best = parent.mechanism if parent else None
+        forces = parent.forces if parent else None
+        for _ in range(_ROUNDS):
+            state = self._solve(first.joined(added), self.price)
+            if state.mechanism is None or state.load_factor is None:
+                break
+            forces = state.forces
+            found, missed = self._certified(state.mechanism, flow, boxes)
+            if found < bound:
+                bound, best = found, state.mechanism
+            gain = found - state.load_factor
+            if not len(missed) or gain <= _WORTH_A_COPY * self.width or bound < self.lower:
+                break
+            added = added.joined(missed)
+        self.count += 1
+        return _Node((-bound, self.count), boxes, added, forces, best)
+
+    def _solve(self, copies: Copies, price: float | None) -> LimitState:
+        for settings in default_ladder()[:3]:
+            self.solves += 1
+            state = self.problem.solve(copies, settings, price)
+            if state.mechanism is not None or state.outcome.claims_no_optimum:
+                break
+        return state
+
+    def _certified(
+        self, mechanism: FloatArray, flow: InteractionFlow, boxes: FloatArray
+    ) -> tuple[float, Copies]:
+        """Bound on the load factor over the boxes, and the copies that the mechanism misses."""
+        rates = self.statics.relative_rates(mechanism)
+        missing, centre = flow.worst(rates)
+        rows = np.flatnonzero(
+            (missing > 1e-8 * np.abs(rates[:, :3]).max()) & np.isfinite(centre).all(axis=1)
+        )
+        missed = Copies.at(rows, centre[rows], boxes, self.moments)
+        if self.opening is None:
+            certifier = Certifier(self.scene, (Rocking(),), flow)
+            return certifier.certificate(None, None, mechanism).upper, missed
+        opened = mechanism + max(float((missing / self.spare).max()), 0.0) * self.opening
+        live = float(self.statics.live @ opened.ravel())
+        return (-float(self.statics.dead @ opened.ravel()) / live if live > 0.0 else np.inf), missed
+
+    # -- forces ------------------------------------------------------------------------------
+
+    def _centre(self, forces: FloatArray) -> FloatArray:
+        """Pressure centres (n, 2) as fractions of the half extent."""
+        at = Pressure.of(forces, self.contacts)
+        return np.clip(np.stack([at.e1, at.e2], axis=1) / self.half, -1.0, 1.0)
+
+    def _raise_lower(self, node: _Node) -> None:
+        """Forces at or below the node's that are admissible."""
+        if node.forces is None:
+            return
+        safe = safe_copies(self.contacts, self.moments, self._centre(node.forces))
+        state = self._solve(safe, None)
+        if state.forces is None or state.load_factor is None or state.load_factor <= self.lower:
+            return
+        forces = self.witnesses.balanced(state.forces, state.load_factor)
+        if self._is_admissible(forces, state.load_factor):
+            self.lower, self.forces = state.load_factor, forces
+
+    def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
+        """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
+        _, _, offset = self.contacts.edges
+        residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
+        residual[:, 3:] /= self.certifier.size
+        excess = [
+            np.abs(residual).max(),
+            (Rocking().excess(forces, self.contacts)[0] / offset).max(),
+            interaction_excess(forces, self.contacts, self.moments).max(),
+        ]
+        return bool(max(excess) <= ADMISSIBLE * self.load)
+
+
+def _children(
+    boxes: FloatArray, contact: int, axis: int, at: float, moments: str
+) -> list[FloatArray]:
+    """Boxes with one range cut: at ``at``; at zero where it has both signs; or, with independent
+    signs, into its middle and two sides, so that no other range has both signs."""
+    low, high = boxes[contact, axis]
+    if moments == "independent" and low < 0.0 < high:
+        cut = float(np.clip(abs(at), _NARROWEST_CHILD * high, (1.0 - _NARROWEST_CHILD) * high))
+        ends = [low, -cut, cut, high]
+    elif low < 0.0 < high:
+        ends = [low, 0.0, high]
+    else:
+        reserve = _NARROWEST_CHILD * (high - low)
+        ends = [low, float(np.clip(at, low + reserve, high - reserve)), high]
+    children = []
+    for left, right in zip(ends[:-1], ends[1:], strict=True):
+        child = boxes.copy()
+        child[contact, axis] = left, right
+        children.append(child)
+    return children

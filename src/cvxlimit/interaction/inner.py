@@ -1,0 +1,348 @@
+"""Lower bounds on the load factor with interaction: safe convex steps from several starts.
+
+Every *hard* step (:mod:`cvxlimit.interaction.safe_step`) is convex and inside Eq. 30, so each one
+is a lower bound; built at the last one's forces it contains them, so bounds do not fall. Where the
+steps end depends on where they begin, and two ways lead to good beginnings:
+
+- *soft* steps from the middle of all contacts (independent signs) may exceed Eq. 30 at a price
+  that grows until nothing is bought;
+- *box* steps (signed moments) replace every contact's states by the convex hull of those pressed
+  within a box about the last pressure centre, and shrink the boxes. The first box is the whole
+  contact, hence the global relaxation.
+
+Neither is safe, and neither is reported as a bound: hard steps follow them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.contacts import COLUMN
+from cvxlimit.errors import ModelError
+from cvxlimit.interaction.hull import HullProblem, box_copies
+from cvxlimit.interaction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.interaction.pressure import Pressure
+from cvxlimit.interaction.safe_step import Point, SafeStep
+from cvxlimit.interaction.support import half_extent
+from cvxlimit.scene import Scene
+from cvxlimit.solvers import OPTIONS, LimitState, SolverSettings, default_ladder
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class InnerSettings:
+    """Settings of the safe steps; the defaults were chosen on the tuff wall, S12 and S10.
+
+    Attributes
+    ----------
+    most : int
+        Solves in all.
+    gain : float
+        A climb of hard steps ends when one gains less than this share of the load factor.
+    soft_steps : int
+        Soft steps of an independent-sign start from the middle, at most.
+    price, price_growth : float
+        First price of slack, in units of the fastest twist at a contact (what a small slack is
+        worth), and its factor per step.
+    boxes : int
+        Box steps before signed climbs.
+    box, box_shrink : float
+        First box about the start's pressure centres, in half sides to either side, and the
+        factor from box to box.
+    reach : float
+        Hard steps with independent signs are built ahead of the last one's forces by this share
+        of the last move, as long as that gains.
+
+    Example
+    -------
+    >>> InnerSettings(most=4).gain
+    0.0001
+    """
+
+    most: int = 24
+    gain: float = 1e-4
+    soft_steps: int = 4
+    price: float = 0.7
+    price_growth: float = 3.0
+    boxes: int = 9
+    box: float = 1.2
+    box_shrink: float = 0.6
+    reach: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.most < 1:
+            raise ModelError(f"most must be at least 1 solve, got {self.most!r}")
+        if not 0.0 < self.box_shrink < 1.0:
+            raise ModelError(f"box_shrink must be between 0 and 1, got {self.box_shrink!r}")
+        if not self.price_growth > 1.0:
+            raise ModelError(f"price_growth must be above 1, got {self.price_growth!r}")
+
+
+_ROUGH, _TIGHT = 1e-6, 1e-9
+"""Clarabel's tolerances for steps that only lead the way, and for bounds."""
+
+_PRESSED = 1e-7
+"""Compression, over the total load, from which a pressure centre means something."""
+
+_BOUGHT = 1e-5
+"""Slack in all, over total load x contact size, that counts as none."""
+
+_RETREATS = (1e-3, 1e-2, 1e-1, 1.0)
+"""Where a hard step fails it is tried again nearer to the middle by these shares."""
+
+
+@dataclass(frozen=True, eq=False)
+class InnerIterate:
+    """One solve of the inner method.
+
+    Attributes
+    ----------
+    kind : str
+        ``"hard"`` (safe by construction), ``"soft"`` or ``"box"``.
+    solver : str
+    state : LimitState
+        Load factor, forces, mechanism; compile and solve seconds are in ``state.outcome``.
+    slack : float
+        Violation bought by a soft step, over total load x contact size.
+    bound : LowerBound or None
+        What the checker made of the forces; None if there are none.
+    """
+
+    kind: str
+    solver: str
+    state: LimitState
+    slack: float
+    bound: LowerBound | None
+
+    @property
+    def lower(self) -> float:
+        """The bound; -inf where the checker refused the forces."""
+        return -np.inf if self.bound is None else self.bound.value
+
+    @property
+    def is_safe(self) -> bool:
+        """True if the checker accepted the forces."""
+        return self.bound is not None and self.bound.is_accepted
+
+
+class InnerMethod:
+    """Safe steps of one scene; :meth:`iterates` may be called for several starts.
+
+    Parameters
+    ----------
+    scene : Scene
+    moments : str
+        ``"independent"`` or ``"signed"``.
+    settings : InnerSettings
+    ladder : sequence of SolverSettings or None
+        For hard steps, climbed where one fails; None is Clarabel at 1e-9, then the default.
+    progress : callable or None
+
+    Attributes
+    ----------
+    best : LowerBound or None
+        The largest accepted bound so far.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> method = InnerMethod(builtin_scene("single-block"), "signed")
+    >>> found = [iterate.lower for iterate in method.iterates()]
+    >>> round(method.best.value, 5)
+    0.4
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        moments: str,
+        settings: InnerSettings | None = None,
+        ladder: Sequence[SolverSettings] | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        if moments not in _BALANCE:
+            raise ModelError(f"moments must be 'independent' or 'signed', got {moments!r}")
+        self.scene, self.moments = scene, moments
+        self.settings = settings or InnerSettings()
+        self.ladder = tuple(ladder or (_clarabel(_TIGHT), *default_ladder()))
+        self.tell = progress or (lambda message: None)
+        self.step = SafeStep(scene, moments, _BALANCE[moments])
+        self.checker = LowerBounds(scene, moments)
+        self.middle = Point.middle(self.step.statics.contacts)
+        self.best: LowerBound | None = None
+        self._hull: HullProblem | None = None
+        self._solves = 0
+
+    def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
+        """All solves in order, lazily; stop taking them when the bound is good enough.
+
+        ``start`` (n, 6) are forces to begin at, those of a relaxation from above for example,
+        whether or not they are admissible; None begins at the middle of the contacts.
+        """
+        self._solves = 0
+        ways = self._signed_ways(start) if self.moments == "signed" else self._ways(start)
+        for iterate in ways:
+            yield iterate
+            if self._solves >= self.settings.most:
+                return
+
+    def _ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        if start is not None:
+            yield from self._climb(self._point(start))
+        yield from self._softened()
+
+    def _signed_ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        point = self.middle
+        for iterate in self._boxed(start):
+            yield iterate
+            if iterate.state.forces is not None:
+                point = self._point(iterate.state.forces, point)
+        yield from self._climb(point)
+
+    def _climb(self, point: Point) -> Iterator[InnerIterate]:
+        """Hard steps, each at the forces of the last one or ahead of them, until they gain little."""
+        reach = self.settings.reach if self.moments == "independent" else 0.0
+        best, before, retreats = -np.inf, None, iter(_RETREATS)
+        here = at = point
+        while True:
+            iterate = self._hard(at)
+            yield iterate
+            if iterate.state.forces is None:
+                share = next(retreats, None)
+                if share is None:
+                    return
+                at, reach, before = here.shrunk(share), 0.0, None
+                continue
+            value = self._worth(iterate)
+            gain, best = value - best, max(best, value)
+            if gain > 0.0:
+                here = self._point(iterate.state.forces, at)
+            if gain < self.settings.gain * abs(value):
+                if reach == 0.0:
+                    return
+                reach = 0.0
+            at = here if before is None or reach == 0.0 else self._ahead(here, before, reach)
+            before = here
+
+    def _ahead(self, here: Point, before: Point, reach: float) -> Point:
+        return here.moved(reach, before).inside(self.step.statics.contacts)
+
+    def _softened(self) -> Iterator[InnerIterate]:
+        """A hard step at the middle, whose mechanism prices slack, then soft ones, then a climb."""
+        first = self._hard(self.middle)
+        yield first
+        price = self.settings.price * self._fastest_twist(first.state)
+        point, last = self.middle, np.inf
+        for number in range(self.settings.soft_steps):
+            iterate = self._soft(point, price)
+            yield iterate
+            if iterate.state.forces is None:
+                break
+            point = self._point(iterate.state.forces, point)
+            if iterate.slack <= _BOUGHT:
+                break
+            stuck = number > 0 and iterate.slack > 0.5 * last
+            price *= self.settings.price_growth * (10.0 if stuck else 1.0)
+            last = iterate.slack
+        yield from self._climb(point)
+
+    def _boxed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        """Hull relaxations over shrinking boxes of pressure centres."""
+        contacts = self.scene.contacts
+        centre, radius = np.zeros((len(contacts), 2)), 1.0
+        if start is not None:
+            centre, radius = self._centre(start, centre), self.settings.box
+        for _ in range(self.settings.boxes):
+            ends = np.stack([centre - radius, centre + radius], axis=2)
+            iterate = self._box(np.clip(ends, -1.0, 1.0))
+            yield iterate
+            if iterate.state.forces is None:
+                return
+            centre = self._centre(iterate.state.forces, centre)
+            radius *= self.settings.box_shrink
+
+    def _hard(self, point: Point) -> InnerIterate:
+        for solver in self.ladder:
+            state = self.step.solve(point, solver, None)
+            if state.forces is not None or state.outcome.claims_no_optimum:
+                break
+        return self._booked("hard", solver, state, 0.0)
+
+    def _soft(self, point: Point, price: float) -> InnerIterate:
+        state = self.step.solve(point, _clarabel(_ROUGH), price)
+        return self._booked("soft", _clarabel(_ROUGH), state, state.slack)
+
+    def _box(self, boxes: FloatArray) -> InnerIterate:
+        if self._hull is None:
+            self._hull = HullProblem(self.scene)
+        copies = box_copies(self.scene.contacts, self.moments, boxes)
+        state = self._hull.solve(copies, _clarabel(_ROUGH))
+        return self._booked("box", _clarabel(_ROUGH), state, 0.0)
+
+    def _booked(
+        self, kind: str, solver: SolverSettings, state: LimitState, slack: float
+    ) -> InnerIterate:
+        bound = None
+        if state.forces is not None and state.load_factor is not None:
+            bound = self.checker.of(state.forces, state.load_factor)
+            if bound.is_accepted and (self.best is None or bound.value > self.best.value):
+                self.best = bound
+        self._solves += 1
+        iterate = InnerIterate(kind, str(solver), state, slack, bound)
+        safe = f"at least {iterate.lower:.6f}" if iterate.is_safe else "not a bound"
+        self.tell(f"{kind} step {self._solves}: {safe}")
+        return iterate
+
+    def _worth(self, iterate: InnerIterate) -> float:
+        """Value that steers the climb: the bound, or what the solver says where it was refused."""
+        return iterate.lower if iterate.is_safe else float(iterate.state.load_factor or 0.0)
+
+    def _point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
+        return self.step.point(forces, otherwise or self.middle, _PRESSED)
+
+    def _centre(self, forces: FloatArray, otherwise: FloatArray) -> FloatArray:
+        """Pressure centres (n, 2) as fractions of the half extent; idle contacts keep theirs."""
+        contacts = self.scene.contacts
+        at = Pressure.of(forces, contacts)
+        centre = np.stack([at.e1, at.e2], axis=1) / half_extent(contacts)
+        pressed = forces[:, [COLUMN["N"]]] > _PRESSED * self.step.scaling.force
+        return np.where(pressed, np.clip(centre, -1.0, 1.0), otherwise)
+
+    def _fastest_twist(self, state: LimitState) -> float:
+        """Largest twist rate at a contact, scaled; at least the scaled load factor."""
+        scaling = self.step.scaling
+        floor = abs(state.load_factor or 1.0) / scaling.load_factor(1.0)
+        if state.mechanism is None:
+            return floor
+        rates = self.step.statics.relative_rates(state.mechanism / scaling.mechanism(_ONES))
+        return max(floor, float(np.abs(rates[:, COLUMN["MT"]]).max()))
+
+
+_BALANCE = {"independent": 2.0, "signed": 1.0}
+"""k^2 of the product bounds by moment convention, over (half side / friction)."""
+
+_ONES = np.ones(6)
+
+
+def _clarabel(tolerance: float) -> SolverSettings:
+    names = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
+    options = {**OPTIONS["CLARABEL"], **dict.fromkeys(names, tolerance), "max_iter": 100}
+    return SolverSettings("CLARABEL", options, f"CLARABEL {tolerance:g}")
+
+
+def safe_iterates(
+    scene: Scene,
+    moments: str,
+    settings: InnerSettings | None = None,
+    start: FloatArray | None = None,
+    ladder: Sequence[SolverSettings] | None = None,
+    progress: Progress | None = None,
+) -> Iterator[InnerIterate]:
+    """All iterates of :class:`InnerMethod` from one start, lazily."""
+    yield from InnerMethod(scene, moments, settings, ladder, progress).iterates(start)

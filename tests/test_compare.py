@@ -1,0 +1,293 @@
+"""``compare`` on small scenes: rows, true errors, failures, table, chart, CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from cvxlimit import builtin_scene
+from cvxlimit.compare import Comparison, compare
+from cvxlimit.comparison.chart import fitted_exponent, pareto_front
+from cvxlimit.comparison.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
+from cvxlimit.comparison.reference import WIDTH, Reference
+from cvxlimit.comparison.registry import choose, interaction_registry, registry
+from cvxlimit.comparison.rows import Bracket, number_of_steps, side_by_side
+from cvxlimit.comparison.runs import Failure, Limits, run_apart
+from cvxlimit.comparison.settings import settings_for
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.formulations import resultants
+from cvxlimit.scene import Load
+
+TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
+LIMITS = Limits(60.0)
+
+
+@dataclass(frozen=True)
+class Misbehaving(Method):
+    """Fails in the way it is told to."""
+
+    name: str
+    how: str
+    line: str = "misbehaving"
+
+    def measure(self, scene) -> Measurement:
+        if len(scene.contacts) > 1 or self.how == "crash":
+            if self.how == "crash":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            if self.how == "hang":
+                signal.pause()
+            if self.how == "memory":
+                np.ones(int(1e12))
+            if self.how == "raise":
+                raise ZeroDivisionError("by\nnought")
+        status = "infeasible" if self.how == "no answer" else "optimal"
+        factor = None if self.how == "no answer" else 0.4
+        return Measurement(status, factor, None, None, {}, 0.1, len(scene.contacts))
+
+
+@pytest.fixture(scope="module")
+def tuff() -> Comparison:
+    models = [
+        "cvxlimit",
+        "octagon/corners/clarabel-qdldl/1e-8",
+        Model("mine", solver=settings_for("CLARABEL", 1e-3), formulation=resultants),
+        "conic/corners/mosek/1e-8",
+        "frozen/dpp",
+    ]
+    return compare(builtin_scene("tuff-wall"), models, repeat=1, progress=False, limits=LIMITS)
+
+
+def test_rows_are_in_the_order_of_the_models_with_their_load_factors(tuff):
+    names = [row.method for row in tuff.rows]
+    assert names[:3] == ["cvxlimit", "octagon/corners/clarabel-qdldl/1e-8", "mine"]
+    assert tuff.rows[0].load_factor == pytest.approx(TUFF_CONIC, rel=2e-6)
+    assert tuff.rows[1].load_factor == pytest.approx(TUFF_OCTAGON, rel=2e-6)
+    assert {(row.blocks, row.contacts) for row in tuff.rows if not row.failed} == {(54, 146)}
+
+
+def test_errors_are_relative_to_the_cone_not_to_the_method_itself(tuff):
+    by_name = {row.method: row for row in tuff.rows}
+    octagon = by_name["octagon/corners/clarabel-qdldl/1e-8"]
+    assert octagon.error == pytest.approx(TUFF_OCTAGON / TUFF_CONIC - 1.0, rel=1e-3)
+    assert by_name["cvxlimit"].error < 1e-5
+    assert 1e-5 < by_name["mine"].error < 1e-1
+    lower, upper = octagon.reference_lower, octagon.reference_upper
+    assert 0.0 <= upper - lower <= WIDTH * upper
+    assert octagon.reference.startswith("proved")
+
+
+def test_phases_add_up_to_no_more_than_the_total(tuff):
+    for row in tuff.rows:
+        if not row.failed:
+            phases = [getattr(row, phase) for phase in PHASES]
+            known = [seconds for seconds in phases if seconds is not None]
+            assert all(seconds >= 0.0 for seconds in known)
+            assert 0.0 < sum(known) <= row.total * (1.0 + 1e-9)
+            assert row.total_min <= row.total <= row.total_max
+            assert row.memory is None or row.memory > 20.0
+
+
+def test_parameters_have_their_own_phase(tuff):
+    row = next(row for row in tuff.rows if row.method == "frozen/dpp")
+    assert row.parameters == "dpp"
+    assert row.reparametrise > 0.0
+    assert row.error < 1e-5
+
+
+def test_a_missing_solver_is_a_row_with_its_reason(tuff):
+    row = next(row for row in tuff.rows if "mosek" in row.method)
+    if not row.failed:
+        pytest.skip("MOSEK is installed here")
+    assert "MOSEK is not installed" in row.reason
+    assert row.load_factor is None
+    assert row.error is None
+
+
+def test_table_csv_and_front_agree(tuff, tmp_path):
+    lines = tuff.table().splitlines()
+    assert len(lines) == 1 + len(tuff.rows) + 1
+    marked = [line.split()[1] for line in lines[1:-1] if line.startswith("*")]
+    assert tuple(marked) == tuff.front
+    assert tuff.front
+    assert "octagon/corners/clarabel-qdldl/1e-8" not in tuff.front
+    with tuff.to_csv(tmp_path / "rows.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["method"] for row in rows] == [row.method for row in tuff.rows]
+    assert float(rows[0]["load_factor"]) == tuff.rows[0].load_factor
+
+
+def test_plot_draws_every_line_and_the_front(tuff):
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    figure = tuff.plot()
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    expected = {row.line for row in tuff.rows if not row.failed}
+    assert expected | {"Pareto front", "resolution of the reference"} == set(labels)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    own = Figure()
+    assert tuff.plot(own.add_subplot()) is own
+
+
+def test_without_matplotlib_the_error_names_the_extra(tuff, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cvxlimit.plotting.drawing", None)
+    with pytest.raises(ModelError, match=r"cvxlimit\[plot\]"):
+        tuff.plot()
+
+
+def test_nothing_to_draw_is_refused():
+    with pytest.raises(ModelError, match="nothing to draw"):
+        Comparison("empty", ()).plot()
+
+
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("crash", "SIGSEGV"),
+        ("hang", "time limit of 6 s"),
+        ("memory", "memory"),
+        ("raise", "ZeroDivisionError: by nought"),
+        ("no answer", "no load factor: infeasible"),
+    ],
+)
+def test_failures_become_rows(how, reason):
+    limits = Limits(6.0)
+    failure = run_apart(Misbehaving("bad", how), builtin_scene("stack"), limits)
+    assert isinstance(failure, Failure)
+    assert reason in failure.reason
+    assert failure.is_timeout is (how == "hang")
+
+
+def test_a_failure_is_not_repeated_and_the_others_go_on():
+    methods = [Misbehaving("bad", "raise"), registry()["cvxlimit"]]
+    steps: list[str] = []
+    rows = side_by_side(methods, builtin_scene("stack"), 2, LIMITS, steps.append)
+    assert [row.failed for row in rows] == [True, False]
+    assert [row.runs for row in rows] == [0, 2]
+    assert len(steps) == number_of_steps(methods, 2)
+
+
+def test_what_cannot_be_sent_is_refused_by_name():
+    model = Model("mine", formulation=lambda contacts: resultants(contacts))
+    with pytest.raises(ModelError, match="'mine' cannot be sent"):
+        compare(builtin_scene("single-block"), [model], repeat=1, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("models", "repeat", "message"),
+    [
+        (["no-such"], 1, "no method matches 'no-such'; there are cvxlimit"),
+        ([], 1, "nothing to compare"),
+        ([3], 1, "must be names or Model objects"),
+        ([Model("a"), Model("a", tolerance=0.1)], 1, "two models are called 'a'"),
+        (["cvxlimit"], 0, "repeat must be"),
+        (["cvxlimit"], True, "repeat must be"),
+    ],
+)
+def test_refusals(models, repeat, message):
+    with pytest.raises(ModelError, match=message):
+        compare(builtin_scene("single-block"), models, repeat=repeat, progress=False)
+
+
+def test_a_bad_scene_is_refused_before_anything_runs():
+    from cvxlimit import Block, Scene
+
+    far = Block.box("far", (5, 5, 5), (6, 6, 6), density=1.0)
+    ground = Block.box("ground", (0, 0, -1), (1, 1, 0))
+    scene = Scene([ground, far], ["ground"], Load(acceleration=(1, 0, 0)))
+    with pytest.raises(InputError, match="touches no other block"):
+        compare(scene, ["cvxlimit"], progress=False)
+
+
+def test_the_registry_has_every_axis():
+    methods = registry()
+    axes = [method.axes() for method in methods.values()]
+    assert all(name == method.name for name, method in methods.items())
+    surfaces = {a["surface"] for a in axes}
+    polygons = {f"{n}{s}" for n in ("octagon", "16-gon", "32-gon", "64-gon")
+                for s in ("", "-inscribed")}  # fmt: skip
+    assert surfaces == {"conic", *polygons}
+    assert {a["formulation"] for a in axes} == {"corner compressions", "resultants"}
+    assert {a.get("parameters") for a in axes} == {None, *FrozenModel.CHOICES}
+    solvers = {a["solver"] for a in axes}
+    assert {"Clarabel qdldl", "Clarabel faer", "HiGHS ipm", "HiGHS simplex", "SCS", "ECOS", "QOCO",
+            "MOSEK", "GUROBI", "CUOPT"} <= solvers  # fmt: skip
+    qdldl = [a["tolerance"] for a in axes if a["solver"] == "Clarabel qdldl"]
+    assert len(set(qdldl)) >= 5
+    kinds = {(m.interaction, m.moments) for m in interaction_registry().values()}
+    expected = {(k, m) for k in ("fixed-point", "certified") for m in ("independent", "signed")}
+    assert kinds == expected
+
+
+def test_patterns_choose_in_registered_order():
+    methods = list(registry().values())
+    chosen = choose(["16-gon*", "cvxlimit"], methods)
+    assert [m.name for m in chosen] == [
+        "cvxlimit",
+        "16-gon/corners/clarabel-qdldl/1e-8",
+        "16-gon-inscribed/corners/clarabel-qdldl/1e-8",
+    ]
+
+
+@pytest.mark.parametrize("kind", ["made", "frozen"])
+def test_a_model_that_makes_no_sense_is_refused(kind):
+    with pytest.raises(ModelError):
+        Model("x", surface="2-gon") if kind == "made" else FrozenModel("x", parameters="none")
+
+
+@pytest.mark.parametrize(
+    ("points", "front"),
+    [
+        ([], []),
+        ([(1.0, 1.0)], [0]),
+        ([(2.0, 1.0), (1.0, 2.0), (3.0, 3.0)], [1, 0]),
+        ([(1.0, 1.0), (1.0, 1.0)], [0]),
+        ([(1.0, 2.0), (1.0, 1.0)], [1]),
+        ([(1.0, 1.0), (2.0, 1.0)], [0]),
+    ],
+)
+def test_pareto_front(points, front):
+    assert pareto_front(points) == front
+
+
+def test_fitted_exponent():
+    sizes = np.array([500.0, 1900.0, 5000.0, 16452.0])
+    noise = np.array([1.02, 0.99, 0.98, 1.01])
+    assert fitted_exponent(sizes, 3e-4 * sizes**1.4) == pytest.approx(1.4)
+    assert fitted_exponent(sizes, 3e-4 * sizes**1.4 * noise) == pytest.approx(1.4, abs=0.02)
+    assert np.isnan(fitted_exponent([5.0, 5.0], [1.0, 2.0]))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "value", "error"),
+    [(1.0, 1.0, 1.01, 0.01), (0.8, 1.0, 0.9, 0.1), (0.8, 1.0, 1.2, 0.4), (None, None, 1.0, None)],
+)
+def test_error_against_a_bracket_is_the_worst_case(lower, upper, value, error):
+    found = Bracket(lower, upper, "").error(value)
+    assert found == (None if error is None else pytest.approx(error))
+    assert Bracket(lower, upper, "").error(None) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("single-block", 0.4), ("ferris-tin-loi-1", 0.642859), ("tuff-wall", TUFF_CONIC)],
+)
+def test_references_are_narrow_and_right(name, factor):
+    found = Reference().measure(builtin_scene(name))
+    assert found.lower <= found.upper <= found.lower * (1.0 + WIDTH)
+    assert found.load_factor == pytest.approx(factor, rel=2e-6)
+
+
+def test_stopwatch_books_seconds_once():
+    watch = Stopwatch()
+    watch.lap("solve")
+    before = watch.total
+    watch.move(0.25 * before, "solve", "compile")
+    assert sum(watch.seconds.values()) == pytest.approx(watch.total)
+    assert watch.seconds["compile"] == pytest.approx(0.25 * before)
