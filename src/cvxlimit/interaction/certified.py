@@ -31,6 +31,9 @@ FloatArray = NDArray[np.float64]
 GOOD = 0.05
 """Relative width of the bracket that counts as an answer where no tolerance is asked for."""
 
+_OUTER_TOLERANCE = 1e-4
+"""Copies are added to contacts until that could lower the upper bound by no more than this."""
+
 
 @dataclass(frozen=True)
 class Certified:
@@ -138,7 +141,7 @@ class _Bracket:
 
     def _bound_from_above(self) -> GlobalBound:
         outer = global_upper_bound(
-            self.scene, self.moments, settings=self.ladder, progress=self.tell
+            self.scene, self.moments, _OUTER_TOLERANCE, self._outer_ladder(), self.tell
         )
         for phase in ("compile", "solve", "certify"):
             self.clock.seconds[phase] += outer.seconds[phase]
@@ -148,6 +151,10 @@ class _Bracket:
         self.upper, self.upper_is_proved = outer.upper, outer.is_proved
         self.mechanism = outer.mechanism
         return outer
+
+    def _outer_ladder(self) -> tuple[SolverSettings, ...]:
+        """The first rungs: what they leave open is below the gap to the safe steps by far."""
+        return tuple(self.ladder or default_ladder())[:2]
 
     def _bound_from_below(self, outer: GlobalBound) -> None:
         start = time.perf_counter()
@@ -224,7 +231,7 @@ class _Bracket:
         if not np.any(self.scene.dead_forces):
             return None
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        outer = global_upper_bound(alone, self.moments, settings=self.ladder)
+        outer = global_upper_bound(alone, self.moments, settings=self._outer_ladder())
         return outer.mechanism if outer.upper < 0.5 else None
 
     def _width(self) -> float:
@@ -233,9 +240,7 @@ class _Bracket:
         return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
 
     def _note(self, iterate: Iterate) -> None:
-        self.history.append(
-            replace(iterate, lower=_known(self.lower), upper=_known(self.upper))
-        )
+        self.history.append(replace(iterate, lower=_known(self.lower), upper=_known(self.upper)))
         low, high = (f"{v:.6f}" if np.isfinite(v) else "?" for v in (self.lower, self.upper))
         self.tell(f"solve {len(self.history)}: load factor in [{low}, {high}]")
 

@@ -38,6 +38,11 @@ class Norm:
         self.weight = weight
 
     @property
+    def weighted_rows(self) -> list[LinearForm]:
+        """The rows times the weight: the same norm without one."""
+        return [{c: product(self.weight, k) for c, k in row.items()} for row in self.rows]
+
+    @property
     def is_plain(self) -> bool:
         """True if the weight is one."""
         return isinstance(self.weight, (int, float)) and self.weight == 1
@@ -136,6 +141,13 @@ def number(coefficient: Coefficient) -> float | FloatArray:
     if isinstance(coefficient, cp.Expression):
         return np.asarray(coefficient.value, dtype=float)
     return coefficient
+
+
+def product(first: Coefficient, second: Coefficient) -> Coefficient:
+    """Product of two coefficients, entry by entry."""
+    if isinstance(first, cp.Expression) or isinstance(second, cp.Expression):
+        return cp.multiply(first, second)
+    return first * second
 
 
 def express(form: LinearForm, forces: Mapping[str, cp.Expression]) -> cp.Expression:

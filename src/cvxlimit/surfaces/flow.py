@@ -64,18 +64,14 @@ class _Flow:
         rows = contacts if condition.contact is None else len(condition.contact)
         multiplier = cp.Variable(rows, nonneg=True)
         parts = [[cp.Variable(rows) for _ in norm.rows] for norm in condition.norms]
-        limits = [
-            limit
-            for norm, part in zip(condition.norms, parts, strict=True)
-            for limit in cone.polar_epigraph(times(norm.weight, multiplier), part)
-        ]
+        limits = [limit for part in parts for limit in cone.polar_epigraph(multiplier, part)]
         return cls(condition, cone, multiplier, parts, limits)
 
     def forms(self) -> list[tuple[LinearForm, cp.Variable, float]]:
         """Linear forms with the variable that multiplies each, and its sign."""
         pairs = [(self.condition.resistance, self.multiplier, 1.0)]
         for norm, part in zip(self.condition.norms, self.parts, strict=True):
-            pairs += [(form, y, -1.0) for form, y in zip(norm.rows, part, strict=True)]
+            pairs += [(form, y, -1.0) for form, y in zip(norm.weighted_rows, part, strict=True)]
         return pairs
 
     def plastic_rates(self, component: str, contacts: int) -> cp.Expression | None:
@@ -159,7 +155,9 @@ class FlowRule:
         return not linear and self._stacked.shape[1] <= len(TANGENTIAL)
 
     def _norm_forms(self) -> list[LinearForm]:
-        return [f for condition, _ in self._conditions for n in condition.norms for f in n.rows]
+        return [
+            f for condition, _ in self._conditions for n in condition.norms for f in n.weighted_rows
+        ]
 
     def _row(self, form: LinearForm) -> FloatArray:
         """Coefficients (n, 6) of a linear form with one row per contact."""
@@ -177,8 +175,8 @@ class FlowRule:
             for norm in condition.norms:
                 part = [flows[:, at + i] for i in range(len(norm.rows))]
                 at += len(norm.rows)
-                multiplier = np.maximum(multiplier, _over(cone.polar_gauge(part), norm.weight))
-                for form, flow in zip(norm.rows, part, strict=True):
+                multiplier = np.maximum(multiplier, cone.polar_gauge(part))
+                for form, flow in zip(norm.weighted_rows, part, strict=True):
                     result -= self._row(form) * flow[:, None]
             if condition.norms:
                 result += self._row(condition.resistance) * multiplier[:, None]
@@ -255,14 +253,6 @@ class FlowRule:
                 else:
                     openings = openings - cp.multiply(weights[component], share[j])
         return rest, openings
-
-
-def _over(size: FloatArray, weight: Coefficient) -> FloatArray:
-    """size / weight, and 0 / 0 = 0: a norm without weight allows no flow."""
-    divisor = np.broadcast_to(number(weight), size.shape)
-    with np.errstate(divide="ignore"):
-        ratio = np.divide(size, divisor, out=np.zeros_like(size), where=size > 0.0)
-    return np.asarray(ratio)
 
 
 def _spread(condition: Condition, contacts: int):  # type: ignore[no-untyped-def]

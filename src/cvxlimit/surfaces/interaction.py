@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cvxlimit.contacts import Contacts
-from cvxlimit.surfaces.base import Coefficient, Condition, Norm, YieldSurface
+from cvxlimit.surfaces.base import Coefficient, Condition, Norm, YieldSurface, product
 from cvxlimit.surfaces.cones import Cone
 
 
@@ -51,7 +51,7 @@ class TorsionShearBending(YieldSurface):
             Norm({"V2": 1}, weight=at.e1),
             Norm({"MT": 1 / contacts.torsion_arm}),
         ]
-        return [Condition(norms, {"N": _product(contacts.friction, at.arm)})]
+        return [Condition(norms, {"N": product(contacts.friction, at.arm)})]
 
 
 class SignedTorsionShearBending(TorsionShearBending):
@@ -63,14 +63,6 @@ class SignedTorsionShearBending(TorsionShearBending):
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         """See the class."""
         at = self.eccentricity
-        torsion = {"MT": 1 / contacts.torsion_arm, "V2": _product(-1.0, at.e1), "V1": at.e2}
+        torsion = {"MT": 1 / contacts.torsion_arm, "V2": product(-1.0, at.e1), "V1": at.e2}
         norms = [Norm({"V1": 1}, {"V2": 1}, weight=at.arm), Norm(torsion)]
-        return [Condition(norms, {"N": _product(contacts.friction, at.arm)})]
-
-
-def _product(first: Coefficient, second: Coefficient) -> Coefficient:
-    import cvxpy as cp
-
-    if isinstance(second, cp.Expression):
-        return cp.multiply(first, second)
-    return first * second
+        return [Condition(norms, {"N": product(contacts.friction, at.arm)})]

@@ -1,0 +1,78 @@
+"""``python -m benchmarks.interaction``: the fixed point's histories beside the certified bracket.
+
+The paper's Fig. 21, for several weights of the old values, both moment conventions and two scenes,
+with the bracket of the certified method as a band. Prints one line per run.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from cvxlimit import Solution, builtin_scene, solve
+from cvxlimit.interaction.fixed_point import FixedPoint
+
+matplotlib.use("Agg")
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+WEIGHTS = (0.0, 0.5, 0.8, 0.95)
+SCENES = ("tuff-wall", "s12-panel")
+MOMENTS = ("independent", "signed")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run all histories, print them and draw the figure."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.interaction", description=__doc__)
+    parser.add_argument("--scenes", nargs="+", default=SCENES)
+    parser.add_argument("--iterations", type=int, default=30)
+    parser.add_argument("--out", type=Path, default=Path("docs/interaction.png"))
+    options = parser.parse_args(arguments)
+    figure = Figure(figsize=(11, 4.2 * len(options.scenes)), layout="constrained")
+    axes = figure.subplots(len(options.scenes), len(MOMENTS), squeeze=False)
+    for row, name in enumerate(options.scenes):
+        for column, moments in enumerate(MOMENTS):
+            _panel(axes[row, column], name, moments, options.iterations)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(options.out, dpi=110)
+
+
+def _panel(ax: Axes, name: str, moments: str, iterations: int) -> None:
+    scene = builtin_scene(name)
+    bracket = solve(scene, interaction="certified", moments=moments)
+    _tell(bracket, "certified")
+    ax.axhspan(bracket.lower, bracket.upper, color="0.8", label="certified bracket")
+    for weight in WEIGHTS:
+        rule = FixedPoint(weight, most=iterations)
+        run = solve(scene, interaction=rule, moments=moments)
+        _tell(run, f"old-value weight {weight:g}")
+        factors = [np.nan if h.load_factor is None else h.load_factor for h in run.history]
+        steps = np.arange(1, len(factors) + 1)
+        ax.plot(steps, factors, ".-", lw=1, label=f"weight {weight:g}: {run.status}")
+    ax.set_title(
+        f"{name}, conic, {moments} signs"
+        if moments != "signed"
+        else f"{name}, conic, signed moments"
+    )
+    ax.set_xlabel("iteration")
+    ax.set_ylabel("load factor")
+    ax.set_ylim(0.0, None)
+    ax.legend(fontsize=8, loc="upper right")
+
+
+def _tell(solution: Solution, what: str) -> None:
+    factor = "none" if solution.load_factor is None else f"{solution.load_factor:.5f}"
+    line = (
+        f"{solution.scene}, {solution.moments}, {what}: {solution.status}, {len(solution.history)} "
+        f"solves, load factor {factor} in [{solution.lower:.5f}, {solution.upper:.5f}], "
+        f"{solution.seconds['total']:.1f} s"
+    )
+    print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
