@@ -3,30 +3,260 @@
 from __future__ import annotations
 
 import csv
-import sys
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from helpers import relative_error
+from benchmarks import headline
+from benchmarks.__main__ import main
+from benchmarks.baselines import ROWS, baselines, octagon_rows, program, rocking_rows
+from benchmarks.baselines import torsion_arms as printed_torsion_arms
+from benchmarks.cases import SIZES, all_cases
+from benchmarks.charts import exponent
+from benchmarks.results import Record, environment, read, write
+from benchmarks.suite import (
+    GROWTH,
+    PER_CONTACT_LIMIT,
+    Plan,
+    growth_methods,
+    methods_of,
+    run_case,
+    run_size,
+    sizes_of,
+)
 
-ROOT = Path(__file__).parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))
+from cvxlimit import builtin_scene
+from cvxlimit.comparison.models import Measurement
+from cvxlimit.comparison.registry import registry
+from cvxlimit.comparison.rows import Bracket, Row, row_of
+from cvxlimit.comparison.runs import Failure, Limits
+from cvxlimit.errors import ModelError
+from cvxlimit.masonry import arch
+from cvxlimit.statics import Statics
 
-from benchmarks import headline  # noqa: E402
-from benchmarks.__main__ import main  # noqa: E402
-from benchmarks.baselines import ROWS, baselines, octagon_rows, program, rocking_rows  # noqa: E402
-from benchmarks.baselines import torsion_arms as printed_torsion_arms  # noqa: E402
-from benchmarks.cases import SIZES, all_cases  # noqa: E402
-from benchmarks.charts import exponent  # noqa: E402
-from benchmarks.results import Record, environment, read, write  # noqa: E402
-from benchmarks.suite import GROWTH, Plan, growth_methods, methods_of, run_case  # noqa: E402
+TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
+S12_CONIC, S12_OCTAGON = 0.175819, 0.178313
+CASES = all_cases()
+PLAIN = [case for case in CASES.values() if not case.interaction]
+SWEPT = [case for case in CASES.values() if len(case.sizes) > 1]
+BASELINES = baselines()
+QDLDL = "conic/corners/clarabel-qdldl/1e-8"
+QUIET = lambda text: None  # noqa: E731
 
-from cvxlimit import builtin_scene  # noqa: E402
-from cvxlimit.comparison.rows import Bracket, row_of  # noqa: E402
-from cvxlimit.comparison.runs import Failure, Limits  # noqa: E402
-from cvxlimit.errors import ModelError  # noqa: E402
-from cvxlimit.masonry import arch  # noqa: E402
-from cvxlimit.statics import Statics  # noqa: E402
+
+def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -> Row:
+    """A row as if measured: total time and memory given, the reference at 1."""
+    phases = {"detect": 0.1 * seconds, "compile": 0.2 * seconds, "solve": 0.6 * seconds}
+    factor = 1.0 + error
+    run = Measurement("optimal", factor, 1.0, factor, phases, seconds, contacts, 100.0 * seconds)
+    return row_of(method, scene, [run], None, Bracket(1.0, 1.0, "proved to 0.0e+00"))
+
+
+def test_all_families_are_there():
+    assert len(CASES) >= 8
+    assert {case.interaction for case in CASES.values()} == {True, False}
+    for name, case in CASES.items():
+        assert case.name == name
+        assert set(case.study) <= set(case.sizes) or len(case.sizes) > 1
+    assert sum(case.sizes == SIZES for case in CASES.values()) >= 4
+    assert SIZES[0] == 50
+    assert SIZES[-1] > 16_000
+
+
+@pytest.mark.parametrize(
+    "case", [c for c in CASES.values() if len(c.sizes) > 1], ids=lambda c: c.name
+)
+def test_scenes_have_about_the_contacts_asked_for(case):
+    for size in (150, 500, 1_900):
+        assert len(case.build(size).contacts) == pytest.approx(size, rel=0.15)
+    assert 25 <= len(case.build(50).contacts) <= 75
+
+
+def test_the_largest_panel_is_the_one_the_issue_names():
+    scene = CASES["panel"].build(16_452)
+    assert (len(scene.free), len(scene.contacts)) == (5_560, 16_452)
+
+
+@pytest.mark.parametrize("case", PLAIN, ids=lambda c: c.name)
+def test_every_case_runs_small_and_is_right(case):
+    patterns = ("cvxlimit",) if len(case.sizes) == 1 else ("cvxlimit", QDLDL)
+    size = min(case.sizes)
+    plan = Plan((size,), patterns, 1, Limits(60.0), Limits(60.0))
+    records = list(run_case(case, plan, QUIET))
+    assert [record.row.method for record in records] == list(patterns)
+    for record in records:
+        row = record.row
+        assert not row.failed, row.reason
+        width = row.reference_upper - row.reference_lower
+        assert width <= 2e-8 * row.reference_upper
+        assert row.error <= 1e-5
+        assert row.lower <= row.reference_upper
+        assert row.reference_lower <= row.upper
+        assert (record.case, record.family, record.size) == (case.name, case.family, size)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES.values() if c.interaction], ids=lambda c: c.name)
+def test_cases_with_interaction_lie_below_those_without_or_say_why_not(case):
+    plan = Plan((50,), ("fixed-point/signed/conic",), 1, Limits(60.0), Limits(60.0))
+    without = CASES[case.name.removesuffix("-interaction")]
+    plain = next(iter(run_case(without, replace(plan, methods=("cvxlimit",)), QUIET))).row
+    (record,) = run_case(case, plan, QUIET)
+    if record.row.failed:
+        assert "not available" in record.row.reason
+    else:
+        assert record.row.load_factor <= plain.upper * (1.0 + 1e-6)
+        assert record.row.interaction == "fixed-point"
+
+
+@pytest.mark.parametrize("name", list(BASELINES))
+def test_baselines_find_the_published_factors(name):
+    method = BASELINES[name]
+    found = method.measure(builtin_scene("tuff-wall"))
+    expected = TUFF_CONIC if method.axes()["surface"] == "conic" else TUFF_OCTAGON
+    loose = 1e-3 if name.endswith("N-mm") else 1e-5
+    assert found.load_factor == pytest.approx(expected, rel=loose)
+    assert found.contacts == 146
+    assert sum(found.seconds.values()) == pytest.approx(found.total)
+
+
+def test_the_octagon_is_one_point_four_per_cent_off_on_the_s12_panel():
+    found = registry()["octagon/corners/clarabel-qdldl/1e-8"].measure(builtin_scene("s12-panel"))
+    assert found.load_factor == pytest.approx(S12_OCTAGON, rel=1e-5)
+    assert found.load_factor / S12_CONIC - 1.0 == pytest.approx(0.0142, abs=2e-4)
+
+
+def test_baselines_write_the_papers_rows_and_the_same_equilibrium():
+    scene = builtin_scene("s12-panel")
+    data = program(scene)
+    contacts = scene.contacts
+    rows = np.concatenate([rocking_rows(contacts), octagon_rows(contacts)], axis=1)
+    assert rows.shape == (len(contacts), ROWS, 6)
+    assert abs(data.equilibrium - Statics.of(scene).matrix).max() < 1e-12
+    assert printed_torsion_arms(contacts) == pytest.approx(contacts.torsion_arm, rel=1e-12)
+
+
+def test_the_literal_form_refuses_contacts_the_paper_has_no_formula_for():
+    scene = builtin_scene("tuff-wall")
+    sides = np.full_like(scene.contacts.sides, np.nan)
+    with pytest.raises(ModelError, match="rectangular"):
+        printed_torsion_arms(replace(scene.contacts, sides=sides))
+    assert np.isfinite(printed_torsion_arms(arch(4).contacts)).all()
+
+
+def test_every_method_is_listed_once_and_growth_names_exist():
+    for case in CASES.values():
+        names = [method.name for method in methods_of(case)]
+        assert len(names) == len(set(names))
+        assert {m.name for m in growth_methods(case)} <= set(names)
+    assert len(growth_methods(CASES["panel"])) >= len(GROWTH)
+
+
+def test_sizes_of_cases_with_one_size():
+    assert sizes_of(CASES["s12-panel"], Plan()) == [886]
+    assert sizes_of(CASES["s12-panel"], Plan(sizes=(50, 150))) == []
+    assert sizes_of(CASES["arch"], Plan(sizes=(150, 50))) == [50, 150]
+
+
+def test_what_ran_out_of_time_is_not_tried_at_larger_sizes():
+    case, plan = CASES["arch"], Plan(limits=Limits(0.01), reference_limits=Limits(0.01), repeat=1)
+    methods = [BASELINES["literal/conic/kN-m"]]
+    dropped: dict[str, str] = {}
+    (first,) = run_size(case, 50, methods, plan, dropped, QUIET)
+    assert "time limit of 0.01 s" in first.reason
+    (second,) = run_size(case, 150, methods, plan, dropped, QUIET)
+    assert second.reason == "not run: time limit of 0.01 s at 50 contacts"
+    assert second.contacts == 150
+
+
+def test_objects_per_contact_are_not_tried_on_large_scenes():
+    methods = [BASELINES["literal/octagon/kN-m/per-contact"]]
+    (row,) = run_size(CASES["arch"], PER_CONTACT_LIMIT + 100, methods, Plan(), {}, QUIET)
+    assert "more than 500 contacts" in row.reason
+
+
+def test_results_survive_the_disk(tmp_path):
+    scene = builtin_scene("stack")
+    method = BASELINES["literal/octagon/kN-m"]
+    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [], Failure("no"), NOTHING)]
+    records = [Record("arch", "arches", 50, "growth", row) for row in rows]
+    table, document = write(tmp_path, records, environment())
+    found, about = read(tmp_path)
+    assert found == records
+    assert set(about) >= {"started", "versions", "machine"}
+    assert {"python", "cvxlimit", "cvxpy", "clarabel", "numpy"} <= set(about["versions"])
+    assert {"cpu", "cores", "memory_gb"} <= set(about["machine"])
+    with table.open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["reason"] for line in lines] == ["", "no"]
+    assert set(lines[0]) >= {column.name for column in fields(Row)}
+    document.write_text("{}")
+    with pytest.raises(ValueError, match="not a cvxlimit-benchmark file"):
+        read(tmp_path)
+
+
+NOTHING = Bracket(None, None, "")
+
+
+def test_charts_are_drawn_from_results_alone(tmp_path):
+    pytest.importorskip("matplotlib")
+    scene, case = builtin_scene("stack"), CASES["propped-wall"]
+    methods = [m for m in methods_of(case) if m.name in ("cvxlimit", "cvxlimit/1e-6")]
+    records = [
+        Record(case.name, case.family, size, "study" if size == 150 else "growth",
+               made_up(method, scene, (k + 1) * 1e-4 * size**1.3, size, 10.0 ** (-3 * k - 3)))
+        for size in (150, 500, 1_900, 5_000) for k, method in enumerate(methods)
+    ]  # fmt: skip
+    write(tmp_path, records, environment())
+    assert main(["charts", "--out", str(tmp_path), "--docs", str(tmp_path / "docs")]) == 0
+    names = {path.name for path in tmp_path.glob("*.png")}
+    kinds = ("time-against-error", "growth", "phases")
+    assert names == {f"{kind}-propped-walls.png" for kind in kinds}
+    assert {path.name for path in (tmp_path / "docs").iterdir()} == names
+
+
+def test_fitted_exponents_ignore_small_sizes():
+    large = [(size, 2e-4 * size**1.5) for size in (500.0, 1_900.0, 16_452.0)]
+    assert exponent([(50.0, 1.0), (150.0, 1.0), *large]) == pytest.approx(1.5)
+    assert exponent([(50.0, 1.0), (500.0, 1.0)]) is None
+
+
+def test_the_whole_command_on_one_small_case(tmp_path, capsys):
+    options = ["--cases", "arch", "--sizes", "50", "--repeat", "1", "--out", str(tmp_path)]
+    assert main(["run", *options, "--methods", "cvxlimit", "literal/conic/kN-m"]) == 0
+    records, about = read(tmp_path)
+    assert [r.row.method for r in records] == ["cvxlimit", "literal/conic/kN-m"]
+    assert all(r.row.error < 1e-4 for r in records)
+    assert about["options"]["repeat"] == 1
+    assert "results.csv" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="no case 'castle'"):
+        main(["run", "--cases", "castle"])
+
+
+def test_list_names_cases_and_methods(capsys):
+    assert main(["list"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in (*CASES, *BASELINES, "frozen/dpp"))
+
+
+def test_headline_checks_say_what_holds_and_what_does_not():
+    scene = builtin_scene("stack").with_name("s12-panel")
+    ours = made_up(headline.OURS, scene, 1.0, 886)
+    slow = made_up(headline.AGAINST[0], scene, 6.5, 886)
+    quick = made_up(headline.AGAINST[1], scene, 5.9, 886)
+    assert headline.ratio(ours, slow).holds
+    assert "6.5 times" in headline.ratio(ours, slow).measured
+    assert not headline.ratio(ours, quick).holds
+    assert headline.certified(replace(ours, upper=1.0 + 9e-7)).holds
+    assert not headline.certified(replace(ours, upper=1.0 + 2e-6)).holds
+    assert not headline.certified(replace(ours, upper=None)).holds
+    failed = row_of(headline.OURS, scene, [], Failure("crashed"), NOTHING)
+    assert not headline.ratio(failed, slow).holds
+
+
+def test_headline_overhead_and_growth():
+    scene = builtin_scene("stack")
+    rows = [made_up(headline.OURS, scene, 1e-3 * n**1.2, n) for n in (500, 1_900, 16_452)]
+    checks = headline.growth_checks(rows)
+    assert [check.holds for check in checks[:3]] == [True, False, False]
+    assert all("67%" in check.measured for check in checks[:3])
+    assert "total 1.20" in headline.bound(rows)

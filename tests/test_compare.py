@@ -150,14 +150,14 @@ def test_nothing_to_draw_is_refused():
     ("how", "reason"),
     [
         ("crash", "SIGSEGV"),
-        ("hang", "time limit of 6 s"),
+        ("hang", "time limit of 4 s"),
         ("memory", "memory"),
         ("raise", "ZeroDivisionError: by nought"),
         ("no answer", "no load factor: infeasible"),
     ],
 )
 def test_failures_become_rows(how, reason):
-    limits = Limits(6.0)
+    limits = Limits(4.0)
     failure = run_apart(Misbehaving("bad", how), builtin_scene("stack"), limits)
     assert isinstance(failure, Failure)
     assert reason in failure.reason

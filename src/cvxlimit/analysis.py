@@ -28,6 +28,9 @@ TOLERANCE = 1e-5
 _ZERO = 1e-6
 """Load factors below this share of dead load / live load are compared to that share instead."""
 
+_ROUNDING = 1e-9
+"""Relative disagreement of two bounds that is put down to rounding."""
+
 _HARMLESS = 1e-8
 """Residual and yield excess, as shares of the load, up to which forces are said to carry the live
 load: what solvers leave at their tightest settings, far below any share that could matter."""
@@ -158,14 +161,21 @@ class _Run:
         lower, upper = self.lower[0], self.upper[0]
         if not (np.isfinite(lower) and np.isfinite(upper)):
             return False
-        unit = _ZERO * self.problem.scaling.load_factor(1.0)
-        return upper - lower <= self.tolerance * max(abs(upper), abs(lower), unit)
+        return abs(upper - lower) <= self.tolerance * self._unit() and not self._contradicts()
+
+    def _unit(self) -> float:
+        natural = _ZERO * self.problem.scaling.load_factor(1.0)
+        return max(abs(self.upper[0]), abs(self.lower[0]), natural)
+
+    def _contradicts(self) -> bool:
+        """Lower bound above the upper one by more than rounding."""
+        return self.lower[0] - self.upper[0] > _ROUNDING * self._unit()
 
     def _finished(self, status: Status) -> Solution:
         lower, lower_proved, static = self.lower
         upper, upper_proved, kinematic = self.upper
         note = _assumptions(lower_proved, upper_proved)
-        if lower > upper * (1.0 + 1e-9) + 1e-12:
+        if self._contradicts():
             status = Status.NOT_CERTIFIED
             note = "the bounds contradict each other, so an assumption behind them fails; " + note
         factor = None if static is None else static.load_factor
@@ -231,10 +241,10 @@ class _Run:
         self.tell("checking that the dead load can stand")
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
         for certificate, state in self._shares(alone, "dead load alone"):
-            if certificate.upper < 0.5:
-                return state.mechanism
             if certificate.lower > 0.5:
                 break
+            if certificate.upper < 0.5:
+                return state.mechanism
         return None
 
     def _forces_for_live_load_alone(self) -> FloatArray | None:

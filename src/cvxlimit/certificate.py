@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,9 @@ _BALANCED = 1e-11
 """Equilibrium residual of a block that counts as rounding, as a share of the forces acting on it.
 
 Not of the total load: that would let a block of a millionth of the weight go unbalanced."""
+
+_EPSILON = 8.0 * float(np.finfo(float).eps)
+"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +163,7 @@ class Certifier:
             return np.inf, False, np.nan
         u = u / live
         missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(u))
+        missing = missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
         field = self.witnesses.opening_field
         if field is not None and not np.abs(leftover).max() > 1e-15 * np.abs(u).max():
@@ -171,11 +176,31 @@ class Certifier:
 
     def _opened(self, u: FloatArray, field: FloatArray, missing: FloatArray) -> tuple[float, bool]:
         spare = -self.witnesses.flow.shortfall(self.statics.relative_rates(field))[0]
-        u = u + max(float((missing / spare).max()), 0.0) * field
-        live = float(self.statics.live @ u.ravel())
-        if not live > 0.0:
+        spare = spare - self._rounding(field)
+        if not spare.min() > 0.0:
             return np.inf, False
-        return -float(self.statics.dead @ u.ravel()) / live, True
+        u = u + max(float((missing / spare).max()), 0.0) * field
+        rates = np.abs(u).ravel()
+        live = float(self.statics.live @ u.ravel())
+        live_error, dead_error = (
+            _EPSILON * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
+        )
+        if not live > 2.0 * live_error:
+            return np.inf, False
+        bound = -float(self.statics.dead @ u.ravel()) / live
+        return bound + (dead_error + abs(bound) * live_error) / live, True
+
+    def _rounding(self, u: FloatArray) -> FloatArray:
+        """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
+        size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
+        return np.asarray(_EPSILON * size.reshape(-1, DOF) @ self._opening_sizes)
+
+    @cached_property
+    def _opening_sizes(self) -> FloatArray:
+        """Weights (6,) of slip, opening and rotation rates in a contact's opening."""
+        reach = float(np.abs(self.statics.contacts.corner_xy).max())
+        mu = float(self.statics.contacts.friction.max())
+        return np.array([mu, mu, 1.0, reach, reach, mu * reach])
 
     def _excess(self, forces: FloatArray) -> list[FloatArray]:
         """Yield functions as forces: rocking rows (moments) over the distance to their edge."""

@@ -314,7 +314,8 @@ def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, Float
     and the rotation (2, 2) that maps old to new plane axes.
     """
     edges = np.roll(corners, -1, axis=0) - corners
-    longest = edges[int(np.linalg.norm(edges, axis=1).argmax())]
+    lengths = np.linalg.norm(edges, axis=1)
+    longest = edges[int(np.flatnonzero(lengths >= (1.0 - 1e-9) * lengths.max())[0])]
     c, s = longest / np.linalg.norm(longest)
     turn = np.array([[c, s], [-s, c]])
     turned = corners @ turn.T

@@ -144,7 +144,8 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
             solved = time.perf_counter()
             problem.unpack_results(raw, chain, inverse)
     except (cp.error.SolverError, ValueError, TypeError, AttributeError) as error:
-        message = f"failed: {str(error).strip().splitlines()[0][:120]}"
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        message = f"failed: {reason[:120]}"
         return Outcome(message, compiled - start, time.perf_counter() - compiled)
     overhead = time.perf_counter() - solved
     return Outcome(problem.status, compiled - start + overhead, solved - compiled)
