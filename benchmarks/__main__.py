@@ -85,7 +85,7 @@ def _report(record: Record) -> None:
     if not row.failed and row.total is not None:
         error = "?" if row.error is None else f"{row.error:.1e}"
         figures = f"{row.total:9.3f} s  error {error}  {row.memory or 0:6.0f} MB  {row.status}"
-    console.print(f"{record.case:24} {row.contacts or 0:6} {row.method:46} {figures}")
+    console.print(f"{record.case:24} {row.contacts:6} {row.method:46} {figures}")
 
 
 def _charts(options: argparse.Namespace) -> int:

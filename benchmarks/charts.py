@@ -110,7 +110,7 @@ def _legend(axes: Axes) -> tuple[list[Any], list[Any]]:
 def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
     """Records by method, smallest first, for methods that ran at two sizes or more."""
     methods: dict[str, list[Record]] = {}
-    for record in sorted(records, key=lambda record: record.row.contacts or 0):
+    for record in sorted(records, key=lambda record: record.row.contacts):
         if record.row.total is not None:
             methods.setdefault(_method_label(record), []).append(record)
     return {name: found for name, found in methods.items() if len(found) > 1}
@@ -144,7 +144,7 @@ def growth(family: str, grown: dict[str, list[Record]]) -> Figure:
 
 
 def _grow(axes: Axes, number: int, name: str, records: Sequence[Record], column: str) -> None:
-    points = [(r.row.contacts or 0, getattr(r.row, column)) for r in records]
+    points = [(r.row.contacts, getattr(r.row, column)) for r in records]
     points = [(size, value) for size, value in points if value is not None]
     if not points:
         return
@@ -221,6 +221,6 @@ def _common_size(grown: dict[str, list[Record]]) -> int:
     counts: dict[int, int] = {}
     for records in grown.values():
         for record in records:
-            size = record.row.contacts or 0
+            size = record.row.contacts
             counts[size] = counts.get(size, 0) + 1
     return max(counts, key=lambda size: (counts[size], size))

@@ -109,7 +109,7 @@ def growth_rows(sizes: Sequence[int], repeat: int, limits: Limits, say: Say) -> 
     rows = []
     for size in sizes:
         rows += side_by_side([OURS], panel_of(size), repeat, limits, reference_limits=Limits(1.0))
-        say(f"panel of {rows[-1].contacts or size} contacts")
+        say(f"panel of {rows[-1].contacts} contacts")
     return rows
 
 
@@ -151,7 +151,7 @@ def ratio(ours: Row, other: Row) -> Check:
         return Check(promise, f"{other.method} failed: {other.reason}", True)
     times = other.total / ours.total
     error = "unknown" if other.error is None else f"{other.error:.1e}"
-    text = f"{times:.1f} times ({other.total:.2f} s, error {error}, against {ours.total:.2f} s)"
+    text = f"{times:.1f} times ({other.total:.2f} s, {other.status}, error {error}, against {ours.total:.2f} s)"
     return Check(promise, text, times >= LEAST_RATIO)
 
 
@@ -159,7 +159,7 @@ def growth_checks(rows: Sequence[Row]) -> list[Check]:
     """Overhead and memory at every size, growth over all of them."""
     checks = []
     for row in rows:
-        size = row.contacts or 0
+        size = row.contacts
         if row.total is None or row.solve is None:
             checks.append(Check(f"panel of {size} contacts", row.reason, False))
             continue
@@ -175,10 +175,10 @@ def growth_checks(rows: Sequence[Row]) -> list[Check]:
 
 def bound(rows: Sequence[Row]) -> str:
     """Fitted exponents of the total and of its phases: the largest one bounds growth."""
-    done = [row for row in rows if row.total is not None and row.contacts]
+    done = [row for row in rows if row.total is not None]
     if len(done) < 2:
         return "growth: fewer than two sizes"
-    sizes = [float(row.contacts or 0) for row in done]
+    sizes = [float(row.contacts) for row in done]
     parts = []
     for phase in ("total", "detect", "compile", "solve", "certify"):
         values = [getattr(row, phase) for row in done]
@@ -190,7 +190,7 @@ def bound(rows: Sequence[Row]) -> str:
 
 
 def _line(row: Row) -> str:
-    name = f"{row.scene:18} {row.contacts or 0:6} {row.method:32}"
+    name = f"{row.scene:18} {row.contacts:6} {row.method:32}"
     if row.failed:
         return f"{name} {row.reason}"
     error = "" if row.error is None else f"error {row.error:.1e}"

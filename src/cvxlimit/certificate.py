@@ -7,6 +7,7 @@ are. Solvers have returned load factors wrong by 5 % with small residuals and no
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -101,6 +102,13 @@ class Certifier:
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != "rocking"))
         self.witnesses = Witnesses(self.statics, self.surfaces, flow)
         self.size = float(np.median(np.sqrt(scene.contacts.area)))
+
+    def with_flow(self, flow: Flow) -> Certifier:
+        """The same under another flow rule; reference states are kept, not sought again."""
+        result = copy(self)
+        result.witnesses = copy(self.witnesses)
+        result.witnesses.flow = flow
+        return result
 
     def certificate(
         self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None

@@ -84,8 +84,9 @@ def solve(
     if tolerance is not None:
         interaction = replace(interaction, tolerance=tolerance)
     cone = _single_cone(surface)
-    run = run_fixed_point if isinstance(interaction, FixedPoint) else run_certified
-    return run(scene, cone, moments, interaction, ladder, progress)
+    if isinstance(interaction, FixedPoint):
+        return run_fixed_point(scene, cone, moments, interaction, ladder, progress)
+    return run_certified(scene, cone, moments, interaction, ladder, progress)
 
 
 def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:

@@ -46,7 +46,7 @@ class Row:
 
     scene: str
     blocks: int
-    contacts: int | None
+    contacts: int
     method: str
     line: str
     surface: str
@@ -147,7 +147,7 @@ def row_of(
     row = Row(
         scene=scene.name,
         blocks=len(scene.free),
-        contacts=runs[0].contacts if runs else None,
+        contacts=len(scene.contacts),
         method=method.name,
         line=method.line,
         **{**axes, **method.axes()},

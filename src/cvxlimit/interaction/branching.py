@@ -21,13 +21,20 @@ import heapq
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.certificate import Certifier
 from cvxlimit.contacts import COLUMN
-from cvxlimit.interaction.hull import Copies, HullProblem, box_copies, safe_copies
+from cvxlimit.interaction.hull import (
+    Copies,
+    HullProblem,
+    box_copies,
+    missed_copies,
+    safe_copies,
+)
 from cvxlimit.interaction.pressure import Pressure, interaction_excess
 from cvxlimit.interaction.support import InteractionFlow, free_sign, half_extent, whole_boxes
 from cvxlimit.scene import Scene
@@ -143,17 +150,16 @@ class _Search:
         whole = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(scene, (Rocking(),), whole)
         self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
-        self.opening = self.witnesses.opening_field
-        if self.opening is not None:
-            self.spare = -whole.shortfall(self.statics.relative_rates(self.opening))[0]
         self.problem = HullProblem(scene)
-        self.load = float(
-            sum(np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces,))
-        ) or float(np.linalg.norm(scene.live_forces[:, :3], axis=1).sum())
+        loads = (
+            np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
+        )
+        self.load = next((float(load) for load in loads if load > 0.0), 1.0)
         self.price: float | None = None
         self.open: list[_Node] = []
         self.closed = -np.inf
-        self.lower, self.forces = -np.inf, None
+        self.lower = -np.inf
+        self.forces: FloatArray | None = None
         self.solves = self.count = 0
         self.history: list[Iterate] = []
 
@@ -186,7 +192,7 @@ class _Search:
         return Bracket(
             lower=self.lower,
             upper=self.upper,
-            is_proved=self.opening is not None,
+            is_proved=self.witnesses.opening_field is not None,
             is_closed=self.is_closed,
             forces=self.forces,
             mechanism=self.open[0].mechanism if self.open else self.last.mechanism,
@@ -274,6 +280,7 @@ class _Search:
     ) -> _Node:
         """Solve, certify, add copies; a solver's failure leaves the parent's bound and forces."""
         flow = InteractionFlow(self.contacts, self.moments, boxes)
+        certifier = self.certifier.with_flow(flow)
         first = box_copies(self.contacts, self.moments, boxes)
         best = parent.mechanism if parent else None
         forces = parent.forces if parent else None
@@ -282,11 +289,14 @@ class _Search:
             if state.mechanism is None or state.load_factor is None:
                 break
             forces = state.forces
-            found, missed = self._certified(state.mechanism, flow, boxes)
+            found = certifier.certificate(None, None, state.mechanism).upper
             if found < bound:
                 bound, best = found, state.mechanism
-            gain = found - state.load_factor
-            if not len(missed) or gain <= _WORTH_A_COPY * self.width or bound < self.lower:
+            if found - state.load_factor <= _WORTH_A_COPY * self.width or bound < self.lower:
+                break
+            worth = _WORTH_A_COPY * self.width
+            missed = missed_copies(flow, certifier, state.mechanism, worth)
+            if not len(missed):
                 break
             added = added.joined(missed)
         self.count += 1
@@ -299,23 +309,6 @@ class _Search:
             if state.mechanism is not None or state.outcome.claims_no_optimum:
                 break
         return state
-
-    def _certified(
-        self, mechanism: FloatArray, flow: InteractionFlow, boxes: FloatArray
-    ) -> tuple[float, Copies]:
-        """Bound on the load factor over the boxes, and the copies that the mechanism misses."""
-        rates = self.statics.relative_rates(mechanism)
-        missing, centre = flow.worst(rates)
-        rows = np.flatnonzero(
-            (missing > 1e-8 * np.abs(rates[:, :3]).max()) & np.isfinite(centre).all(axis=1)
-        )
-        missed = Copies.at(rows, centre[rows], boxes, self.moments)
-        if self.opening is None:
-            certifier = Certifier(self.scene, (Rocking(),), flow)
-            return certifier.certificate(None, None, mechanism).upper, missed
-        opened = mechanism + max(float((missing / self.spare).max()), 0.0) * self.opening
-        live = float(self.statics.live @ opened.ravel())
-        return (-float(self.statics.dead @ opened.ravel()) / live if live > 0.0 else np.inf), missed
 
     # -- forces ------------------------------------------------------------------------------
 
@@ -364,7 +357,7 @@ def _children(
         reserve = _NARROWEST_CHILD * (high - low)
         ends = [low, float(np.clip(at, low + reserve, high - reserve)), high]
     children = []
-    for left, right in zip(ends[:-1], ends[1:], strict=True):
+    for left, right in pairwise(ends):
         child = boxes.copy()
         child[contact, axis] = left, right
         children.append(child)

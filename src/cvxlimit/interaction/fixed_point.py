@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cvxpy as cp
@@ -130,7 +130,7 @@ def run_fixed_point(
     cone: Cone,
     moments: str,
     rule: FixedPoint,
-    ladder: tuple[SolverSettings, ...] | None = None,
+    ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """Iterate until Eq. 43 holds, or say how it fails.
@@ -149,7 +149,7 @@ class _Run:
         cone: Cone,
         moments: str,
         rule: FixedPoint,
-        ladder: tuple[SolverSettings, ...],
+        ladder: Sequence[SolverSettings],
         progress: Progress | None,
     ) -> None:
         self.clock = Clock()

@@ -56,8 +56,14 @@ Progress = Callable[[str], None]
 _POINT = 1e-9
 """Arms below this share of the half extent count as zero: the pressure centre is a corner."""
 
-_WORTH_A_COPY = 1e-8
-"""Missing opening, as a share of the mechanism's largest, for which a copy is added."""
+_NOISE = 1e-10
+"""Missing opening, as a share of the mechanism's largest rate, that solvers leave anyway."""
+
+_WORTH_A_COPY = 0.1
+"""Share of the tolerance by which a contact must raise the bound for copies to be added to it."""
+
+_BESIDE = 0.1
+"""Copies beside an added one, in half sides: the next mechanism's worst place is not far."""
 
 MOST_ROUNDS = 12
 """Solves with added copies; the built-in scenes need 2 to 6."""
@@ -111,6 +117,27 @@ class Copies:
             np.where(free, np.abs(centre), 0.0),
             np.full(len(rows), moments == "signed"),
         )
+
+
+def missed_copies(
+    flow: InteractionFlow, certifier: Certifier, mechanism: FloatArray, worth: float
+) -> Copies:
+    """Copies at the worst pressure centres of contacts that open too little.
+
+    ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
+    by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
+    """
+    statics, field = certifier.statics, certifier.witnesses.opening_field
+    rates = statics.relative_rates(mechanism)
+    missing, centre = flow.worst(rates)
+    noise = _NOISE * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
+    chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
+    if field is not None:
+        bound = -float(statics.dead @ mechanism.ravel())
+        price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
+        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field))[0]
+    rows = np.flatnonzero(chosen)
+    return Copies.at(rows, centre[rows], flow.boxes, flow.moments)
 
 
 def box_copies(contacts: Contacts, moments: str, boxes: FloatArray | None = None) -> Copies:
@@ -260,7 +287,9 @@ class _CopyForces:
         rows, place = np.unique(self.copies.contact[k], return_inverse=True)
         part = cp.Variable(len(rows))
         each = np.arange(len(rows))
-        self.maps.append((part, self._columns([(component, rows, each, np.ones(len(rows)))], len(rows))))
+        self.maps.append(
+            (part, self._columns([(component, rows, each, np.ones(len(rows)))], len(rows)))
+        )
         bound = sp.csr_array((reach, (place, np.arange(len(k)))), (len(rows), len(k))) @ size
         self.constraints += [part <= bound, -part <= bound]
 
@@ -272,7 +301,9 @@ class _CopyForces:
         rows = np.concatenate([len(COMPONENTS) * j + COLUMN[c] for c, j, _, _ in entries])
         columns = np.concatenate([column for _, _, column, _ in entries])
         values = np.concatenate([v for _, _, _, v in entries])
-        matrix = sp.csr_array((values, (rows, columns)), (len(COMPONENTS) * len(self.contacts), size))
+        matrix = sp.csr_array(
+            (values, (rows, columns)), (len(COMPONENTS) * len(self.contacts), size)
+        )
         matrix.eliminate_zeros()
         return matrix
 
@@ -390,7 +421,7 @@ def global_upper_bound(
     ladder = tuple(settings or default_ladder())
     for rung in ladder:
         for _ in range(MOST_ROUNDS):
-            is_changed = search.improve(rung)
+            is_changed = search.improve(rung, tolerance)
             if search.is_closed(tolerance):
                 return search.result()
             if not is_changed:
@@ -419,7 +450,7 @@ class _Pricing:
         self.history: list[Iterate] = []
         self.claims_no_optimum = False
 
-    def improve(self, settings: SolverSettings) -> bool:
+    def improve(self, settings: SolverSettings, tolerance: float) -> bool:
         """Solve, certify, price; False if another round with this solver would not help."""
         count = len(self.history) + 1
         self.tell(f"outer bound {count}: {len(self.added)} copies added, solving with {settings}")
@@ -432,22 +463,14 @@ class _Pricing:
             bound = self.certifier.certificate(None, None, state.mechanism)
             if bound.upper < self.best[0]:
                 self.best = (bound.upper, bound.upper_is_proved, state.mechanism)
-            new = self._missed(state.mechanism)
+            worth = _WORTH_A_COPY * tolerance * self.unit
+            new = missed_copies(self.flow, self.certifier, state.mechanism, worth)
         self.clock.measure("certify", start)
         self._book(settings, state, bound)
         self.added = self.added.joined(new)
         return len(new) > 0
 
-    def _missed(self, mechanism: FloatArray) -> Copies:
-        rates = self.certifier.statics.relative_rates(mechanism)
-        missing, centre = self.flow.worst(rates)
-        size = float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
-        rows = np.flatnonzero((missing > _WORTH_A_COPY * size) & np.isfinite(centre).all(axis=1))
-        return Copies.at(rows, centre[rows], self.boxes, self.moments)
-
-    def _book(
-        self, settings: SolverSettings, state: LimitState, bound: Certificate | None
-    ) -> None:
+    def _book(self, settings: SolverSettings, state: LimitState, bound: Certificate | None) -> None:
         self.clock.seconds["compile"] += state.outcome.compile_seconds
         self.clock.seconds["solve"] += state.outcome.solve_seconds
         known = bound is not None and np.isfinite(bound.upper)
@@ -466,8 +489,12 @@ class _Pricing:
         """True if more copies could not lower the bound by more than ``tolerance``."""
         if self.state is None or self.state.load_factor is None:
             return False
-        unit = max(abs(self.best[0]), 1e-6 * self.problem.scaling.load_factor(1.0))
-        return self.best[0] - self.state.load_factor <= tolerance * unit
+        return self.best[0] - self.state.load_factor <= tolerance * self.unit
+
+    @property
+    def unit(self) -> float:
+        """What tolerances are relative to: the bound, or its natural unit near zero."""
+        return max(abs(self.best[0]), 1e-6 * self.problem.scaling.load_factor(1.0))
 
     def result(self) -> GlobalBound:
         """The best so far."""

@@ -70,7 +70,7 @@ class InnerSettings:
     soft_steps: int = 4
     price: float = 0.7
     price_growth: float = 3.0
-    boxes: int = 9
+    boxes: int = 6
     box: float = 1.2
     box_shrink: float = 0.6
     reach: float = 1.0
@@ -93,8 +93,13 @@ _PRESSED = 1e-7
 _BOUGHT = 1e-5
 """Slack in all, over total load x contact size, that counts as none."""
 
-_RETREATS = (1e-3, 1e-2, 1e-1, 1.0)
-"""Where a hard step fails it is tried again nearer to the middle by these shares."""
+_SIGNED_SHRINK = 0.005
+"""Signed steps are built this share nearer to the middle than the last forces: pressed in a corner
+or at full slip a contact's safe set has no interior, and solvers return inaccurate answers."""
+
+_RETREATS = (0.005, 0.02, 0.05, 0.2, 1.0)
+"""Where a hard step fails, or the checker refuses it, the next one is built nearer to the middle
+by these shares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,10 +218,12 @@ class InnerMethod:
         while True:
             iterate = self._hard(at)
             yield iterate
-            if iterate.state.forces is None:
+            if not iterate.is_safe:
                 share = next(retreats, None)
                 if share is None:
                     return
+                if iterate.state.forces is not None:
+                    here = self._point(iterate.state.forces, at)
                 at, reach, before = here.shrunk(share), 0.0, None
                 continue
             value = self._worth(iterate)
@@ -304,7 +311,8 @@ class InnerMethod:
         return iterate.lower if iterate.is_safe else float(iterate.state.load_factor or 0.0)
 
     def _point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
-        return self.step.point(forces, otherwise or self.middle, _PRESSED)
+        point = self.step.point(forces, otherwise or self.middle, _PRESSED)
+        return point.shrunk(_SIGNED_SHRINK) if self.moments == "signed" else point
 
     def _centre(self, forces: FloatArray, otherwise: FloatArray) -> FloatArray:
         """Pressure centres (n, 2) as fractions of the half extent; idle contacts keep theirs."""

@@ -108,9 +108,7 @@ class InteractionFlow:
         independent signs a range that contains zero inside is widened to a symmetric one.
     """
 
-    def __init__(
-        self, contacts: Contacts, moments: str, boxes: FloatArray | None = None
-    ) -> None:
+    def __init__(self, contacts: Contacts, moments: str, boxes: FloatArray | None = None) -> None:
         if moments not in MOMENTS:
             raise ValueError(f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}")
         self.contacts, self.moments = contacts, moments
@@ -125,34 +123,31 @@ class InteractionFlow:
         An upper bound on the exact value, above it by 1e-10 of the largest power at most
         (independent signs on polygons: by what friction at the corners allows more).
         """
-        return self._support(-rates, _HALVINGS), np.zeros((len(rates), 3))
+        return self._support(-rates, _HALVINGS)[0], np.zeros((len(rates), 3))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the shortfall, without a search along the edges."""
-        return self._support(-rates, 0)
+        return self._support(-rates, 0)[0]
 
     def worst(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Shortfall (n,), and the pressure centres (n, 2) that have it, as fractions.
 
         Centres are found for rectangles with independent signs, and are NaN elsewhere.
         """
-        missing, centre = self._support(-rates, _HALVINGS), np.full((len(rates), 2), np.nan)
-        if self.moments == "independent" and len(self._rectangles):
-            search = self._edge_search(-rates[self._rectangles])
-            search.refine(_HALVINGS)
-            centre[self._rectangles] = search.where / self.half[self._rectangles]
-        return missing, centre
+        return self._support(-rates, _HALVINGS)
 
-    def _support(self, w: FloatArray, halvings: int) -> FloatArray:
-        """Largest power w . X (n,) of true states X with N = 1."""
-        result = np.empty(len(w))
-        result[self.contacts.corner_contact[self._is_other]] = -np.inf
-        np.maximum.at(result, *self._corner_power(w))
+    def _support(self, w: FloatArray, halvings: int) -> tuple[FloatArray, FloatArray]:
+        """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
+        power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
+        np.maximum.at(power, *self._corner_power(w))
         rows = self._rectangles
-        if len(rows):
-            solve = self._independent if self.moments == "independent" else self._signed
-            result[rows] = solve(w[rows], halvings)
-        return result + w[:, COLUMN["N"]]
+        if len(rows) and self.moments == "signed":
+            power[rows] = self._signed(w[rows])
+        elif len(rows):
+            search = self._edge_search(w[rows])
+            search.refine(halvings)
+            power[rows], centre[rows] = search.upper(), search.where / self.half[rows]
+        return power + w[:, COLUMN["N"]], centre
 
     def _corner_power(self, w: FloatArray) -> tuple[IntArray, FloatArray]:
         """Contact and power of a unit compression with full friction at polygon corners."""
@@ -160,7 +155,8 @@ class InteractionFlow:
         e, rows = self.contacts.corner_xy[self._is_other], w[j]
         return j, _moment_power(rows, e) + self.contacts.friction[j] * _shear_at(rows, e)
 
-    def _signed(self, w: FloatArray, _: int) -> FloatArray:
+    def _signed(self, w: FloatArray) -> FloatArray:
+        """Ends of the boxes, and zero where it lies between them."""
         rows = self._rectangles
         half, mu, box = self.half[rows], self.contacts.friction[rows], self.boxes[rows]
         levels = [box[..., 0], box[..., 1], np.clip(0.0, box[..., 0], box[..., 1])]
@@ -172,11 +168,6 @@ class InteractionFlow:
                 power = _moment_power(w, e) + mu * np.maximum(torsion, _shear_at(w, e))
                 best = np.maximum(best, power)
         return best
-
-    def _independent(self, w: FloatArray, halvings: int) -> FloatArray:
-        search = self._edge_search(w)
-        search.refine(halvings)
-        return search.upper()
 
     def _edge_search(self, w: FloatArray) -> _EdgeSearch:
         """Boxes as ranges of magnitudes, moment rates with the signs that go with them."""
@@ -216,7 +207,7 @@ def _shear_at(w: FloatArray, e: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Eccentricities on box edges: contact (k,), eps (k, 2), arm c (k,) and slope m (k,)."""
+    """Eccentricities on box edges: contact, eps (k, 2), arm c, slope m, and power b . eps, (k,)."""
 
     contact: IntArray
     eps: FloatArray
@@ -225,13 +216,12 @@ class _Points:
     moment: FloatArray
 
     def __getitem__(self, rows: IntArray | NDArray[np.bool_]) -> _Points:
-        fields = (self.contact, self.eps, self.arm, self.slope, self.moment)
-        return _Points(*(values[rows] for values in fields))
+        return _Points(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, other: _Points) -> _Points:
         """These and ``other``."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return _Points(*(np.concatenate(pair) for pair in pairs))
+        pairs = {name: (values, getattr(other, name)) for name, values in vars(self).items()}
+        return _Points(**{name: np.concatenate(pair) for name, pair in pairs.items()})
 
 
 class _EdgeSearch:
@@ -258,8 +248,7 @@ class _EdgeSearch:
         twist = np.abs(w[:, COLUMN["MT"]])
         size = np.hypot(*half.T)
         self.tolerance = _PRECISION * (
-            np.abs(moment * half).sum(axis=1)
-            + friction * (self.shear.sum(axis=1) + twist * size)
+            np.abs(moment * half).sum(axis=1) + friction * (self.shear.sum(axis=1) + twist * size)
         )
         self.best = np.full(len(half), -np.inf)
         self.where = np.zeros_like(half)

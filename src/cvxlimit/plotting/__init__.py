@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.files import write_file
 from cvxlimit.plotting.look import title
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
-from cvxlimit.files import write_file
 from cvxlimit.plotting.vtu import vtu_files
 from cvxlimit.plotting.webpage import Page, page
 from cvxlimit.scene import Scene
