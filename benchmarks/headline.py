@@ -151,7 +151,8 @@ def ratio(ours: Row, other: Row) -> Check:
         return Check(promise, f"{other.method} failed: {other.reason}", True)
     times = other.total / ours.total
     error = "unknown" if other.error is None else f"{other.error:.1e}"
-    text = f"{times:.1f} times ({other.total:.2f} s, {other.status}, error {error}, against {ours.total:.2f} s)"
+    theirs = f"{other.total:.2f} s, {other.status}, error {error}"
+    text = f"{times:.1f} times ({theirs}, against {ours.total:.2f} s)"
     return Check(promise, text, times >= LEAST_RATIO)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from rich.console import Console
 
 from cvxlimit import Solution, builtin_scene, solve
 from cvxlimit.interaction.fixed_point import FixedPoint
@@ -19,6 +20,8 @@ from cvxlimit.interaction.fixed_point import FixedPoint
 matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+console = Console(highlight=False, soft_wrap=True)
 
 WEIGHTS = (0.0, 0.5, 0.8, 0.95)
 SCENES = ("tuff-wall", "s12-panel")
@@ -71,7 +74,7 @@ def _tell(solution: Solution, what: str) -> None:
         f"solves, load factor {factor} in [{solution.lower:.5f}, {solution.upper:.5f}], "
         f"{solution.seconds['total']:.1f} s"
     )
-    print(line, flush=True)
+    console.print(line)
 
 
 if __name__ == "__main__":

@@ -37,11 +37,14 @@ def assert_bracket(scene: Scene, solution: Solution, tolerance: float = 1e-7) ->
 
 def tower(blocks: int, live: tuple[float, ...], friction: float = 0.5) -> Scene:
     """Blocks 1 x 0.6 x 0.8 on one another; ``live`` (6,) on the topmost."""
-    parts = [Block.box("ground", (-1, -1, -1), (2, 2, 0))]
-    for i in range(blocks):
-        parts.append(Block.box(f"b{i}", (0, 0, 0.8 * i), (1, 0.6, 0.8 * (i + 1)), 20.0))
+    ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    heights = 0.8 * np.arange(blocks + 1)
+    parts = [
+        Block.box(f"b{i}", (0, 0, heights[i]), (1, 0.6, heights[i + 1]), 20.0)
+        for i in range(blocks)
+    ]
     load = Load(forces={f"b{blocks - 1}": live})
-    return Scene(parts, ["ground"], load, friction=friction, name=f"tower of {blocks}")
+    return Scene([ground, *parts], ["ground"], load, friction=friction, name=f"tower of {blocks}")
 
 
 def scanned(scene: Scene, moments: str) -> float:

@@ -11,7 +11,7 @@ dead load off at a price, and its mechanism then has a bound of minus that price
 
 Lower bounds are forces: those of a relaxation where they happen to be admissible, and else the
 best with every contact's eccentricity bounded by that of the relaxation and its coefficients
-frozen there (:func:`cvxlimit.interaction.hull.safe_copies`). They count after they were brought
+frozen there (:func:`cvxlimit.interaction.copies.safe_copies`). They count after they were brought
 into equilibrium and passed :func:`cvxlimit.interaction.pressure.interaction_excess`.
 """
 
@@ -28,13 +28,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.certificate import Certifier
 from cvxlimit.contacts import COLUMN
-from cvxlimit.interaction.hull import (
-    Copies,
-    HullProblem,
-    box_copies,
-    missed_copies,
-    safe_copies,
-)
+from cvxlimit.interaction.copies import Copies, box_copies, safe_copies
+from cvxlimit.interaction.hull import HullProblem, missed_copies
 from cvxlimit.interaction.pressure import Pressure, interaction_excess
 from cvxlimit.interaction.support import InteractionFlow, free_sign, half_extent, whole_boxes
 from cvxlimit.scene import Scene

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.contacts import COLUMN
 from cvxlimit.errors import ModelError
-from cvxlimit.interaction.hull import HullProblem, box_copies
+from cvxlimit.interaction.copies import box_copies
+from cvxlimit.interaction.hull import HullProblem
 from cvxlimit.interaction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.interaction.pressure import Pressure
 from cvxlimit.interaction.safe_step import Point, SafeStep
@@ -211,26 +212,25 @@ class InnerMethod:
         yield from self._climb(point)
 
     def _climb(self, point: Point) -> Iterator[InnerIterate]:
-        """Hard steps, each at the forces of the last one or ahead of them, until they gain little."""
+        """Hard steps, each at the last one's forces or ahead of them, until they gain little."""
         reach = self.settings.reach if self.moments == "independent" else 0.0
         best, before, retreats = -np.inf, None, iter(_RETREATS)
         here = at = point
         while True:
             iterate = self._hard(at)
             yield iterate
-            if not iterate.is_safe:
+            forces = iterate.state.forces
+            if forces is None or not iterate.is_safe:
                 share = next(retreats, None)
                 if share is None:
                     return
-                if iterate.state.forces is not None:
-                    here = self._point(iterate.state.forces, at)
+                here = here if forces is None else self._point(forces, at)
                 at, reach, before = here.shrunk(share), 0.0, None
                 continue
-            value = self._worth(iterate)
-            gain, best = value - best, max(best, value)
+            gain, best = iterate.lower - best, max(best, iterate.lower)
             if gain > 0.0:
-                here = self._point(iterate.state.forces, at)
-            if gain < self.settings.gain * abs(value):
+                here = self._point(forces, at)
+            if gain < self.settings.gain * abs(iterate.lower):
                 if reach == 0.0:
                     return
                 reach = 0.0
@@ -305,10 +305,6 @@ class InnerMethod:
         safe = f"at least {iterate.lower:.6f}" if iterate.is_safe else "not a bound"
         self.tell(f"{kind} step {self._solves}: {safe}")
         return iterate
-
-    def _worth(self, iterate: InnerIterate) -> float:
-        """Value that steers the climb: the bound, or what the solver says where it was refused."""
-        return iterate.lower if iterate.is_safe else float(iterate.state.load_factor or 0.0)
 
     def _point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
         point = self.step.point(forces, otherwise or self.middle, _PRESSED)

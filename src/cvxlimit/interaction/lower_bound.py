@@ -33,7 +33,7 @@ first. Eq. 30 is not convex: what is inside may lead outside when mixed in, unle
 small and its pressure central (then it never does)."""
 
 _BALANCED = 1e-11
-"""Equilibrium residual of a block that counts as rounding, as a share of the forces acting on it."""
+"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +125,8 @@ class LowerBounds:
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, forces, False, np.inf, np.inf)
         excess = max(float(self._excess(forces).max()), 0.0) / self.scaling.force
-        residual = self.statics.residual(forces, load_factor)
-        residual = float(self._generalised(residual).max()) / self.scaling.force
+        rest = self._generalised(self.statics.residual(forces, load_factor))
+        residual = float(rest.max()) / self.scaling.force
         accepted = max(excess, residual) <= ACCEPTED
         proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
         value = float(load_factor) if accepted else -np.inf
@@ -153,7 +153,7 @@ class LowerBounds:
 
 def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
     """Eq. 9 in force units (n,): how far pressure is outside the contact; tension counts too."""
-    contact, _, offset = contacts.edges
+    _, _, offset = contacts.edges
     moments = Rocking().excess(forces, contacts)[0] / offset
     outside: FloatArray = -contacts.corner_minimum(-moments)
     return np.maximum(outside, -forces[:, COLUMN["N"]])

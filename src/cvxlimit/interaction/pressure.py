@@ -51,7 +51,7 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
         arm = torsion_arm(
             np.maximum(l1 - 2.0 * np.abs(e1), 0.0), np.maximum(l2 - 2.0 * np.abs(e2), 0.0)
         )
-    for j in np.flatnonzero(~contacts.is_rectangle):
+    for j in np.flatnonzero(~contacts.is_rectangle).tolist():
         centre = np.array([e1[j], e2[j]])
         arm[j] = mean_distance(effective_region(contacts.corners_of(j), centre), centre)
     return arm

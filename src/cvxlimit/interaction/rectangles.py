@@ -1,4 +1,4 @@
-"""Rectangles inside contacts of other shapes, for the safe steps, which know c_T of rectangles only.
+"""Rectangles inside contacts of other shapes: the safe steps know c_T of rectangles only.
 
 Pressure in a rectangle R inside the convex contact P is pressure in P. If c_P(e), the mean
 distance over P ∩ (2e - P), is nowhere in R below share x c_R(e), then forces that satisfy Eq. 30 on

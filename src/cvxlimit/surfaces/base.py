@@ -173,10 +173,9 @@ def _admissible(
     if not condition.norms:
         yield remaining >= 0
         return
-    *others, last = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
-    if not last.is_plain:
-        others, last = list(condition.norms), None
-    for norm in others:
+    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
+    last = norms.pop() if norms[-1].is_plain else None
+    for norm in norms:
         bound = cp.Variable(remaining.shape)
         yield from cone.epigraph(bound, [express(form, forces) for form in norm.rows])
         remaining = remaining - times(norm.weight, bound)
