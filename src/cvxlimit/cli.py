@@ -29,7 +29,6 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from cvxlimit.analysis import TOLERANCE
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import read_scene, write_result
 from cvxlimit.io.fields import one_line
@@ -65,7 +64,7 @@ class Order:
     surface: str
     interaction: str
     moments: str
-    tolerance: float
+    tolerance: float | None
     json: Path | None
     plot: Path | None
 
@@ -130,11 +129,15 @@ def _solve_command(
         ),
     ] = None,
     tolerance: Annotated[
-        float,
+        float | None,
         typer.Option(
-            metavar="WIDTH", help="Asked width of the bracket, relative to its larger bound."
+            metavar="WIDTH",
+            help="Asked width of the bracket, relative to its larger bound; the fixed point stops "
+            "at a change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed "
+            "point; the certified method goes as far as it can, and 0.05 counts as good.",
+            show_default=False,
         ),
-    ] = TOLERANCE,
+    ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     order = Order(scene, surface, interaction, moments, tolerance, json, plot)

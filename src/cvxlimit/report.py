@@ -34,7 +34,7 @@ def show(*renderables: RenderableType) -> None:
     sys.stdout.flush()
 
 
-def summary(solution: Solution, origin: str, tolerance: float, files: Sequence[str]) -> Table:
+def summary(solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]) -> Table:
     """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
     facts: list[tuple[str, str | Text]] = [
         ("scene", one_line(f"{solution.scene} ({origin})")),
@@ -115,11 +115,12 @@ def _load_factor(solution: Solution) -> str:
     return value if solution.status.is_good else f"{value} ({solution.status})"
 
 
-def _bracket(solution: Solution, tolerance: float) -> str:
+def _bracket(solution: Solution, tolerance: float | None) -> str:
     if not solution.status.has_answer:
         return ""
     ends = f"[{_down(solution.lower)}, {_up(solution.upper)}]"
-    return f"{ends}, relative width {solution.gap:.1e} (asked: {tolerance:g})"
+    asked = "" if tolerance is None else f" (asked: {tolerance:g})"
+    return f"{ends}, relative width {solution.gap:.1e}{asked}"
 
 
 def _style(status: Status) -> str:

@@ -67,9 +67,9 @@ def registry() -> dict[str, Method]:
 def interaction_registry() -> dict[str, Method]:
     """All methods for torsion-shear-bending interaction, by name."""
     made = _Registry()
-    for kind in ("fixed-point", "certified"):
+    for kind, surfaces in (("fixed-point", ("conic", "octagon")), ("certified", ("conic",))):
         for moments in ("independent", "signed"):
-            for surface in ("conic", "octagon"):
+            for surface in surfaces:
                 name = f"{kind}/{moments}/{surface}"
                 line = f"{kind}, {moments} moments"
                 made.add(Model(name, line, surface, interaction=kind, moments=moments))
