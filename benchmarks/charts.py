@@ -69,18 +69,23 @@ def _sign(figure: Figure, about: dict[str, Any]) -> None:
 
 
 def _studied(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Records by scene where all methods ran and at least two have a time and an error."""
+    """Records by scene, and by moments, where all methods ran and at least two have a time and an error."""
     scenes: dict[str, list[Record]] = {}
     for record in records:
         if record.purpose == "study":
-            scenes.setdefault(f"{record.case}, {record.row.contacts} contacts", []).append(record)
+            scenes.setdefault(_scene_label(record), []).append(record)
     return {k: v for k, v in scenes.items() if sum(r.row.error is not None for r in v) > 1}
+
+
+def _scene_label(record: Record) -> str:
+    moments = f", {record.row.moments} moments" if record.row.interaction != "none" else ""
+    return f"{record.case}, {record.row.contacts:,} contacts{moments}"
 
 
 def time_against_error(family: str, studied: dict[str, list[Record]]) -> Figure:
     """One plot per studied scene, one legend for all of them, one entry per line."""
     columns = len(studied)
-    figure = Figure(figsize=(5.6 * columns + 3.2, 6.2), layout="constrained")
+    figure = Figure(figsize=(5.6 * columns + 3.4, 6.4), layout="constrained")
     plots = figure.subplots(1, columns, squeeze=False)[0]
     labels = dict.fromkeys(r.row.line for group in studied.values() for r in group)
     styles = {label: number for number, label in enumerate(labels)}
@@ -112,13 +117,8 @@ def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
     methods: dict[str, list[Record]] = {}
     for record in sorted(records, key=lambda record: record.row.contacts):
         if record.row.total is not None:
-            methods.setdefault(_method_label(record), []).append(record)
+            methods.setdefault(record.row.method, []).append(record)
     return {name: found for name, found in methods.items() if len(found) > 1}
-
-
-def _method_label(record: Record) -> str:
-    with_case = record.row.interaction != "none"
-    return f"{record.row.method} ({record.case})" if with_case else record.row.method
 
 
 def growth(family: str, grown: dict[str, list[Record]]) -> Figure:

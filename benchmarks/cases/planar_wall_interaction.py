@@ -4,5 +4,9 @@ from benchmarks.cases import Case
 from benchmarks.cases.planar_wall import build
 
 CASE = Case(
-    "planar-wall-interaction", "walls with interaction", build, study=(150,), interaction=True
+    "planar-wall-interaction",
+    "planar walls with interaction",
+    build,
+    study=(150,),
+    interaction=True,
 )

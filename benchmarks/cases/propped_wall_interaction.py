@@ -4,5 +4,9 @@ from benchmarks.cases import Case
 from benchmarks.cases.propped_wall import build
 
 CASE = Case(
-    "propped-wall-interaction", "walls with interaction", build, study=(150,), interaction=True
+    "propped-wall-interaction",
+    "propped walls with interaction",
+    build,
+    study=(150,),
+    interaction=True,
 )

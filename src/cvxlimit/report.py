@@ -34,7 +34,9 @@ def show(*renderables: RenderableType) -> None:
     sys.stdout.flush()
 
 
-def summary(solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]) -> Table:
+def summary(
+    solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
+) -> Table:
     """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
     facts: list[tuple[str, str | Text]] = [
         ("scene", one_line(f"{solution.scene} ({origin})")),

@@ -51,9 +51,21 @@ def fitted_exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
 
 
 def on_front(rows: Sequence[Row]) -> set[str]:
-    """Names of the methods on the Pareto front of total time against true error."""
-    timed = _timed(rows)
-    return {timed[i].method for i in pareto_front([_point(row) for row in timed])}
+    """Names of the methods on the Pareto front of total time against true error.
+
+    Methods with and without interaction, or with other moments, have fronts of their own: their
+    truths differ.
+    """
+    return {row.method for front in _fronts(_timed(rows)) for row in front}
+
+
+def _fronts(timed: Sequence[Row]) -> list[list[Row]]:
+    truths = dict.fromkeys((row.interaction != "none", row.moments) for row in timed)
+    fronts = []
+    for truth in truths:
+        alike = [row for row in timed if (row.interaction != "none", row.moments) == truth]
+        fronts.append([alike[i] for i in pareto_front([_point(row) for row in alike])])
+    return fronts
 
 
 def draw_time_against_error(
@@ -82,7 +94,8 @@ def draw_time_against_error(
             label=label,
             zorder=4 if own else 3,
         )
-    _draw_front(axes, [_point(row) for row in timed])
+    for front in _fronts(timed):
+        _draw_front(axes, [_point(row) for row in front])
     _draw_floor(axes, timed)
     axes.set(xscale="log", yscale="log", title=title)
     axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
@@ -106,14 +119,12 @@ def sparse(value: float, position: float | None = None) -> str:
     return f"{value:g}" if digit in (2, 5) else ""
 
 
-def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
-    front = [points[i] for i in pareto_front(points)]
-    if front:
-        times, errors = zip(*front, strict=True)
-        axes.step(
-            times, errors, where="post", color="#4aa3a8", linewidth=6, alpha=0.35,
-            label="Pareto front", zorder=1,
-        )  # fmt: skip
+def _draw_front(axes: Axes, front: Sequence[tuple[float, float]]) -> None:
+    times, errors = zip(*front, strict=True)
+    axes.step(
+        times, errors, where="post", color="#4aa3a8", linewidth=6, alpha=0.35,
+        label="Pareto front", zorder=1,
+    )  # fmt: skip
 
 
 def _draw_floor(axes: Axes, rows: Sequence[Row]) -> None:

@@ -33,6 +33,8 @@ from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.statics import DOF, Scaling, Statics
 from cvxlimit.surfaces import Rocking
 
+__all__ = ["Copies", "GlobalBound", "HullProblem", "box_copies", "global_upper_bound"]
+
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
 
@@ -76,9 +78,10 @@ def missed_copies(
     result = Copies.at(rows, centre[rows], flow.boxes, flow.moments)
     if beside > 0.0:
         ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
+        inner = ~ends.all(axis=1)
         for step in (-beside, beside):
-            moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)
-            result = result.joined(Copies.at(rows, moved, flow.boxes, flow.moments))
+            moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
+            result = result.joined(Copies.at(rows[inner], moved, flow.boxes, flow.moments))
     return result
 
 

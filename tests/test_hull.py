@@ -1,0 +1,443 @@
+"""Contact hulls: support functions against sampled true states, and global upper bounds.
+
+True states are made here from Eq. 30 as written, with the arm of the independent checker.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from helpers import hand_equilibrium
+from scipy.spatial.transform import Rotation
+
+from cvxlimit import Block, Contacts, Load, Scene, builtin_scene
+from cvxlimit.contacts import COLUMN
+from cvxlimit.interaction.copies import Copies, box_copies, copy_forces, safe_copies
+from cvxlimit.interaction.hull import GlobalBound, HullProblem, global_upper_bound
+from cvxlimit.interaction.pressure import effective_arm, interaction_excess
+from cvxlimit.interaction.support import InteractionFlow, half_extent, whole_boxes
+from cvxlimit.masonry import single_block, stack
+from cvxlimit.polygons import torsion_arm
+from cvxlimit.scene import Units
+
+MOMENTS = ["independent", "signed"]
+SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
+ROUNDING = 1e-12
+
+
+def block_of(sides: tuple[float, float], friction: float = 0.6) -> Contacts:
+    """A block on the ground: one rectangular contact."""
+    return single_block((*sides, 0.5), friction=friction).contacts
+
+
+def prism(id: str, sides: int, low: float, high: float, turn: float = 0.0) -> Block:
+    angles = turn + 2.0 * np.pi * np.arange(sides) / sides
+    ring = 0.5 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    corners = [np.column_stack([ring, np.full(sides, z)]) for z in (low, high)]
+    return Block.hull(id, np.vstack(corners), density=20.0)
+
+
+def hexagons(live: Load | None = None) -> Scene:
+    """Two hexagonal prisms on one another; the contacts are a hexagon and a 12-gon."""
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    blocks = (ground, prism("b1", 6, 0.0, 0.4), prism("b2", 6, 0.4, 0.9, turn=0.5))
+    push = live or Load(acceleration=(0.3, 1.0, 0.0), forces={"b2": (0, 0, 0, 0, 0, 1.5)})
+    return Scene(blocks, ("ground",), push, friction=0.6)
+
+
+def tangential(
+    e: np.ndarray, arm: np.ndarray, friction: float, moments: str, way: np.ndarray
+) -> np.ndarray:
+    """V1, V2, MT (k, 3) along ``way`` (k, 3), as far as Eq. 30 lets them go with N = 1."""
+    v1, v2, mt = way.T
+    if moments == "signed":
+        torque = np.abs(mt - e[:, 0] * v2 + e[:, 1] * v1)
+    else:
+        torque = np.abs(v1 * e[:, 1]) + np.abs(v2 * e[:, 0]) + np.abs(mt)
+    size = torque + arm * np.hypot(v1, v2)
+    return way * (friction * arm / np.where(size > 0.0, size, 1.0))[:, None]
+
+
+def states(e: np.ndarray, shear: np.ndarray) -> np.ndarray:
+    """Forces (k, 6) with N = 1."""
+    forces = np.zeros((len(e), 6))
+    forces[:, [COLUMN["V1"], COLUMN["V2"], COLUMN["MT"]]] = shear
+    forces[:, COLUMN["N"]] = 1.0
+    forces[:, COLUMN["M1"]], forces[:, COLUMN["M2"]] = e[:, 1], -e[:, 0]
+    return forces
+
+
+def rectangle_states(
+    contacts: Contacts, moments: str, count: int, seed: int, box: np.ndarray | None = None
+) -> np.ndarray:
+    """Random states on the yield surface of one rectangle, many near edges, corners and axes."""
+    rng = np.random.default_rng(seed)
+    low, high = (whole_boxes(contacts)[0] if box is None else box).T
+    e = (low + (high - low) * rng.beta(0.3, 0.3, (count, 2))) * contacts.sides[0] / 2.0
+    arm = torsion_arm(*(contacts.sides[0] - 2.0 * np.abs(e)).clip(0.0).T)
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    near = rng.random(count) < 0.3
+    angle = np.where(
+        near, np.round(angle * 2 / np.pi) * np.pi / 2 + rng.normal(0, 0.05, count), angle
+    )
+    twist = rng.choice([0.0, 1.0, -1.0], count) * rng.exponential(0.5, count)
+    way = np.stack([np.cos(angle), np.sin(angle), twist], axis=1)
+    if moments == "signed":  # twist about the pressure centre
+        way[:, 2] += e[:, 0] * way[:, 1] - e[:, 1] * way[:, 0]
+    only = rng.random(count) < 0.05
+    way[only, :2] = 0.0
+    return states(e, tangential(e, arm, contacts.friction[0], moments, way))
+
+
+def polygon_states(contacts: Contacts, j: int, moments: str, count: int, seed: int) -> np.ndarray:
+    """Random states on the yield surface of any polygon; arms by polygon clipping."""
+    rng = np.random.default_rng(seed)
+    corners = contacts.corners_of(j)
+    e = rng.dirichlet(np.full(len(corners), 0.4), count) @ corners
+    arm = np.empty(count)
+    for i in range(count):
+        place = np.zeros((2, len(contacts)))
+        place[:, j] = e[i]
+        arm[i] = effective_arm(*place, contacts)[j]
+    way = rng.normal(size=(count, 3)) * [1.0, 1.0, rng.choice([0.1, 1.0])]
+    return states(e, tangential(e, arm, contacts.friction[j], moments, way))
+
+
+def rates_like(count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(count, 6)) * rng.choice([0.0, 0.1, 1.0, 5.0], (count, 6))
+
+
+def grid_power(contacts: Contacts, moments: str, w: np.ndarray) -> float:
+    """Largest power by brute force: pressure centres on a grid, directions of shear on a grid."""
+    share = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 241))
+    e = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2) * contacts.sides[0] / 2.0
+    arm = torsion_arm(*(contacts.sides[0] - 2.0 * np.abs(e)).clip(0.0).T)
+    best = -np.inf
+    for angle in np.linspace(0.0, 2.0 * np.pi, 361):
+        way = np.tile([np.cos(angle), np.sin(angle), 0.0], (len(e), 1))
+        if moments == "signed":
+            way[:, 2] = e[:, 0] * way[:, 1] - e[:, 1] * way[:, 0]
+        best = max(
+            best, (states(e, tangential(e, arm, contacts.friction[0], moments, way)) @ w).max()
+        )
+    for twist in (-1.0, 1.0):
+        way = np.tile([0.0, 0.0, twist], (len(e), 1))
+        best = max(
+            best, (states(e, tangential(e, arm, contacts.friction[0], moments, way)) @ w).max()
+        )
+    return float(best)
+
+
+# -- support functions ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("sides", SIDES)
+def test_no_true_state_does_more_work_than_the_support(
+    sides: tuple[float, float], moments: str
+) -> None:
+    """4 million pairs of states and rates per case."""
+    contacts = block_of(sides)
+    flow = InteractionFlow(contacts, moments)
+    forces = rectangle_states(contacts, moments, 100_000, seed=1)
+    for w in rates_like(40, seed=2):
+        missing, leftover = flow.shortfall(-w[None])
+        assert not leftover.any()
+        assert (forces @ w).max() <= missing[0] + ROUNDING * np.abs(w).max()
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_the_support_is_attained(moments: str) -> None:
+    """Grid values lie below by the grid's spacing squared, 1e-4, where they do not meet it."""
+    contacts = block_of((1.0, 0.4))
+    for w in rates_like(8, seed=3):
+        missing = InteractionFlow(contacts, moments).shortfall(-w[None])[0][0]
+        best = grid_power(contacts, moments, w)
+        assert best <= missing + ROUNDING * np.abs(w).max()
+        assert missing - best <= 2e-4 * np.abs(w).max()
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_boxes_of_pressure_centres(moments: str) -> None:
+    contacts = block_of((1.0, 0.6))
+    rng = np.random.default_rng(4)
+    for w in rates_like(60, seed=5):
+        box = np.sort(rng.uniform(-1.0, 1.0, (2, 2)), axis=1)
+        if moments == "independent":  # both signs only in symmetric ranges
+            both = (box[:, 0] < 0.0) & (box[:, 1] > 0.0)
+            box[both, 0] = -box[both, 1]
+        missing = InteractionFlow(contacts, moments, box[None]).shortfall(-w[None])[0][0]
+        forces = rectangle_states(contacts, moments, 20_000, seed=6, box=box)
+        assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
+        whole = InteractionFlow(contacts, moments).shortfall(-w[None])[0][0]
+        assert missing <= whole + 1e-9 * np.abs(w).max()
+
+
+def test_the_worst_place_has_the_support() -> None:
+    """A box that is only the worst pressure centre has the same support, to the search's 1e-10."""
+    contacts = block_of((1.0, 0.6))
+    for w in rates_like(30, seed=7):
+        missing, centre = InteractionFlow(contacts, "independent").worst(-w[None])
+        signs = np.where(w[[COLUMN["M2"], COLUMN["M1"]]] * [-1, 1] >= 0.0, 1.0, -1.0)
+        place = np.repeat((np.abs(centre) * signs)[..., None], 2, axis=2)
+        at = InteractionFlow(contacts, "independent", place).shortfall(-w[None])[0]
+        assert at[0] == pytest.approx(missing[0], abs=1e-8 * np.abs(w).max())
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_polygons(moments: str) -> None:
+    contacts = hexagons().contacts
+    assert not contacts.is_rectangle.any()
+    flow = InteractionFlow(contacts, moments)
+    for j in range(len(contacts)):
+        forces = polygon_states(contacts, j, moments, 1_500, seed=8)
+        for w in rates_like(60, seed=9):
+            missing = flow.shortfall(-np.tile(w, (len(contacts), 1)))[0][j]
+            assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
+
+
+def test_pointwise_friction_is_inside_the_corner_hull() -> None:
+    """Any distribution of Coulomb friction over the polygon, not only sliding about a centre."""
+    contacts = hexagons().contacts
+    rng = np.random.default_rng(10)
+    corners = contacts.corners_of(0)
+    points = rng.dirichlet(np.ones(len(corners)), (4_000, 5)) @ corners
+    share = rng.dirichlet(np.full(5, 0.4), 4_000)
+    angle = rng.uniform(0.0, 2.0 * np.pi, (4_000, 5))
+    pull = contacts.friction[0] * share[..., None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    moment = (points[..., 0] * pull[..., 1] - points[..., 1] * pull[..., 0]).sum(axis=1)
+    e = (share[..., None] * points).sum(axis=1)
+    forces = states(e, np.column_stack([pull.sum(axis=1), moment]))
+    for w in rates_like(60, seed=11):
+        missing = InteractionFlow(contacts, "signed").shortfall(-np.tile(w, (2, 1)))[0][0]
+        assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_shortfall_is_sublinear_and_bounded_by_the_cheap_bound(moments: str) -> None:
+    contacts = builtin_scene("tuff-wall").contacts
+    flow = InteractionFlow(contacts, moments)
+    first, second = rates_like(len(contacts), 12), rates_like(len(contacts), 13)
+    a, b = flow.shortfall(first)[0], flow.shortfall(second)[0]
+    size = np.abs(first).max() + np.abs(second).max()
+    assert (flow.shortfall(first + second)[0] <= a + b + 1e-9 * size).all()
+    np.testing.assert_allclose(flow.shortfall(3.0 * first)[0], 3.0 * a, atol=1e-8 * size)
+    assert (flow.shortfall_bound(first) >= a - 1e-9 * size).all()
+
+
+def test_moments_must_be_known() -> None:
+    with pytest.raises(ValueError, match="moments must be one of independent, signed, got 'both'"):
+        InteractionFlow(block_of((1.0, 1.0)), "both")
+
+
+# -- copies --------------------------------------------------------------------------------------
+
+
+def reach(copies: Copies, contacts: Contacts, w: np.ndarray) -> float:
+    """Largest power of the copies' forces with N = 1, by CVXPY."""
+    model = copy_forces(copies, contacts)
+    force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
+    problem = cp.Problem(cp.Maximize(w @ force), [*model.constraints, force[COLUMN["N"]] == 1.0])
+    problem.solve(solver=cp.CLARABEL)
+    return float(problem.value)
+
+
+@pytest.mark.parametrize("shape", [(1.0, 0.5), 5])
+def test_signed_copies_are_the_exact_hull(shape: tuple[float, float] | int) -> None:
+    """To 1e-6, Clarabel's default accuracy on powers of order one."""
+    contacts = block_of(shape) if isinstance(shape, tuple) else pentagon()
+    for w in rates_like(6, seed=14):
+        missing = InteractionFlow(contacts, "signed").shortfall(-w[None])[0][0]
+        assert reach(box_copies(contacts, "signed"), contacts, w) == pytest.approx(
+            missing, abs=1e-6 * max(1.0, np.abs(w).max())
+        )
+
+
+def pentagon() -> Contacts:
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    live = Load(acceleration=(1.0, 0.0, 0.0))
+    return Scene((ground, prism("b", 5, 0.0, 0.5)), ("ground",), live).contacts
+
+
+@pytest.mark.parametrize("box", [None, (-0.4, 0.4, 0.1, 0.7), (-0.8, -0.2, 0.3, 0.3)])
+def test_independent_copies_and_the_worst_one_are_the_hull(box: tuple[float, ...] | None) -> None:
+    contacts = block_of((1.0, 0.5))
+    boxes = whole_boxes(contacts) if box is None else np.reshape(box, (1, 2, 2))
+    flow = InteractionFlow(contacts, "independent", boxes)
+    first = box_copies(contacts, "independent", boxes)
+    for w in rates_like(6, seed=15):
+        missing, centre = flow.worst(-w[None])
+        size = max(1.0, np.abs(w).max())
+        assert reach(first, contacts, w) <= missing[0] + 1e-6 * size
+        more = first.joined(Copies.at(np.array([0]), centre, boxes, "independent"))
+        assert reach(more, contacts, w) == pytest.approx(missing[0], abs=1e-6 * size)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_boxed_signed_copies_and_safe_copies_are_admissible(moments: str) -> None:
+    """Extreme states of safe copies pass the checker, on rectangles and hexagons."""
+    for contacts in (block_of((1.0, 0.5)), pentagon()):
+        rng = np.random.default_rng(16)
+        for _ in range(4):
+            centre = rng.uniform(-0.4, 0.4, (1, 2))
+            model = copy_forces(safe_copies(contacts, moments, centre), contacts)
+            force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
+            w = rng.normal(size=6)
+            limits = [*model.constraints, force[COLUMN["N"]] == 1.0]
+            cp.Problem(cp.Maximize(w @ force), limits).solve(solver=cp.CLARABEL)
+            excess = interaction_excess(force.value[None], contacts, moments)
+            assert excess[0] <= 1e-7
+
+
+# -- global bounds -------------------------------------------------------------------------------
+
+
+TWIST = Load(acceleration=(0.3, 1.0, 0.0), forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
+TOP_TWIST = Load(acceleration=(0.0, 1.0, 0.0), forces={"b2": (0.0, 0.0, 0.0, 0.0, 1.0, 2.5)})
+
+DETERMINATE = {
+    "one block": single_block((1.0, 0.5, 0.4), friction=0.6, live=TWIST),
+    "one slender block": single_block((0.4, 0.1, 0.4), friction=0.5, live=TWIST),
+    "two blocks": stack(2, (1.0, 1.0, 0.8), shift=(0.1, 0.1), friction=0.6, live=TOP_TWIST),
+    "hexagons": hexagons(),
+}
+"""Forces follow from equilibrium, so that the load factor can be searched for by hand."""
+
+
+@cache
+def exact(name: str, moments: str) -> float:
+    """Largest load factor whose forces pass the checker, from a fine scan of load factors."""
+    scene = DETERMINATE[name]
+    matrix, dead, live = hand_equilibrium(scene)
+    dense = matrix.toarray()
+    x_dead, x_live = np.linalg.solve(dense, -dead), np.linalg.solve(dense, -live)
+    _, inward, offset = scene.contacts.edges
+
+    def stands(alpha: float) -> bool:
+        forces = (x_dead + alpha * x_live).reshape(-1, 6)
+        rows = forces[scene.contacts.corner_contact]
+        inside = offset * rows[:, 2] - inward[:, 0] * rows[:, 4] + inward[:, 1] * rows[:, 3]
+        if inside.min() < 0.0 or forces[:, 2].min() < 0.0:
+            return False
+        return bool(interaction_excess(forces, scene.contacts, moments).max() <= 0.0)
+
+    grid = np.linspace(0.0, 2.0, 4_001)
+    last = max(i for i, alpha in enumerate(grid) if stands(alpha))
+    low, high = grid[last], grid[last + 1]
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stands(middle) else (low, middle)
+    return float(low)
+
+
+def assert_history(bound: GlobalBound) -> None:
+    assert bound.is_proved
+    assert bound.history
+    known = [h.upper for h in bound.history if h.upper is not None]
+    assert bound.upper == min(known)
+    assert {"compile", "solve", "certify", "total"} <= set(bound.seconds)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("name", DETERMINATE)
+def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:
+    bound = global_upper_bound(DETERMINATE[name], moments)
+    assert_history(bound)
+    assert bound.upper >= exact(name, moments) - 1e-9
+    conic = global_upper_bound(DETERMINATE[name], "signed").upper
+    assert bound.upper <= conic + 1e-7
+
+
+@pytest.mark.parametrize("name, moments, most, reason", [
+    ("tuff-wall", "independent", 0.26917, "prototype: hull with priced copies 0.269166"),
+    ("tuff-wall", "signed", 0.36423, "prototype: friction at the corners 0.364222"),
+    ("s12-panel", "independent", 0.12643, "prototype: hull with priced copies 0.126427"),
+    ("s12-panel", "signed", 0.18212, "prototype: friction at the corners 0.182117"),
+    ("s10-panel", "independent", 0.165319, "rocking decides: both hulls meet at 0.165318"),
+    ("s10-panel", "signed", 0.165319, "rocking decides: both hulls meet at 0.165318"),
+])  # fmt: skip
+def test_targets(name: str, moments: str, most: float, reason: str) -> None:
+    bound = global_upper_bound(builtin_scene(name), moments)
+    assert_history(bound)
+    assert bound.upper <= most, reason
+    assert bound.relaxed is not None
+    assert bound.upper >= bound.relaxed - 1e-6 * most
+    assert bound.forces is not None
+    assert bound.forces.shape == (len(builtin_scene(name).contacts), 6)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("name", ["two blocks", "hexagons"])
+def test_invariance(name: str, moments: str) -> None:
+    """Rotation turns contact frames too: to 1e-5, the bound's own tolerance."""
+    scene = DETERMINATE[name]
+    first = global_upper_bound(scene, moments, 1e-6).upper
+    turned = scene.moved(Rotation.from_euler("xyz", [0.4, -0.7, 1.9]).as_matrix(), (3.0, -1.0, 2.0))
+    millimetres = scene.in_units(Units("mm", "N"), 1000.0, 1000.0)
+    for other in (turned, millimetres):
+        assert global_upper_bound(other, moments, 1e-6).upper == pytest.approx(first, rel=1e-5)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_pressure_at_an_edge(moments: str) -> None:
+    """The block rocks about its edge at length / height, with nothing but N on the edge."""
+    bound = global_upper_bound(builtin_scene("single-block"), moments)
+    assert bound.upper == pytest.approx(0.4, abs=1e-7)
+
+
+def test_pressure_in_a_corner() -> None:
+    """Signed: friction acts in the corner, the block rocks about it at sqrt(2) 0.4. With
+    independent signs nothing but N passes a corner, so pressure cannot get there."""
+    live = Load(acceleration=(0.5**0.5, 0.5**0.5, 0.0))
+    scene = single_block((0.4, 0.4, 1.0), friction=0.7, live=live)
+    signed = global_upper_bound(scene, "signed").upper
+    assert signed == pytest.approx(0.4 * 2.0**0.5, abs=1e-7)
+    assert global_upper_bound(scene, "independent").upper < 0.9 * signed
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_a_contact_without_force(moments: str) -> None:
+    """Pushed away from a wall it touches, the block does what it would do alone."""
+    ground = Block.box("ground", (-1.0, -1.0, -1.0), (2.0, 2.0, 0.0))
+    side = Block.box("side", (-0.5, 0.0, 0.0), (0.0, 0.4, 1.0))
+    block = Block.box("b1", (0.0, 0.0, 0.0), (0.4, 0.4, 1.0), density=20.0)
+    live = Load(acceleration=(1.0, 0.0, 0.0))
+    scene = Scene((ground, side, block), ("ground", "side"), live, friction=0.3)
+    bound = global_upper_bound(scene, moments)
+    alone = single_block((0.4, 0.4, 1.0), friction=0.3, live=live)
+    assert bound.upper >= global_upper_bound(alone, moments).upper - 1e-7
+    assert bound.upper == pytest.approx(global_upper_bound(alone, moments).upper, abs=1e-6)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_without_friction(moments: str) -> None:
+    """Any push slides the block: the bound is zero, not undefined."""
+    bound = global_upper_bound(single_block((1.0, 1.0, 0.5), friction=0.0), moments)
+    assert bound.upper == pytest.approx(0.0, abs=1e-7)
+
+
+def test_no_bound_where_there_is_none() -> None:
+    """A load that presses the block down: the relaxation is unbounded, and says so."""
+    down = Load(acceleration=(0.0, 0.0, -1.0))
+    bound = global_upper_bound(single_block(live=down), "independent")
+    assert bound.upper == np.inf
+    assert not bound.is_proved
+    assert bound.mechanism is None
+
+
+def test_relief_makes_every_problem_solvable() -> None:
+    """Pressure held at an edge cannot carry the dead load: the mechanism's bound is -price."""
+    scene = single_block((1.0, 1.0, 0.5))
+    held = np.array([[[0.9, 1.0], [0.9, 1.0]]])
+    up = scene.with_live(Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}))
+    state = HullProblem(up).solve(box_copies(up.contacts, "independent", held), relief_price=50.0)
+    assert state.mechanism is not None
+    assert -float((up.dead_forces * state.mechanism).sum()) == pytest.approx(-50.0, rel=1e-6)
+
+
+def test_fractions_are_of_half_sides() -> None:
+    np.testing.assert_allclose(half_extent(block_of((1.0, 0.5))), [[0.5, 0.25]])
