@@ -69,7 +69,7 @@ def _sign(figure: Figure, about: dict[str, Any]) -> None:
 
 
 def _studied(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Records by scene, and by moments, where all methods ran and at least two have a time and an error."""
+    """Records by scene and moments, where all methods ran and at least two have an error."""
     scenes: dict[str, list[Record]] = {}
     for record in records:
         if record.purpose == "study":
@@ -186,7 +186,7 @@ def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
     size = _common_size(grown)
     there = [(n, r) for n, g in grown.items() for r in g if r.row.contacts == size]
     _bars(right, [name for name, _ in there], [_seconds(r) for _, r in there])
-    right.set(xlabel="seconds", title=f"all methods at {size:,} contacts")
+    right.set(xlabel="seconds", title=f"methods with an answer at {size:,} contacts")
     figure.legend(*_legend(right), loc="outside upper right", ncols=len(PHASES) + 1, frameon=False)
     _headline(figure, f"{family}: where the time goes")
     return figure
@@ -217,10 +217,11 @@ def _shares(record: Record) -> dict[str, float]:
 
 
 def _common_size(grown: dict[str, list[Record]]) -> int:
-    """The size at which most methods have a figure; the largest of those."""
+    """The largest size at which three quarters of the methods have a figure."""
     counts: dict[int, int] = {}
     for records in grown.values():
         for record in records:
             size = record.row.contacts
             counts[size] = counts.get(size, 0) + 1
-    return max(counts, key=lambda size: (counts[size], size))
+    enough = 0.75 * max(counts.values())
+    return max(size for size, count in counts.items() if count >= enough)

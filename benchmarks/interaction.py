@@ -63,8 +63,8 @@ def _panel(ax: Axes, name: str, moments: str, iterations: int) -> None:
     )
     ax.set_xlabel("iteration")
     ax.set_ylabel("load factor")
-    ax.set_ylim(0.0, None)
-    ax.legend(fontsize=8, loc="upper right")
+    ax.set_ylim(0.0, 1.5 * ax.get_ylim()[1])  # room for the legend
+    ax.legend(fontsize=8, loc="upper center", ncols=2)
 
 
 def _tell(solution: Solution, what: str) -> None:

@@ -10,7 +10,6 @@ from functools import cache
 import cvxpy as cp
 import numpy as np
 import pytest
-from helpers import hand_equilibrium
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Contacts, Load, Scene, builtin_scene
@@ -22,6 +21,7 @@ from cvxlimit.interaction.support import InteractionFlow, half_extent, whole_box
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.polygons import torsion_arm
 from cvxlimit.scene import Units
+from helpers import hand_equilibrium
 
 MOMENTS = ["independent", "signed"]
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
@@ -352,7 +352,7 @@ def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:
     assert bound.upper <= conic + 1e-7
 
 
-@pytest.mark.parametrize("name, moments, most, reason", [
+@pytest.mark.parametrize(("name", "moments", "most", "reason"), [
     ("tuff-wall", "independent", 0.26917, "prototype: hull with priced copies 0.269166"),
     ("tuff-wall", "signed", 0.36423, "prototype: friction at the corners 0.364222"),
     ("s12-panel", "independent", 0.12643, "prototype: hull with priced copies 0.126427"),

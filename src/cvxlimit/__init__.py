@@ -8,6 +8,7 @@ from cvxlimit.analysis import analyse
 from cvxlimit.blocks import Block
 from cvxlimit.certificate import Certificate, Certifier
 from cvxlimit.contacts import COMPONENTS, Contact, Contacts
+from cvxlimit.interaction import Certified, FixedPoint
 from cvxlimit.masonry import builtin_scene
 from cvxlimit.scene import GRAVITY, Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
@@ -18,9 +19,11 @@ __all__ = [
     "GRAVITY",
     "Block",
     "Certificate",
+    "Certified",
     "Certifier",
     "Contact",
     "Contacts",
+    "FixedPoint",
     "Iterate",
     "Load",
     "Scene",

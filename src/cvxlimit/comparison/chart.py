@@ -136,11 +136,11 @@ def _draw_floor(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def _floor(row: Row) -> float:
-    """Twice the reference's relative width: smaller errors are noise."""
+    """The reference's relative width: load factors inside it cannot be told apart."""
     if row.reference_lower is None or row.reference_upper is None:
         return LEAST
     scale = max(abs(row.reference_upper), abs(row.reference_lower), 1e-300)
-    return max(LEAST, 2.0 * (row.reference_upper - row.reference_lower) / scale)
+    return max(LEAST, (row.reference_upper - row.reference_lower) / scale)
 
 
 def _timed(rows: Sequence[Row]) -> list[Row]:

@@ -83,10 +83,11 @@ def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> Flo
     """
     aa, ww = (rates**2).sum(axis=1), (weight**2).sum(axis=1)
     aw = (rates * weight).sum(axis=1)
-    root = aw + np.sqrt(np.maximum(aw**2 - aa * (ww - arm**2), 0.0))
+    square = aw**2 - aa * (ww - arm**2)
+    root = aw + np.sqrt(np.maximum(square, 0.0))
     both = np.divide(aa, root, out=np.zeros_like(aa), where=root > 0.0)
     single = (rates / np.maximum(arm[:, None] + weight, 1e-300)).max(axis=1)
-    inside = (rates >= both[:, None] * weight).all(axis=1)
+    inside = (square >= 0.0) & (root > 0.0) & (rates >= both[:, None] * weight).all(axis=1)
     return np.where(inside, both, single)
 
 
