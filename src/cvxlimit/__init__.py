@@ -7,6 +7,7 @@ collapse mechanism come out. Start with :func:`solve` and :func:`builtin_scene`.
 from cvxlimit.analysis import analyse
 from cvxlimit.blocks import Block
 from cvxlimit.certificate import Certificate, Certifier
+from cvxlimit.compare import compare
 from cvxlimit.contacts import COMPONENTS, Contact, Contacts
 from cvxlimit.interaction import Certified, FixedPoint
 from cvxlimit.masonry import builtin_scene
@@ -32,5 +33,6 @@ __all__ = [
     "Units",
     "analyse",
     "builtin_scene",
+    "compare",
     "solve",
 ]
