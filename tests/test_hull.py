@@ -284,7 +284,8 @@ def test_boxed_signed_copies_and_safe_copies_are_admissible(moments: str) -> Non
         rng = np.random.default_rng(16)
         for _ in range(4):
             centre = rng.uniform(-0.4, 0.4, (1, 2))
-            model = copy_forces(safe_copies(contacts, moments, centre), contacts)
+            safe = safe_copies(contacts, moments, centre, reach=0.1)
+            model = copy_forces(safe, contacts)
             force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
             w = rng.normal(size=6)
             limits = [*model.constraints, force[COLUMN["N"]] == 1.0]
@@ -430,13 +431,13 @@ def test_no_bound_where_there_is_none() -> None:
 
 
 def test_relief_makes_every_problem_solvable() -> None:
-    """Pressure held at an edge cannot carry the dead load: the mechanism's bound is -price."""
+    """Pressure held in a corner cannot carry the dead load: the bound is -price at most."""
     scene = single_block((1.0, 1.0, 0.5))
     held = np.array([[[0.9, 1.0], [0.9, 1.0]]])
     up = scene.with_live(Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}))
     state = HullProblem(up).solve(box_copies(up.contacts, "independent", held), relief_price=50.0)
     assert state.mechanism is not None
-    assert -float((up.dead_forces * state.mechanism).sum()) == pytest.approx(-50.0, rel=1e-6)
+    assert -float((up.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
 
 
 def test_fractions_are_of_half_sides() -> None:

@@ -109,7 +109,9 @@ class _Run:
         self.scene, self.name, self.problem, self.surfaces = scene, name, problem, surfaces
         self.tolerance, self.clock, self.tell = tolerance, clock, tell
         self.ladder = [settings for settings in ladder if suits(settings, problem.problem)]
+        start = time.perf_counter()
         self.certifier = Certifier(scene, problem.surfaces)
+        clock.measure("certify", start)
         self.history: list[Iterate] = []
         self.lower: tuple[float, bool, LimitState | None] = (-np.inf, False, None)
         self.upper: tuple[float, bool, LimitState | None] = (np.inf, False, None)

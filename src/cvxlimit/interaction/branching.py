@@ -9,10 +9,11 @@ bounds the load factor.
 A node whose states cannot carry the dead load needs no special proof: its relaxation may take
 dead load off at a price, and its mechanism then has a bound of minus that price.
 
-Lower bounds are forces: those of a relaxation where they happen to be admissible, and else the
+Lower bounds are forces: the
 best with every contact's eccentricity bounded by that of the relaxation and its coefficients
-frozen there (:func:`cvxlimit.interaction.copies.safe_copies`). They count after they were brought
-into equilibrium and passed :func:`cvxlimit.interaction.pressure.interaction_excess`.
+frozen there (:func:`cvxlimit.interaction.copies.safe_copies`), or the last admissible ones on the
+way from these to the relaxation's. They count after they were brought into equilibrium and passed
+:func:`cvxlimit.interaction.pressure.interaction_excess`.
 """
 
 from __future__ import annotations
@@ -50,6 +51,17 @@ _NARROWEST_CHILD = 0.2
 _WORTH_A_COPY = 0.05
 """A node is solved again with added copies when that could lower its bound by more than this
 share of the tolerance."""
+
+_SAFE_REACH = 0.02
+"""Reach of safe states about a pressure centre, as a share of the node's widest range: without
+any, they would not exist where equilibrium fixes the forces."""
+
+_STEPS, _HALVINGS = 16, 25
+"""Places tried on the way between two force states, and halvings after the last good one."""
+
+_SPEED_AT_REST = 0.1
+"""Contacts at rest count with this share of the largest speed when one is chosen to be split: the
+next mechanism may move them, and one that moves may have almost nothing left to be split for."""
 
 _ROUNDS = 3
 _PRICE = 10.0
@@ -119,6 +131,10 @@ def branch_and_bound(
     return search.bracket()
 
 
+_State = tuple[FloatArray, float]
+"""Forces (n, 6) and the load factor at which they are in equilibrium."""
+
+
 @dataclass(order=True)
 class _Node:
     """Boxes of all contacts and what is known about them; ordered by bound, largest first."""
@@ -127,6 +143,7 @@ class _Node:
     boxes: FloatArray = field(compare=False)
     added: Copies = field(compare=False)
     forces: FloatArray | None = field(compare=False, default=None)
+    load_factor: float = field(compare=False, default=-np.inf)
     mechanism: FloatArray | None = field(compare=False, default=None)
 
     @property
@@ -176,7 +193,7 @@ class _Search:
     @property
     def is_closed(self) -> bool:
         """True when the bracket is within the tolerance."""
-        return self.upper - self.lower <= self.width
+        return bool(self.upper - self.lower <= self.width)
 
     def elapsed(self) -> float:
         """Seconds so far."""
@@ -245,6 +262,7 @@ class _Search:
         rates = self.statics.relative_rates(mechanism)
         speed = np.hypot(rates[:, 0], rates[:, 1])
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
+        speed = speed + _SPEED_AT_REST * float(speed.max())
         excess = np.maximum(interaction_excess(forces, self.contacts, self.moments), 0.0)
         score = np.where(self.contacts.is_rectangle, excess * speed, 0.0)
         contact = int(score.argmax())
@@ -279,11 +297,12 @@ class _Search:
         first = box_copies(self.contacts, self.moments, boxes)
         best = parent.mechanism if parent else None
         forces = parent.forces if parent else None
+        factor = parent.load_factor if parent else -np.inf
         for _ in range(_ROUNDS):
             state = self._solve(first.joined(added), self.price)
             if state.mechanism is None or state.load_factor is None:
                 break
-            forces = state.forces
+            forces, factor = state.forces, state.load_factor
             found = certifier.certificate(None, None, state.mechanism).upper
             if found < bound:
                 bound, best = found, state.mechanism
@@ -295,7 +314,7 @@ class _Search:
                 break
             added = added.joined(missed)
         self.count += 1
-        return _Node((-bound, self.count), boxes, added, forces, best)
+        return _Node((-bound, self.count), boxes, added, forces, factor, best)
 
     def _solve(self, copies: Copies, price: float | None) -> LimitState:
         for settings in default_ladder()[:3]:
@@ -313,16 +332,47 @@ class _Search:
         return np.clip(np.stack([at.e1, at.e2], axis=1) / self.half, -1.0, 1.0)
 
     def _raise_lower(self, node: _Node) -> None:
-        """Forces at or below the node's that are admissible."""
+        """Admissible forces near the node's: the best safe ones, and on the way from these and
+        from the best known ones to the node's own."""
         if node.forces is None:
             return
-        safe = safe_copies(self.contacts, self.moments, self._centre(node.forces))
-        state = self._solve(safe, None)
-        if state.forces is None or state.load_factor is None or state.load_factor <= self.lower:
-            return
+        safe = self._safe(node)
+        goal = self.witnesses.balanced(node.forces, node.load_factor), node.load_factor
+        known = None if self.forces is None else (self.forces, self.lower)
+        for start in (safe, known):
+            if start is None:
+                continue
+            forces, factor = self._advanced(start, goal)
+            if factor > self.lower:
+                self.lower, self.forces = float(factor), forces
+
+    def _safe(self, node: _Node) -> _State | None:
+        assert node.forces is not None
+        reach = _SAFE_REACH * float(np.diff(node.boxes).max())
+        copies = safe_copies(self.contacts, self.moments, self._centre(node.forces), reach)
+        state = self._solve(copies, None)
+        if state.forces is None or state.load_factor is None:
+            return None
         forces = self.witnesses.balanced(state.forces, state.load_factor)
-        if self._is_admissible(forces, state.load_factor):
-            self.lower, self.forces = state.load_factor, forces
+        return (
+            (forces, state.load_factor) if self._is_admissible(forces, state.load_factor) else None
+        )
+
+    def _advanced(self, start: _State, goal: _State) -> _State:
+        """The last admissible forces found on the way from admissible ones to ``goal``."""
+        if goal[1] <= start[1] or not np.isfinite(goal[0]).all():
+            return start
+
+        def at(share: float) -> _State:
+            return start[0] + share * (goal[0] - start[0]), start[1] + share * (goal[1] - start[1])
+
+        shares = np.linspace(1.0, 0.0, _STEPS + 1)
+        low = next((s for s in shares[:-1] if self._is_admissible(*at(s))), 0.0)
+        high = min(low + 1.0 / _STEPS, 1.0)
+        for _ in range(_HALVINGS if low < 1.0 else 0):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._is_admissible(*at(middle)) else (low, middle)
+        return at(low)
 
     def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""

@@ -44,7 +44,7 @@ class Copies:
         Pressure centre as fractions of :func:`half_extent`; with spread it may lie anywhere in
         centre +- spread, and the copy is that of eps = abs(centre) + spread.
     signed : (k,) bool
-        True where the torsion is taken about the pressure centre.
+        True where the torsion is taken about ``centre``; spread then costs torsion.
     """
 
     contact: IntArray
@@ -118,19 +118,23 @@ def _level_copies(chosen: NDArray[np.bool_], boxes: FloatArray, moments: str) ->
     return result
 
 
-def safe_copies(contacts: Contacts, moments: str, centre: FloatArray) -> Copies:
+def safe_copies(contacts: Contacts, moments: str, centre: FloatArray, reach: float = 0.0) -> Copies:
     """One copy per contact whose states are all admissible, about ``centre`` (n, 2) in fractions.
 
     Independent signs on rectangles: anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the
     true arm is no smaller and the true eccentricities no larger than the frozen ones. Signed
-    moments and other polygons: pressed exactly at ``centre``.
+    moments on rectangles: up to ``reach`` from ``centre``, with the least arm there and with the
+    torsion about any such point, abs(MT - centre x V) + reach2 abs(V1) + reach1 abs(V2), bounded.
+    Other polygons: pressed exactly at ``centre``.
     """
-    free = (contacts.is_rectangle & (moments == "independent"))[:, None]
+    rectangle, signed = contacts.is_rectangle[:, None], moments == "signed"
+    centre = np.clip(centre, -1.0, 1.0)
+    around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) if signed else np.abs(centre)
     return Copies(
         np.arange(len(contacts)),
-        np.where(free, 0.0, centre),
-        np.where(free, np.abs(centre), 0.0),
-        np.full(len(contacts), moments == "signed"),
+        centre if signed else np.where(rectangle, 0.0, centre),
+        np.where(rectangle, around, 0.0),
+        np.full(len(contacts), signed),
     )
 
 
@@ -211,10 +215,10 @@ class _CopyForces:
         return _places(np.searchsorted(self.shears, self.twists), rows) @ share
 
     def _drag(self, shear: cp.Variable) -> cp.Expression:
-        """kappa . (abs(V1), abs(V2)) of independent signs, (rows,)."""
+        """kappa . (abs(V1), abs(V2)): torsion whose sign or pressure centre is free, (rows,)."""
         k = self.shears
-        eps = self.half[k] * (np.abs(self.copies.centre[k]) + self.copies.spread[k])
-        eps = np.where(self.copies.signed[k][:, None], 0.0, eps)
+        fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
+        eps = self.half[k] * (fixed + self.copies.spread[k])
         total = cp.Constant(np.zeros(len(k)))
         for column in (0, 1):
             weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)

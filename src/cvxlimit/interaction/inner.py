@@ -1,29 +1,35 @@
-"""Lower bounds on the load factor with interaction: safe convex steps from several starts.
+"""Lower bounds on the load factor with interaction: safe convex problems from several starts.
 
-Every *hard* step (:mod:`cvxlimit.interaction.safe_step`) is convex and inside Eq. 30, so each one
-is a lower bound; built at the last one's forces it contains them, so bounds do not fall. Where the
-steps end depends on where they begin, and two ways lead to good beginnings:
+Two kinds of convex problems lie inside Eq. 30, so that every answer is a lower bound:
+
+- *hard* steps (:mod:`cvxlimit.interaction.safe_step`), built at a point of all contacts. Built at
+  the last one's forces they contain them, so bounds do not fall;
+- *frozen* ones (signed moments): every contact is pressed exactly at a given centre, where Eq. 30
+  is convex as it stands, for any shape of contact.
+
+Where they end depends on where they begin, and two ways lead to good beginnings:
 
 - *soft* steps from the middle of all contacts (independent signs) may exceed Eq. 30 at a price
-  that grows until nothing is bought;
+  that grows until nothing is bought; hard steps follow;
 - *box* steps (signed moments) replace every contact's states by the convex hull of those pressed
-  within a box about the last pressure centre, and shrink the boxes. The first box is the whole
-  contact, hence the global relaxation.
+  within a box about the last pressure centre. The first box is the whole contact, hence the
+  global relaxation; boxes shrink to points, the hull to a frozen problem.
 
-Neither is safe, and neither is reported as a bound: hard steps follow them.
+Soft and box steps are not safe, and are not reported as bounds unless the checker accepts them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.contacts import COLUMN
 from cvxlimit.errors import ModelError
-from cvxlimit.interaction.copies import box_copies
+from cvxlimit.interaction.copies import Copies, box_copies, safe_copies
 from cvxlimit.interaction.hull import HullProblem
 from cvxlimit.interaction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.interaction.pressure import Pressure
@@ -45,17 +51,18 @@ class InnerSettings:
     most : int
         Solves in all.
     gain : float
-        A climb of hard steps ends when one gains less than this share of the load factor.
+        A climb of hard steps, or of frozen ones between boxes, ends when one gains less than
+        this share of the load factor.
     soft_steps : int
         Soft steps of an independent-sign start from the middle, at most.
     price, price_growth : float
         First price of slack, in units of the fastest twist at a contact (what a small slack is
         worth), and its factor per step.
-    boxes : int
-        Box steps before signed climbs.
     box, box_shrink : float
-        First box about the start's pressure centres, in half sides to either side, and the
-        factor from box to box.
+        First box of a signed start about the given pressure centres, in half sides to either
+        side, and the factor from box to box.
+    freeze : float
+        Boxes of this size or less are followed by a frozen problem at their pressure centres.
     reach : float
         Hard steps with independent signs are built ahead of the last one's forces by this share
         of the last move, as long as that gains.
@@ -71,9 +78,9 @@ class InnerSettings:
     soft_steps: int = 4
     price: float = 0.7
     price_growth: float = 3.0
-    boxes: int = 6
     box: float = 1.2
     box_shrink: float = 0.6
+    freeze: float = 0.1
     reach: float = 1.0
 
     def __post_init__(self) -> None:
@@ -83,6 +90,8 @@ class InnerSettings:
             raise ModelError(f"box_shrink must be between 0 and 1, got {self.box_shrink!r}")
         if not self.price_growth > 1.0:
             raise ModelError(f"price_growth must be above 1, got {self.price_growth!r}")
+        if not self.freeze > 0.0:
+            raise ModelError(f"freeze must be positive, got {self.freeze!r}")
 
 
 _ROUGH, _TIGHT = 1e-6, 1e-9
@@ -90,6 +99,9 @@ _ROUGH, _TIGHT = 1e-6, 1e-9
 
 _PRESSED = 1e-7
 """Compression, over the total load, from which a pressure centre means something."""
+
+_SMALLEST_BOX = 1e-4
+"""Boxes of pressure centres, in half sides, below which nothing is left to gain."""
 
 _BOUGHT = 1e-5
 """Slack in all, over total load x contact size, that counts as none."""
@@ -110,7 +122,7 @@ class InnerIterate:
     Attributes
     ----------
     kind : str
-        ``"hard"`` (safe by construction), ``"soft"`` or ``"box"``.
+        ``"hard"`` or ``"frozen"`` (safe by construction), ``"soft"`` or ``"box"``.
     solver : str
     state : LimitState
         Load factor, forces, mechanism; compile and solve seconds are in ``state.outcome``.
@@ -147,7 +159,8 @@ class InnerMethod:
         ``"independent"`` or ``"signed"``.
     settings : InnerSettings
     ladder : sequence of SolverSettings or None
-        For hard steps, climbed where one fails; None is Clarabel at 1e-9, then the default.
+        For safe problems, climbed where one fails; None is Clarabel at 1e-9 for hard steps, then
+        the default, and the default for frozen ones.
     progress : callable or None
 
     Attributes
@@ -177,12 +190,12 @@ class InnerMethod:
         self.scene, self.moments = scene, moments
         self.settings = settings or InnerSettings()
         self.ladder = tuple(ladder or (_clarabel(_TIGHT), *default_ladder()))
+        self.frozen_ladder = tuple(ladder or default_ladder())
         self.tell = progress or (lambda message: None)
         self.step = SafeStep(scene, moments, _BALANCE[moments])
         self.checker = LowerBounds(scene, moments)
         self.middle = Point.middle(self.step.statics.contacts)
         self.best: LowerBound | None = None
-        self._hull: HullProblem | None = None
         self._solves = 0
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
@@ -199,17 +212,18 @@ class InnerMethod:
                 return
 
     def _ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        if start is not None:
-            yield from self._climb(self._point(start))
-        yield from self._softened()
+        return self._softened() if start is None else self._climb(self._point(start))
 
     def _signed_ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        point = self.middle
+        """Boxes and frozen problems; hard steps only where those gave no bound."""
+        point, has_bound = self.middle, False
         for iterate in self._boxed(start):
             yield iterate
+            has_bound = has_bound or iterate.is_safe
             if iterate.state.forces is not None:
                 point = self._point(iterate.state.forces, point)
-        yield from self._climb(point)
+        if not has_bound:
+            yield from self._climb(point)
 
     def _climb(self, point: Point) -> Iterator[InnerIterate]:
         """Hard steps, each at the last one's forces or ahead of them, until they gain little."""
@@ -260,19 +274,28 @@ class InnerMethod:
         yield from self._climb(point)
 
     def _boxed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Hull relaxations over shrinking boxes of pressure centres."""
-        contacts = self.scene.contacts
-        centre, radius = np.zeros((len(contacts), 2)), 1.0
+        """Hulls over shrinking boxes of pressure centres, and frozen problems at the last ones."""
+        contacts, shrink = self.scene.contacts, self.settings.box_shrink
+        centre, size, best = np.zeros((len(contacts), 2)), 1.0, -np.inf
         if start is not None:
-            centre, radius = self._centre(start, centre), self.settings.box
-        for _ in range(self.settings.boxes):
-            ends = np.stack([centre - radius, centre + radius], axis=2)
-            iterate = self._box(np.clip(ends, -1.0, 1.0))
+            centre, size = self._centre(start, centre), self.settings.box
+        while size > _SMALLEST_BOX:
+            ends = np.stack([centre - size, centre + size], axis=2)
+            copies = box_copies(contacts, self.moments, np.clip(ends, -1.0, 1.0))
+            iterate = self._copied("box", copies, (_clarabel(_ROUGH),))
             yield iterate
             if iterate.state.forces is None:
                 return
             centre = self._centre(iterate.state.forces, centre)
-            radius *= self.settings.box_shrink
+            if size <= self.settings.freeze:
+                iterate = self._copied(
+                    "frozen", safe_copies(contacts, self.moments, centre), self.frozen_ladder
+                )
+                yield iterate
+                if iterate.lower - best < self.settings.gain * abs(iterate.lower):
+                    return
+                best = max(best, iterate.lower)
+            size *= shrink
 
     def _hard(self, point: Point) -> InnerIterate:
         for solver in self.ladder:
@@ -285,12 +308,16 @@ class InnerMethod:
         state = self.step.solve(point, _clarabel(_ROUGH), price)
         return self._booked("soft", _clarabel(_ROUGH), state, state.slack)
 
-    def _box(self, boxes: FloatArray) -> InnerIterate:
-        if self._hull is None:
-            self._hull = HullProblem(self.scene)
-        copies = box_copies(self.scene.contacts, self.moments, boxes)
-        state = self._hull.solve(copies, _clarabel(_ROUGH))
-        return self._booked("box", _clarabel(_ROUGH), state, 0.0)
+    def _copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
+        for solver in ladder:
+            state = self._hull.solve(copies, solver)
+            if state.forces is not None or state.outcome.claims_no_optimum:
+                break
+        return self._booked(kind, solver, state, 0.0)
+
+    @cached_property
+    def _hull(self) -> HullProblem:
+        return HullProblem(self.scene)
 
     def _booked(
         self, kind: str, solver: SolverSettings, state: LimitState, slack: float
