@@ -4,8 +4,8 @@ Two kinds of convex problems lie inside Eq. 30, so that every answer is a lower 
 
 - *hard* steps (:mod:`cvxlimit.interaction.safe_step`), built at a point of all contacts. Built at
   the last one's forces they contain them, so bounds do not fall;
-- *frozen* ones (signed moments): every contact is pressed exactly at a given centre, where Eq. 30
-  is convex as it stands, for any shape of contact.
+- *frozen* ones (signed moments, and contacts that are not rectangles): every contact is pressed
+  exactly at a given centre, where Eq. 30 is convex as it stands, for any shape of contact.
 
 Where they end depends on where they begin, and two ways lead to good beginnings:
 
@@ -212,7 +212,9 @@ class InnerMethod:
                 return
 
     def _ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        return self._softened() if start is None else self._climb(self._point(start))
+        yield from self._softened() if start is None else self._climb(self._point(start))
+        if self.best is not None and not self.scene.contacts.is_rectangle.all():
+            yield self._frozen(self._centre(self.best.forces, self._no_centre))
 
     def _signed_ways(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Boxes and frozen problems; hard steps only where those gave no bound."""
@@ -275,8 +277,8 @@ class InnerMethod:
 
     def _boxed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Hulls over shrinking boxes of pressure centres, and frozen problems at the last ones."""
-        contacts, shrink = self.scene.contacts, self.settings.box_shrink
-        centre, size, best = np.zeros((len(contacts), 2)), 1.0, -np.inf
+        contacts, centre = self.scene.contacts, self._no_centre
+        size, best = 1.0, -np.inf
         if start is not None:
             centre, size = self._centre(start, centre), self.settings.box
         while size > _SMALLEST_BOX:
@@ -288,14 +290,12 @@ class InnerMethod:
                 return
             centre = self._centre(iterate.state.forces, centre)
             if size <= self.settings.freeze:
-                iterate = self._copied(
-                    "frozen", safe_copies(contacts, self.moments, centre), self.frozen_ladder
-                )
+                iterate = self._frozen(centre)
                 yield iterate
                 if iterate.lower - best < self.settings.gain * abs(iterate.lower):
                     return
                 best = max(best, iterate.lower)
-            size *= shrink
+            size *= self.settings.box_shrink
 
     def _hard(self, point: Point) -> InnerIterate:
         for solver in self.ladder:
@@ -307,6 +307,10 @@ class InnerMethod:
     def _soft(self, point: Point, price: float) -> InnerIterate:
         state = self.step.solve(point, _clarabel(_ROUGH), price)
         return self._booked("soft", _clarabel(_ROUGH), state, state.slack)
+
+    def _frozen(self, centre: FloatArray) -> InnerIterate:
+        copies = safe_copies(self.scene.contacts, self.moments, centre)
+        return self._copied("frozen", copies, self.frozen_ladder)
 
     def _copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
         for solver in ladder:
@@ -344,6 +348,10 @@ class InnerMethod:
         centre = np.stack([at.e1, at.e2], axis=1) / half_extent(contacts)
         pressed = forces[:, [COLUMN["N"]]] > _PRESSED * self.step.scaling.force
         return np.where(pressed, np.clip(centre, -1.0, 1.0), otherwise)
+
+    @cached_property
+    def _no_centre(self) -> FloatArray:
+        return np.zeros((len(self.scene.contacts), 2))
 
     def _fastest_twist(self, state: LimitState) -> float:
         """Largest twist rate at a contact, scaled; at least the scaled load factor."""
