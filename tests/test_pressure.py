@@ -1,4 +1,4 @@
-"""The independent checker of Eq. 30: hand-made states with known answers, and what must not matter."""
+"""The checker of Eq. 30: hand-made states with known answers, and what must not matter."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.statics import DOF
-from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces import Rocking, TorsionShear
+from cvxlimit.witnesses import Witnesses
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -48,25 +49,24 @@ ADMISSIBLE = 1e-9
 _NARROWEST_CHILD = 0.2
 """Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
 
+_NARROW = 1e-7
+"""Ranges of this width are not split: solvers could not tell their halves apart."""
+
 _WORTH_A_COPY = 0.05
-"""A node is solved again with added copies when that could lower its bound by more than this
-share of the tolerance."""
+"""Share of the tolerance that a node's bound must stand to lose for a solve with more copies."""
 
 _SAFE_REACH = 0.02
-"""Reach of safe states about a pressure centre, as a share of the node's widest range: without
-any, they would not exist where equilibrium fixes the forces."""
+"""Reach of safe states in a node's widest range; without any, determinate scenes have none."""
 
 _STEPS, _HALVINGS = 16, 25
 """Places tried on the way between two force states, and halvings after the last good one."""
 
 _SPEED_AT_REST = 0.1
-"""Contacts at rest count with this share of the largest speed when one is chosen to be split: the
-next mechanism may move them, and one that moves may have almost nothing left to be split for."""
+"""Share of the largest speed with which contacts at rest count: they may move next."""
 
-_ROUNDS = 3
-_PRICE = 10.0
-"""Price of the whole dead load, in multiples of the root's bound: any that exceeds minus the
-lower bound closes nodes without states."""
+_ROUNDS, _PRICE = 3, 10.0
+"""Solves per node, and the price of the dead load in root bounds: any above minus the lower bound
+closes nodes without states."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +112,8 @@ def branch_and_bound(
 ) -> Bracket:
     """Bracket the load factor with interaction to ``tolerance``, relative to the upper bound.
 
-    Ends earlier after ``most_solves`` convex problems or ``seconds``; the bracket is valid
-    then, too. Meant for scenes of a few contacts. Contacts that are not rectangles are not split.
+    Ends after ``most_solves`` convex problems or ``seconds``; the bracket is valid then, too. Meant
+    for scenes of a few contacts. Contacts that are not rectangles are not split.
 
     Example
     -------
@@ -162,6 +162,7 @@ class _Search:
         whole = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(scene, (Rocking(),), whole)
         self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
+        self.opens = self.witnesses.opening_field is not None  # found once, for all nodes
         self.problem = HullProblem(scene)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
@@ -174,8 +175,6 @@ class _Search:
         self.forces: FloatArray | None = None
         self.solves = self.count = 0
         self.history: list[Iterate] = []
-
-    # -- bounds ------------------------------------------------------------------------------
 
     @property
     def upper(self) -> float:
@@ -204,7 +203,7 @@ class _Search:
         return Bracket(
             lower=self.lower,
             upper=self.upper,
-            is_proved=self.witnesses.opening_field is not None,
+            is_proved=self.opens and bool(np.isfinite(self.upper)),
             is_closed=self.is_closed,
             forces=self.forces,
             mechanism=self.open[0].mechanism if self.open else self.last.mechanism,
@@ -213,15 +212,15 @@ class _Search:
             seconds=self.elapsed(),
         )
 
-    # -- the tree ----------------------------------------------------------------------------
-
     def start(self) -> None:
-        """The root: all pressure centres."""
+        """The root: all pressure centres; and forces that carry the dead load."""
         self.last = root = self._evaluated(whole_boxes(self.contacts), Copies.none(), np.inf, None)
         if np.isfinite(root.bound):
-            natural = self.problem.scaling.load_factor(1.0)
-            self.price = _PRICE * max(abs(root.bound), natural)
+            self.price = _PRICE * max(abs(root.bound), self.problem.scaling.load_factor(1.0))
         heapq.heappush(self.open, root)
+        at_rest = Witnesses(self.statics, (Rocking(), TorsionShear())).dead_state
+        if at_rest is not None and self._is_admissible(at_rest, 0.0):
+            self.lower, self.forces = 0.0, at_rest
         self._raise_lower(root)
         self._note()
 
@@ -234,8 +233,8 @@ class _Search:
             return
         contact, axis, at = choice
         for boxes in _children(node.boxes, contact, axis, at, self.moments):
-            rows = np.array([contact])
-            child = self._evaluated(boxes, node.added.without(rows), node.bound, node)
+            added = node.added.without(np.array([contact]))
+            child = self._evaluated(boxes, added, node.bound, node)
             if child.bound > self.lower + self.width:
                 self._raise_lower(child)
             if child.bound > self.lower + 0.5 * self.width:
@@ -245,14 +244,13 @@ class _Search:
         self._note()
 
     def _note(self) -> None:
-        now = (self.lower, self.upper)
-        if self.history and (self.history[-1].lower, self.history[-1].upper) == now:
+        known = [float(x) if np.isfinite(x) else None for x in (self.lower, self.upper)]
+        if self.history and [self.history[-1].lower, self.history[-1].upper] == known:
             return
-        known = [float(x) if np.isfinite(x) else None for x in now]
         self.history.append(
             Iterate(known[0], self.elapsed(), "branch and bound", f"{self.solves} solves", *known)
         )
-        self.tell(f"branch and bound: [{now[0]:.6f}, {now[1]:.6f}], {len(self.open)} open")
+        self.tell(f"branch and bound: [{self.lower:.6f}, {self.upper:.6f}], {len(self.open)} open")
 
     def _choice(self, node: _Node) -> tuple[int, int, float] | None:
         """Contact, axis and fraction at which to split; None where nothing can be split."""
@@ -264,29 +262,26 @@ class _Search:
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
         speed = speed + _SPEED_AT_REST * float(speed.max())
         excess = np.maximum(interaction_excess(forces, self.contacts, self.moments), 0.0)
-        score = np.where(self.contacts.is_rectangle, excess * speed, 0.0)
+        can_split = self.contacts.is_rectangle & (np.ptp(node.boxes, axis=2).max(axis=1) > _NARROW)
+        score = np.where(can_split, excess * speed, 0.0)
         contact = int(score.argmax())
         if not score[contact] > 0.0:
             return self._widest(node)
         centre = self._centre(forces)[contact]
         low, high = node.boxes[contact].T
         if self.moments == "independent":
-            symmetric = free_sign(node.boxes)[contact]
+            symmetric = free_sign(node.boxes[contact])
             low, centre = np.where(symmetric, 0.0, low), np.where(symmetric, abs(centre), centre)
         inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
         axis = int(inner.argmax())
         return contact, axis, float(centre[axis])
 
     def _widest(self, node: _Node) -> tuple[int, int, float] | None:
-        width = np.where(
-            self.contacts.is_rectangle[:, None], node.boxes[..., 1] - node.boxes[..., 0], 0.0
-        )
+        width = np.ptp(node.boxes, axis=2) * self.contacts.is_rectangle[:, None]
         contact, axis = np.unravel_index(int(width.argmax()), width.shape)
-        if width[contact, axis] <= 1e-9:
+        if width[contact, axis] <= _NARROW:
             return None
         return int(contact), int(axis), float(node.boxes[contact, axis].mean())
-
-    # -- one node ----------------------------------------------------------------------------
 
     def _evaluated(
         self, boxes: FloatArray, added: Copies, bound: float, parent: _Node | None
@@ -308,8 +303,7 @@ class _Search:
                 bound, best = found, state.mechanism
             if found - state.load_factor <= _WORTH_A_COPY * self.width or bound < self.lower:
                 break
-            worth = _WORTH_A_COPY * self.width
-            missed = missed_copies(flow, certifier, state.mechanism, worth)
+            missed = missed_copies(flow, certifier, state.mechanism, _WORTH_A_COPY * self.width)
             if not len(missed):
                 break
             added = added.joined(missed)
@@ -324,8 +318,6 @@ class _Search:
                 break
         return state
 
-    # -- forces ------------------------------------------------------------------------------
-
     def _centre(self, forces: FloatArray) -> FloatArray:
         """Pressure centres (n, 2) as fractions of the half extent."""
         at = Pressure.of(forces, self.contacts)
@@ -339,18 +331,16 @@ class _Search:
         safe = self._safe(node)
         goal = self.witnesses.balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
-        for start in (safe, known):
-            if start is None:
-                continue
+        for start in filter(None, (safe, known)):
             forces, factor = self._advanced(start, goal)
             if factor > self.lower:
                 self.lower, self.forces = float(factor), forces
 
     def _safe(self, node: _Node) -> _State | None:
         assert node.forces is not None
-        reach = _SAFE_REACH * float(np.diff(node.boxes).max())
-        copies = safe_copies(self.contacts, self.moments, self._centre(node.forces), reach)
-        state = self._solve(copies, None)
+        reach = _SAFE_REACH * float(np.ptp(node.boxes, axis=2).max())
+        centre = self._centre(node.forces)
+        state = self._solve(safe_copies(self.contacts, self.moments, centre, reach), None)
         if state.forces is None or state.load_factor is None:
             return None
         forces = self.witnesses.balanced(state.forces, state.load_factor)
@@ -376,7 +366,7 @@ class _Search:
 
     def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
-        _, _, offset = self.contacts.edges
+        offset = self.contacts.edges[2]
         residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
         residual[:, 3:] /= self.certifier.size
         excess = [

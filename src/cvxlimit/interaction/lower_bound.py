@@ -88,7 +88,10 @@ class LowerBounds:
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
-        balanced = self.witnesses.balanced(np.asarray(forces, dtype=float), load_factor)
+        given = np.asarray(forces, dtype=float)
+        if not (np.isfinite(given).all() and np.isfinite(load_factor)):
+            return LowerBound(-np.inf, given, False, np.inf, np.inf)
+        balanced = self.witnesses.balanced(given, load_factor)
         plain = self._checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
@@ -122,7 +125,7 @@ class LowerBounds:
         return state
 
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
-        if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
+        if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, False, np.inf, np.inf)
         excess = max(float(self._excess(forces).max()), 0.0) / self.scaling.force
         rest = self._generalised(self.statics.residual(forces, load_factor))
