@@ -39,9 +39,10 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "GUROBI": {"BarQCPConvTol": 1e-9},
     }
 )
-"""Tight settings per solver name, as CVXPY spells it. Looser ones save little and cost the bracket:
-Clarabel at 1e-8 was 0 to 12 % faster than at 1e-10 on panels of 886 to 7,219 contacts, with brackets
-4e-6 to 1e-4 wide in place of 4e-8 to 3e-7; 1e-11 costs an iteration or two and closes octagons."""
+"""Tight settings per solver name, as CVXPY spells it.
+
+Looser ones save little and cost the bracket: Clarabel at 1e-8 was 0 to 12 % faster than at 1e-10 on
+panels of 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-8 to 3e-7."""
 
 _LINEAR_ONLY = frozenset({"HIGHS", "GLOP", "PDLP", "SCIPY", "GLPK", "CBC"})
 

@@ -37,7 +37,7 @@ _OPENING_ITERATIONS = 100
 """Opening fields aim at rates of 1; projections with this reserve and relaxation took 24
 iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took."""
 
-_ATTEMPTS = ((1e-1, 40), (1e-2, 110), (1e-4, 110))
+_ATTEMPTS = ((1e-1, 100), (1e-2, 100), (1e-4, 60))
 """Least corner compression, as a share of what the lighter of the two blocks would give if its
 load were spread over its contacts, and iterations allowed for it."""
 
