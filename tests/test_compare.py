@@ -114,8 +114,7 @@ def test_table_csv_and_front_agree(tuff, tmp_path):
     assert len(lines) == 1 + len(tuff.rows) + 1
     marked = [line.split()[1] for line in lines[1:-1] if line.startswith("*")]
     assert tuple(marked) == tuff.front
-    assert tuff.front
-    assert "octagon/corners/clarabel-qdldl/1e-8" not in tuff.front
+    assert tuff.front  # which ones is a matter of the machine's mood; the rule has its own test
     with tuff.to_csv(tmp_path / "rows.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["method"] for row in rows] == [row.method for row in tuff.rows]

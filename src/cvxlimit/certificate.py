@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.scene import Scene
-from cvxlimit.statics import DOF, Statics
+from cvxlimit.statics import DOF, Statics, block_sizes
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.flow import corner_openings
@@ -27,11 +27,6 @@ FloatArray = NDArray[np.float64]
 REFERENCE = 10.0
 """Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
 this multiple of the total load, and no rate this multiple of the given mechanism's largest."""
-
-_BALANCED = 1e-11
-"""Equilibrium residual of a block that counts as rounding, as a share of the forces acting on it.
-
-Not of the total load: that would let a block of a millionth of the weight go unbalanced."""
 
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
@@ -150,13 +145,6 @@ class Certifier:
             return assumed, False, residual, excess
         return (1.0 - self._mixing_share(x, reserve)) * alpha, True, residual, excess
 
-    def _is_balanced(self, x: FloatArray, alpha: float) -> bool:
-        """True if no block's residual exceeds rounding of the forces that act on it."""
-        acting = abs(self.statics.matrix) @ np.abs(x).ravel()
-        acting += np.abs(self.statics.dead) + np.abs(alpha * self.statics.live)
-        residual = self._generalised(self.statics.residual(x, alpha))
-        return bool((residual <= _BALANCED * self._generalised(acting.reshape(-1, DOF))).all())
-
     def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
         share = 0.0
         for y, inside in zip(self._excess(forces), self._excess(reserve), strict=True):
@@ -217,11 +205,11 @@ class Certifier:
         result = [self.surfaces[0].excess(forces, contacts)[0] / offset]
         return result + [y for s in self.surfaces[1:] for y in s.excess(forces, contacts)]
 
+    def _is_balanced(self, forces: FloatArray, alpha: float) -> bool:
+        return self.statics.is_balanced(forces, alpha, self.size)
+
     def _generalised(self, residual: FloatArray) -> FloatArray:
-        """Size (free blocks,) of force residuals (free blocks, 6), moments over the size."""
-        moments = np.linalg.norm(residual[:, 3:], axis=1)
-        result: FloatArray = np.linalg.norm(residual[:, :3], axis=1) + moments / self.size
-        return result
+        return block_sizes(residual, self.size)
 
     def _total_load(self, alpha: float) -> float:
         """Dead and live load; without dead load all load factors are alike, and 1 is meant."""

@@ -15,6 +15,9 @@ from cvxlimit.scene import Scene
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_BALANCED = 1e-11
+"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
+
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
 
@@ -123,9 +126,26 @@ class Statics:
         result = self.matrix @ forces.ravel() + self.dead + load_factor * self.live
         return np.asarray(result).reshape(-1, DOF)
 
+    def is_balanced(self, forces: FloatArray, load_factor: float, length: float) -> bool:
+        """True if no block's residual exceeds rounding of the forces that act on it.
+
+        Not of the total load: that would let a block of a millionth of the weight go unbalanced.
+        """
+        acting = abs(self.matrix) @ np.abs(forces).ravel()
+        acting += np.abs(self.dead) + np.abs(load_factor * self.live)
+        rest = block_sizes(self.residual(forces, load_factor), length)
+        return bool((rest <= _BALANCED * block_sizes(acting.reshape(-1, DOF), length)).all())
+
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
         return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+
+
+def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
+    """Size (blocks,) of generalised forces (blocks, 6), moments over ``length``."""
+    moments = np.linalg.norm(generalised[:, 3:], axis=1)
+    result: FloatArray = np.linalg.norm(generalised[:, :3], axis=1) + moments / length
+    return result
 
 
 @dataclass(frozen=True)

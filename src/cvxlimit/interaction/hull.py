@@ -33,7 +33,7 @@ from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.statics import DOF, Scaling, Statics
 from cvxlimit.surfaces import Rocking
 
-__all__ = ["Copies", "GlobalBound", "HullProblem", "box_copies", "global_upper_bound"]
+__all__ = ["GlobalBound", "HullProblem", "global_upper_bound"]
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]

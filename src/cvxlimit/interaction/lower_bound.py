@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvxlimit.contacts import COLUMN, Contacts
 from cvxlimit.interaction.pressure import interaction_excess
 from cvxlimit.scene import Scene
-from cvxlimit.statics import DOF, Scaling, Statics
+from cvxlimit.statics import Scaling, Statics, block_sizes
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 from cvxlimit.witnesses import Witnesses
 
@@ -31,9 +31,6 @@ _RESERVES = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
 """Shares of friction and of the contacts' size that dead-load states may use, most demanding
 first. Eq. 30 is not convex: what is inside may lead outside when mixed in, unless its shear is
 small and its pressure central (then it never does)."""
-
-_BALANCED = 1e-11
-"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +125,7 @@ class LowerBounds:
         if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, False, np.inf, np.inf)
         excess = max(float(self._excess(forces).max()), 0.0) / self.scaling.force
-        rest = self._generalised(self.statics.residual(forces, load_factor))
+        rest = block_sizes(self.statics.residual(forces, load_factor), self.scaling.length)
         residual = float(rest.max()) / self.scaling.force
         accepted = max(excess, residual) <= ACCEPTED
         proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
@@ -142,16 +139,7 @@ class LowerBounds:
         )
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
-        acting = abs(self.statics.matrix) @ np.abs(forces).ravel()
-        acting += np.abs(self.statics.dead) + np.abs(load_factor * self.statics.live)
-        residual = self._generalised(self.statics.residual(forces, load_factor))
-        return bool((residual <= _BALANCED * self._generalised(acting.reshape(-1, DOF))).all())
-
-    def _generalised(self, residual: FloatArray) -> FloatArray:
-        """Size (free blocks,) of force residuals (free blocks, 6), moments over the size."""
-        moments = np.linalg.norm(residual[:, 3:], axis=1)
-        result: FloatArray = np.linalg.norm(residual[:, :3], axis=1) + moments / self.scaling.length
-        return result
+        return self.statics.is_balanced(forces, load_factor, self.scaling.length)
 
 
 def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
