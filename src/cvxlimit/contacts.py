@@ -169,9 +169,3 @@ class Contacts:
             sides=self.sides * length,
             area=self.area * length**2,
         )
-
-
-def contact_power(forces: FloatArray, rates: FloatArray) -> FloatArray:
-    """Power (n,) of contact forces (n, 6) on relative displacement rates (n, 6)."""
-    result: FloatArray = np.einsum("nc,nc->n", forces, rates)
-    return result

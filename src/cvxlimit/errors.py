@@ -18,7 +18,3 @@ class ModelError(CvxlimitError, ValueError):
 
 class SolverError(CvxlimitError, RuntimeError):
     """No installed solver could be run on the problem."""
-
-
-class ConvergenceError(CvxlimitError, RuntimeError):
-    """An answer was demanded, and none could be certified."""

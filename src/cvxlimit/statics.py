@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -116,10 +116,6 @@ class Statics:
     def matrix(self) -> sp.csr_array:
         """A of Eq. 7."""
         return equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
-
-    def with_loads(self, dead: FloatArray, live: FloatArray) -> Statics:
-        """The same assembly under other load vectors."""
-        return replace(self, dead=dead, live=live)
 
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
