@@ -14,7 +14,7 @@ from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, suits
+from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.statics import DOF, Scaling
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
@@ -88,7 +88,7 @@ def analyse(
     start = time.perf_counter()
     problem = LimitProblem(scene, surfaces, formulation, scaling)
     clock.measure("compile", start)
-    run_ = _Run(scene, name, problem, surfaces, tolerance, ladder or default_ladder(), clock, tell)
+    run_ = _Run(scene, name, problem, surfaces, tolerance, ladder or problem.ladder(), clock, tell)
     return run_.solution()
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
+from cvxlimit.solvers import LimitState, SolverSettings, limit_ladder, run
 from cvxlimit.statics import DOF, Scaling, Statics
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
@@ -74,9 +74,14 @@ class LimitProblem:
             constraints.append(self.load_factor <= most * self.scaling.live / self.scaling.force)
         self.problem = cp.Problem(cp.Maximize(self.load_factor), constraints)
 
+    def ladder(self) -> tuple[SolverSettings, ...]:
+        """Solvers in the order in which to try them on this problem."""
+        blocks = len(self.statics.dead) // DOF
+        return limit_ladder(self.problem, len(self.statics.contacts) - blocks)
+
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
-        """One run of one solver; never raises for what the solver does."""
-        outcome = run(self.problem, settings or default_ladder()[0], ignore_dpp)
+        """One run of one solver, the ladder's first; never raises for what the solver does."""
+        outcome = run(self.problem, settings or self.ladder()[0], ignore_dpp)
         alpha = self.load_factor.value
         if not outcome.has_values or alpha is None:
             return LimitState(outcome, None, None, None)

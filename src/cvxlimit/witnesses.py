@@ -16,14 +16,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from cvxlimit.contacts import COMPONENTS
+from cvxlimit.sparse import Solve, factorised, nested_dissection
 from cvxlimit.statics import DOF, Statics, corner_map
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.flow import FlowRule
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _OVERSHOOT = 1.5
 """Relaxation of the alternating projections, between 1 and 2."""
@@ -87,15 +88,29 @@ class Witnesses:
         return int(connected_components(graph, directed=False)[0]) == 1
 
     @cached_property
-    def _solve(self):  # type: ignore[no-untyped-def]
-        normal = (self._matrix @ sp.diags_array(self._weights) @ self._matrix.T).tocsc()
-        factor = splu(
-            normal,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-        return factor.solve
+    def _solve(self) -> Solve:
+        """Solver of B W B' for the equilibrium matrix B of corner forces and their weights W."""
+        order = self._elimination_order()
+        ordered = self._matrix[order]
+        solve = factorised((ordered @ sp.diags_array(self._weights) @ ordered.T).tocsc())
+
+        def unordered(right: FloatArray) -> FloatArray:
+            result = np.empty_like(right)
+            result[order] = solve(right[order])
+            return result
+
+        return unordered
+
+    def _elimination_order(self) -> IntArray:
+        """Rows (6 free blocks,) in nested dissection of the blocks."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        a, b = number[contacts.a], number[contacts.b]
+        free = (a >= 0) & (b >= 0)
+        count = int(number.max()) + 1
+        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
+        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
+        blocks = nested_dissection(graph.tocsr())
+        return (DOF * blocks[:, None] + np.arange(DOF)).ravel()
 
     def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """Forces (n, 6) with the least change that brings them into exact equilibrium."""

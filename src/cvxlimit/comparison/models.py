@@ -183,7 +183,7 @@ class Model(Method):
         return _measured(analyse(scene, self.surface, **options), start)
 
     def _run_once(self, scene: Scene, settings: SolverSettings) -> Measurement:
-        check_installed(settings.name)
+        check_installed(settings)
         watch = Stopwatch()
         contacts = scene.contacts
         watch.lap("detect")

@@ -24,6 +24,9 @@ class _Registry:
         self.methods[method.name] = method
 
 
+_FACTORISATIONS = {"superlu": "SuperLU", "cholmod": "CHOLMOD"}
+"""Of the blockwise solver."""
+
 _QDLDL = "Clarabel qdldl"
 _CLARABEL_SOLVERS = ("faer", "mkl", "panua")
 """Clarabel's other linear solvers; builds without one refuse it, and that is a row as well."""
@@ -56,6 +59,7 @@ def registry() -> dict[str, Method]:
     _add_tolerances(made)
     _add_surfaces(made)
     _add_formulations(made)
+    _add_blockwise(made)
     _add_solvers(made)
     for choice in FrozenModel.CHOICES:
         solver = settings_for("CLARABEL", 1e-8, _QDLDL)
@@ -77,7 +81,7 @@ def interaction_registry() -> dict[str, Method]:
 
 
 def _add_tolerances(made: _Registry) -> None:
-    for tolerance in (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10):
+    for tolerance in (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-11):
         solver = settings_for("CLARABEL", tolerance, _QDLDL)
         name = f"conic/corners/clarabel-qdldl/{_short(tolerance)}"
         made.add(Model(name, f"conic, {_QDLDL}", solver=solver, tolerance=tolerance))
@@ -99,6 +103,17 @@ def _add_formulations(made: _Registry) -> None:
         name = f"{surface}/resultants/clarabel-qdldl/1e-8"
         line = f"{surface}, resultants, {_QDLDL}"
         made.add(Model(name, line, surface, resultants, solver, 1e-8))
+
+
+def _add_blockwise(made: _Registry) -> None:
+    for surface in ("conic", "octagon"):
+        for backend, spelt in _FACTORISATIONS.items():
+            label = f"blockwise {spelt}"
+            for tolerance in (1e-6, 1e-8, 1e-11):
+                solver = settings_for("BLOCKWISE", tolerance, label, backend=backend)
+                name = f"{surface}/corners/blockwise-{backend}/{_short(tolerance)}"
+                line = f"{surface}, {label}"
+                made.add(Model(name, line, surface, solver=solver, tolerance=tolerance))
 
 
 def _add_solvers(made: _Registry) -> None:

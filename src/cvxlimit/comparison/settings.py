@@ -9,8 +9,11 @@ import cvxpy as cp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers import SolverSettings
+from cvxlimit.solvers.blockwise import best_backend
+from cvxlimit.solvers.running import PLUG_INS
 
 _TOLERANCE_OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "BLOCKWISE": ("tolerance",),
     "CLARABEL": ("tol_gap_abs", "tol_gap_rel", "tol_feas"),
     "ECOS": ("abstol", "reltol", "feastol"),
     "SCS": ("eps_abs", "eps_rel"),
@@ -41,7 +44,10 @@ def settings_for(
     return SolverSettings(solver, own, label or solver)
 
 
-def check_installed(solver: str) -> None:
-    """Refuse a solver that CVXPY cannot find."""
-    if solver not in cp.installed_solvers():
-        raise ModelError(f"solver {solver} is not installed; CVXPY finds it once it is")
+def check_installed(settings: SolverSettings) -> None:
+    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed."""
+    name, backend = settings.name, settings.options.get("backend", "")
+    if name not in cp.installed_solvers() and name not in PLUG_INS:
+        raise ModelError(f"solver {name} is not installed; CVXPY finds it once it is")
+    if backend == "cholmod" and best_backend() != backend:
+        raise ModelError("CHOLMOD is not installed; it comes with the package cvxopt")

@@ -18,7 +18,7 @@ from cvxlimit.interaction.pressure import Pressure
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
@@ -139,7 +139,7 @@ def run_fixed_point(
     the last convex problem, with its eccentricities frozen; they do not bound the collapse load
     with interaction, for which see the certified method.
     """
-    return _Run(scene, cone, moments, rule, ladder or default_ladder(), progress).solution()
+    return _Run(scene, cone, moments, rule, ladder, progress).solution()
 
 
 class _Run:
@@ -149,7 +149,7 @@ class _Run:
         cone: Cone,
         moments: str,
         rule: FixedPoint,
-        ladder: Sequence[SolverSettings],
+        ladder: Sequence[SolverSettings] | None,
         progress: Progress | None,
     ) -> None:
         self.clock = Clock()
@@ -159,7 +159,7 @@ class _Run:
         start = time.perf_counter()
         self.frozen = FrozenProblem(scene, cone, moments)
         self.clock.measure("compile", start)
-        self.rule, self.ladder = rule, ladder
+        self.rule, self.ladder = rule, ladder or self.frozen.problem.ladder()
         self.tell = progress or (lambda message: None)
         self.history: list[Iterate] = []
 

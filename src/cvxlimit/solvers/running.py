@@ -1,0 +1,82 @@
+"""One run of one solver on a CVXPY problem."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
+from numpy.typing import NDArray
+
+from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.settings import SolverSettings
+
+FloatArray = NDArray[np.float64]
+
+PLUG_INS: dict[str, type[ConicSolver]] = {"BLOCKWISE": Blockwise}
+"""Solvers that CVXPY does not know by name."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a solver reported, with seconds for CVXPY's compile and for the solver itself."""
+
+    status: str
+    compile_seconds: float
+    solve_seconds: float
+
+    @property
+    def has_values(self) -> bool:
+        """True if variables carry values, accurate or not."""
+        return self.status in SOLUTION_PRESENT
+
+    @property
+    def claims_no_optimum(self) -> bool:
+        """True if the solver says infeasible or unbounded."""
+        return self.status in INF_OR_UNB
+
+
+@dataclass(frozen=True, eq=False)
+class LimitState:
+    """One solver's answer in the user's units, not yet certified.
+
+    ``forces`` (contacts, 6), ``mechanism`` (free blocks, 6) with live power 1; None where the
+    solver returned nothing, or the problem does not have them.
+    """
+
+    outcome: Outcome
+    load_factor: float | None
+    forces: FloatArray | None
+    mechanism: FloatArray | None
+
+
+def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
+    """Solve and leave the values in the problem; failures come back as a status, not as errors.
+
+    CVXPY's warning about inaccurate solutions is not shown: the status says the same, is kept in
+    the history, and the certificate decides what the solution is worth.
+    """
+    start = compiled = time.perf_counter()
+    solver = PLUG_INS[settings.name]() if settings.name in PLUG_INS else settings.name
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+            data, chain, inverse = problem.get_problem_data(
+                solver, ignore_dpp=ignore_dpp, solver_opts=dict(settings.options)
+            )
+            compiled = time.perf_counter()
+            raw = chain.solve_via_data(
+                problem, data, warm_start=True, verbose=False, solver_opts=dict(settings.options)
+            )
+            solved = time.perf_counter()
+            problem.unpack_results(raw, chain, inverse)
+    except Exception as error:  # solvers raise what they like; the history keeps the reason
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        message = f"failed: {reason[:120]}"
+        return Outcome(message, compiled - start, time.perf_counter() - compiled)
+    overhead = time.perf_counter() - solved
+    return Outcome(problem.status, compiled - start + overhead, solved - compiled)

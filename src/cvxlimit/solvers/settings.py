@@ -1,0 +1,126 @@
+"""Settings of solvers, and the ladder that is climbed when an answer is not certified."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import cvxpy as cp
+
+from cvxlimit.solvers.blockwise import best_backend
+
+_CLARABEL = {"direct_solve_method": "qdldl"}
+"""Clarabel's own LDL: on block assemblages 2 to 8 times faster than its default (faer)."""
+
+
+def _clarabel(tolerance: float, **more: Any) -> dict[str, Any]:
+    names = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
+    return {**_CLARABEL, **dict.fromkeys(names, tolerance), **more}
+
+
+OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "CLARABEL": _clarabel(1e-11, max_iter=200),
+        "BLOCKWISE": {},
+        "ECOS": {"abstol": 1e-10, "reltol": 1e-10, "feastol": 1e-10, "max_iters": 300},
+        "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 100_000},
+        "HIGHS": {},
+        "MOSEK": {},
+        "GUROBI": {"BarQCPConvTol": 1e-9},
+    }
+)
+"""Tight settings per solver name, as CVXPY spells it.
+
+Looser ones save little and cost the bracket: Clarabel at 1e-8 was 0 to 12 % faster than at 1e-10 on
+panels of 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-8 to 3e-7."""
+
+LOOPS: Mapping[tuple[str, bool], int] = MappingProxyType(
+    {
+        ("superlu", True): 3_300,
+        ("cholmod", True): 1_300,
+        ("superlu", False): 330,
+        ("cholmod", False): 330,
+    }
+)
+"""From how many loops on the blockwise solver comes first, by its factorisation and whether the
+problem has second-order cones: about 5,000, 2,000, 500 and 500 contacts of a wall. Measured with
+``python -m benchmarks run --methods "*/corners/clarabel-qdldl/1e-8" "*/blockwise-*/1e-8"``."""
+
+_LINEAR_ONLY = frozenset({"HIGHS", "GLOP", "PDLP", "SCIPY", "GLPK", "CBC"})
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """A solver by CVXPY's name, its options, and a label for the history.
+
+    Example
+    -------
+    >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
+    'CLARABEL'
+    """
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    label: str = ""
+
+    def __str__(self) -> str:
+        return self.label or self.name
+
+
+def default_ladder() -> tuple[SolverSettings, ...]:
+    """Rungs in order: Clarabel as a rule, then tighter, then every other installed solver."""
+    rungs = [
+        SolverSettings("CLARABEL", OPTIONS["CLARABEL"]),
+        SolverSettings(
+            "CLARABEL",
+            _clarabel(1e-13, max_iter=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50),
+            "CLARABEL tight",
+        ),
+        SolverSettings(
+            "CLARABEL",
+            _clarabel(1e-12, max_iter=500, equilibrate_enable=False),
+            "CLARABEL unequilibrated",
+        ),
+    ]
+    others = [name for name in ("MOSEK", "GUROBI", "ECOS", "HIGHS", "SCS") if name in _installed()]
+    return (*rungs, *(SolverSettings(name, OPTIONS[name]) for name in others))
+
+
+def limit_ladder(problem: cp.Problem, loops: int) -> tuple[SolverSettings, ...]:
+    """The ladder for a limit problem: :func:`default_ladder` with the blockwise solver in it.
+
+    It comes first where it was measured to be faster (:data:`LOOPS`), second elsewhere.
+
+    Parameters
+    ----------
+    problem : cvxpy.Problem
+    loops : int
+        Contacts less free blocks: how often the assemblage closes on itself. An arch of any
+        length has one, and Clarabel is faster there.
+
+    Example
+    -------
+    >>> problem = cp.Problem(cp.Maximize(cp.Variable()), [])
+    >>> [str(rung) for rung in limit_ladder(problem, 1)[:2]]
+    ['CLARABEL', 'BLOCKWISE']
+    """
+    first, *others = default_ladder()
+    own = SolverSettings("BLOCKWISE", OPTIONS["BLOCKWISE"])
+    faster = loops >= LOOPS[best_backend(), is_conic(problem)]
+    return (own, first, *others) if faster else (first, own, *others)
+
+
+def is_conic(problem: cp.Problem) -> bool:
+    """True if the problem has second-order cones."""
+    return any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
+
+
+def suits(settings: SolverSettings, problem: cp.Problem) -> bool:
+    """False for solvers of linear problems when the problem has second-order cones."""
+    return not (is_conic(problem) and settings.name in _LINEAR_ONLY)
+
+
+def _installed() -> Sequence[str]:
+    return list(cp.installed_solvers())

@@ -1,0 +1,322 @@
+"""The plug-in solver: its algebra by definition, its answers by other solvers and by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from cvxlimit import Load, Scene, Status, builtin_scene, solve
+from cvxlimit.errors import SolverError
+from cvxlimit.formulations import resultants
+from cvxlimit.kinematics import KinematicProblem
+from cvxlimit.masonry import arch, panel, running_bond, wall
+from cvxlimit.problem import LimitProblem
+from cvxlimit.solvers import Blockwise, SolverSettings, default_ladder, limit_ladder
+from cvxlimit.solvers.blockwise.cones import Cones, Scaling
+from cvxlimit.solvers.blockwise.elimination import NewtonSystem
+from cvxlimit.solvers.blockwise.factorisation import BACKENDS
+from cvxlimit.solvers.settings import LOOPS
+from cvxlimit.surfaces.presets import surfaces_of
+from helpers import assert_certified, scenes
+
+FloatArray = NDArray[np.float64]
+
+OWN = SolverSettings("BLOCKWISE")
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_cones(rng: np.random.Generator) -> Cones:
+    """Up to a dozen cones of sizes 1 to 5, some of equal size."""
+    return Cones(int(rng.integers(0, 5)), rng.integers(1, 6, rng.integers(1, 8)).tolist())
+
+
+def inside(cones: Cones, rng: np.random.Generator, margin: float = 0.1) -> FloatArray:
+    v = rng.normal(size=cones.size)
+    return v + (margin - cones.margin(v)) * cones.identity
+
+
+class TestCones:
+    @given(seed=SEEDS)
+    @settings(max_examples=50, deadline=None)
+    def test_scaling_maps_z_and_s_to_one_point(self, seed: int) -> None:
+        """The definition W z = W^-1 s; 1e-9 for points up to 1e-3 from the boundary."""
+        rng = np.random.default_rng(seed)
+        cones = random_cones(rng)
+        s, z = inside(cones, rng, 1e-3), inside(cones, rng, 1e-3)
+        scaling = Scaling(cones, s, z)
+        v = rng.normal(size=cones.size)
+        np.testing.assert_allclose(scaling.times(z), scaling.lam, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(scaling.over(s), scaling.lam, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(scaling.times(scaling.over(v)), v, rtol=1e-9, atol=1e-9)
+        blocks = list(scaling.inverse_blocks())
+        for i, block in zip(cones.soc, blocks, strict=True):
+            applied = np.einsum("kij,kj->ki", block, v[i])
+            np.testing.assert_allclose(applied, scaling.over(v)[i], rtol=1e-9, atol=1e-9)
+
+    @given(seed=SEEDS)
+    @settings(max_examples=50, deadline=None)
+    def test_quotient_undoes_product(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        cones = random_cones(rng)
+        u, v = inside(cones, rng), rng.normal(size=cones.size)
+        product = cones.product(u, v)
+        np.testing.assert_allclose(cones.quotient(product, u), v, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(cones.product(u, cones.identity), u, atol=1e-12)
+
+    @given(seed=SEEDS)
+    @settings(max_examples=50, deadline=None)
+    def test_step_ends_on_the_boundary(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        cones = random_cones(rng)
+        u, d = inside(cones, rng), rng.normal(size=cones.size)
+        t = cones.step(u, d)
+        if np.isinf(t):
+            assert cones.margin(d) >= -1e-12
+        else:
+            assert cones.margin(u + t * d) == pytest.approx(0.0, abs=1e-9 * (1.0 + t))
+            assert cones.margin(u + 0.99 * t * d) > 0.0
+
+    @given(seed=SEEDS)
+    @settings(max_examples=50, deadline=None)
+    def test_clipping_moves_eigenvalues_and_no_more(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        cones = random_cones(rng)
+        u = 3.0 * rng.normal(size=cones.size)
+        clipped = cones.clipped(u, 0.2, 1.5)
+        assert cones.margin(clipped) >= 0.2 - 1e-12
+        assert cones.margin(1.5 * cones.identity - clipped) >= -1e-12
+        np.testing.assert_allclose(cones.clipped(clipped, 0.2, 1.5), clipped, atol=1e-12)
+
+    def test_a_point_on_the_boundary_has_no_scaling(self) -> None:
+        cones = Cones(1, [3])
+        with pytest.raises(FloatingPointError, match="left the cones"):
+            Scaling(cones, np.array([1.0, 1.0, 1.0, 0.0]), cones.identity)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+class TestNewtonSystem:
+    def test_agrees_with_a_dense_solution(self, backend: str) -> None:
+        """The whole matrix, written out; 1e-9 because the right-hand sides are of order one."""
+        rng = np.random.default_rng(3)
+        cones = Cones(8, [3, 3, 4, 3])
+        G = sp.block_diag(  # rows in another order than the cones, so that blocks mix both kinds
+            [rng.normal(size=(7, 3)), rng.normal(size=(7, 4)), rng.normal(size=(7, 2))]
+        ).tocsr()
+        order = [0, 1, 7, 8, 14, 15, 16, 17, 2, 3, 4, 9, 10, 11, 5, 6, 18, 19, 12, 13, 20]
+        G = sp.hstack([G[order], sp.csr_array((21, 1))]).tocsr()
+        E = sp.csr_array(rng.normal(size=(5, 10)))
+        system = NewtonSystem(E, G, cones, backend)
+        scaling = Scaling(cones, inside(cones, rng), inside(cones, rng))
+        system.factorise(scaling)
+        right = rng.normal(size=10), rng.normal(size=5), rng.normal(size=21)
+        W = np.stack([scaling.times(row) for row in np.eye(21)])
+        whole = np.block(
+            [
+                [np.zeros((10, 10)), E.toarray().T, G.toarray().T],
+                [E.toarray(), np.zeros((5, 26))],
+                [G.toarray(), np.zeros((21, 5)), -W @ W],
+            ]
+        )
+        expected = np.linalg.solve(whole, np.concatenate(right))
+        np.testing.assert_allclose(np.concatenate(system.solve(*right)), expected, atol=1e-9)
+
+    def test_a_bounded_variable_in_all_equations(self, backend: str) -> None:
+        """It borders the Schur complement although it has a cone row: max t, t <= 2 or less."""
+        n = 300
+        for most, expected in ((2.0, 2.0), (0.5, 0.5), (9.0, 3.0)):
+            t, x = cp.Variable(), cp.Variable(n)
+            problem = cp.Problem(
+                cp.Maximize(t), [x == t * np.ones(n) - 1.0, x <= 2.0, x >= -4.0, t <= most]
+            )
+            value = problem.solve(solver=Blockwise(), backend=backend)
+            assert value == pytest.approx(expected, abs=1e-8)
+
+
+def random_program(rng: np.random.Generator) -> cp.Problem:
+    """Feasible and bounded: contacts of random sizes, tied together by sparse equations."""
+    count, rows = int(rng.integers(3, 12)), int(rng.integers(2, 9))
+    variables = [cp.Variable(int(rng.integers(2, 6))) for _ in range(count)]
+    constraints: list[cp.Constraint] = []
+    total: Any = 0.0
+    level = cp.Variable()
+    for x in variables:
+        n = x.shape[0]
+        constraints.append(cp.norm(rng.normal(size=(n, n)) @ x) <= 1.0 + rng.random())
+        if rng.random() < 0.5:
+            constraints.append(x[0] + rng.random(n) @ x <= 0.3)
+        matrix = rng.normal(size=(rows, n)) * (rng.random((rows, 1)) < 0.7)
+        total = total + matrix @ x
+    constraints.append(total == level * rng.normal(size=rows))
+    cost = sum(rng.normal(size=x.shape[0]) @ x for x in variables)
+    return cp.Problem(cp.Maximize(level + 0.1 * cost), [*constraints, level <= 5.0])
+
+
+class TestAnswers:
+    @given(seed=SEEDS)
+    @settings(max_examples=40, deadline=None)
+    def test_random_programs_as_clarabel(self, seed: int) -> None:
+        """Two solvers, one value: 1e-6, a hundred times what both are asked for."""
+        problem = random_program(np.random.default_rng(seed))
+        expected = problem.solve(solver="CLARABEL", tol_gap_rel=1e-9, tol_feas=1e-9)
+        assert problem.solve(solver=Blockwise()) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        assert problem.status == "optimal"
+
+    def test_duals_have_cvxpys_signs(self) -> None:
+        problem = random_program(np.random.default_rng(5))
+        problem.solve(solver="CLARABEL")
+        expected = [c.dual_value for c in problem.constraints]
+        problem.solve(solver=Blockwise())
+        for constraint, dual in zip(problem.constraints, expected, strict=True):
+            np.testing.assert_allclose(_flat(constraint.dual_value), _flat(dual), atol=1e-5)
+
+    @pytest.mark.parametrize("backend", BACKENDS)
+    @pytest.mark.parametrize(
+        ("name", "surface", "published"),
+        [
+            ("ferris-tin-loi-1", "octagon", 0.642859),
+            ("ferris-tin-loi-3", "conic", 0.403694),
+            ("tuff-wall", "octagon", 0.450034),
+            ("tuff-wall", "conic", 0.423056),
+            ("s12-panel", "octagon", 0.178313),
+            ("s12-panel", "conic", 0.175819),
+            ("s10-panel", "conic", 0.165318),
+        ],
+    )
+    def test_published_values(
+        self, name: str, surface: str, published: float, backend: str
+    ) -> None:
+        """On its own, certified: digits and tolerance of tests/test_published.py."""
+        rung = SolverSettings("BLOCKWISE", {"backend": backend})
+        solution = solve(builtin_scene(name), surface, ladder=[rung])
+        assert_certified(solution, builtin_scene(name), proved=name != "ferris-tin-loi-1")
+        assert solution.load_factor == pytest.approx(published, rel=1e-5)
+
+    @given(scene=scenes())
+    @settings(max_examples=15, deadline=None)
+    def test_random_scenes_as_the_usual_ladder(self, scene: Scene) -> None:
+        """Brackets that are both right meet; 1e-9 for rounding."""
+        own, usual = solve(scene, ladder=[OWN]), solve(scene)
+        assert own.status.has_answer == usual.status.has_answer
+        if usual.status.has_answer:
+            slack = 1e-9 * max(1.0, abs(usual.upper))
+            assert own.lower <= usual.upper + slack
+            assert usual.lower <= own.upper + slack
+
+    @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    def test_an_octagon_that_clarabel_leaves_inaccurate(self, surface: str) -> None:
+        """A bonded wall of 988 contacts, 46 iterations long for Clarabel."""
+        scene = wall(running_bond(13, 26))
+        assert_certified(solve(scene, surface, ladder=[OWN]), scene)
+
+    @pytest.mark.parametrize("backend", BACKENDS)
+    @pytest.mark.parametrize(
+        ("constraints", "value"),
+        [
+            (lambda x, y: [x[0] + x[1] >= 1, x[0] + x[1] <= 3, x[2:] >= 0, x[2:] == y[2:]], 1.0),
+            (lambda x, y: [x >= 1, x == y, x == y], 16.0),
+            (lambda x, y: [x >= 1, x[0] == y[0], 0 * x[0] == 0], 9.0),
+            (lambda x, y: [x >= 1, x == y, x == y + 1], np.inf),
+            (lambda x, y: [x >= 1, x[0] == y[0], 0 * x[0] == 1], np.inf),
+        ],
+        ids=["free direction", "twice", "empty", "contradiction", "empty contradiction"],
+    )
+    def test_degenerate_programs(self, constraints: Any, value: float, backend: str) -> None:
+        """Values by hand: the least sum of 8 x and 8 y >= 0."""
+        x, y = cp.Variable(8), cp.Variable(8)
+        problem = cp.Problem(cp.Minimize(cp.sum(x) + cp.sum(y)), [*constraints(x, y), y >= 0])
+        assert problem.solve(solver=Blockwise(), backend=backend) == pytest.approx(value, rel=1e-8)
+
+    def test_other_formulation(self) -> None:
+        state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).solve(OWN)
+        assert state.load_factor == pytest.approx(0.423056, rel=1e-5)
+
+
+def _flat(dual: Any) -> FloatArray:
+    """A dual value, or the several of a cone, as one array."""
+    parts = dual if isinstance(dual, list) else [dual]
+    return np.concatenate([np.atleast_1d(part).ravel() for part in parts])
+
+
+class TestNoAnswer:
+    def test_live_load_that_only_helps(self) -> None:
+        scene = builtin_scene("single-block").with_live(Load(gravity=(0.0, 0.0, -1.0)))
+        state = LimitProblem(scene).solve(OWN)
+        assert state.outcome.status == "unbounded"
+        assert solve(scene, ladder=[OWN]).status is Status.LIVE_LOAD_HARMLESS
+
+    def test_dead_load_that_lifts(self) -> None:
+        scene = builtin_scene("tuff-wall").with_dead(Load(gravity=(0.0, 0.0, 1.0)))
+        state = LimitProblem(scene).solve(OWN)
+        assert state.outcome.status == "infeasible"
+        assert solve(scene, ladder=[OWN]).status is Status.DEAD_LOAD_UNSTABLE
+
+    def test_bounded_load_factor(self) -> None:
+        """`most` gives the load factor a cone of its own: 0.2 of the possible 0.423."""
+        state = LimitProblem(builtin_scene("tuff-wall"), most=0.2).solve(OWN)
+        assert state.load_factor == pytest.approx(0.2, rel=1e-8)
+
+
+class TestRefusals:
+    def test_cones_that_tie_everything_together(self) -> None:
+        state = KinematicProblem(builtin_scene("s12-panel")).solve(OWN)
+        assert state.outcome.status.startswith("failed: blockwise: ")
+        assert "use another solver" in state.outcome.status
+
+    @pytest.mark.parametrize(
+        ("constraints", "said"),
+        [
+            (lambda x, y: [cp.sum(x) >= 1, y >= 0, cp.sum(x) == y[0]], "not bounded by them"),
+            (lambda x, y: [x[0] >= 1, y >= 0, cp.sum(x) == 2], "no cone"),
+            (lambda x, y: [cp.norm(cp.hstack([x, y])) <= 1, x[0] == y[0]], "more than 128"),
+            (lambda x, y: [x[0] + x[1] >= 1, x[0] + x[1] <= 3, x[2:] >= 0, y >= x[2]], "no eq"),
+            (lambda x, y: [x[0] + x[1] >= 1, x[0] + x[1] <= 3, x[2:] == y[2:], y >= 0], "no cone"),
+        ],
+    )
+    def test_programs_without_blocks(self, constraints: Any, said: str) -> None:
+        x, n = cp.Variable(100), cp.Variable(100)
+        problem = cp.Problem(cp.Minimize(cp.sum(x) + cp.sum(n)), constraints(x, n))
+        with pytest.raises(SolverError, match=f"(?s)blockwise.*{said}.*use another solver"):
+            problem.solve(solver=Blockwise())
+
+    def test_unknown_option(self) -> None:
+        x = cp.Variable(2, nonneg=True)
+        problem = cp.Problem(cp.Minimize(cp.sum(x)))
+        with pytest.raises(SolverError, match="no option 'tol'; its options are tolerance"):
+            problem.solve(solver=Blockwise(), tol=1e-3)
+        with pytest.raises(SolverError, match="backend must be one of cholmod, superlu, got 'lu'"):
+            problem.solve(solver=Blockwise(), backend="lu")
+
+
+class TestRule:
+    """When it comes first."""
+
+    @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    def test_small_scenes_and_arches_start_with_clarabel(self, surface: str) -> None:
+        for scene in (builtin_scene("tuff-wall"), arch(2_000)):
+            problem = LimitProblem(scene, surfaces_of(surface)[0])
+            assert str(problem.ladder()[0]) == "CLARABEL"
+
+    def test_large_walls_start_with_it(self) -> None:
+        scene = panel(1.6, 30, left_return=0.8, right_return=0.8)
+        solution = solve(scene, "octagon")
+        assert_certified(solution)
+        assert [h.solver for h in solution.history] == ["BLOCKWISE"]
+
+    def test_it_is_always_the_first_or_the_second(self) -> None:
+        problem = LimitProblem(builtin_scene("single-block")).problem
+        for loops in (0, max(LOOPS.values())):
+            names = [str(rung) for rung in limit_ladder(problem, loops)]
+            assert names[:2] in (["CLARABEL", "BLOCKWISE"], ["BLOCKWISE", "CLARABEL"])
+            assert set(names) == {"BLOCKWISE", *(str(rung) for rung in default_ladder())}
+
+    def test_it_saves_what_clarabel_leaves_open(self) -> None:
+        """1e-8 on the S12-class panel: Clarabel's rungs end at 5e-8 and above."""
+        solution = solve(builtin_scene("s12-panel"), tolerance=1e-8)
+        assert_certified(solution, tolerance=1e-8)
