@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},
-    {"checks", "files", "sparse"},
+    {"checks", "files", "nearby", "sparse"},
     {"polygons", "blocks"},
     {"contacts"},
     {"penetration"},

@@ -1,6 +1,6 @@
 """Contact detection: facing coplanar faces that overlap, found from geometry alone.
 
-Faces are grouped by plane (sorting), pairs within a plane come from an R-tree, overlaps are
+Only blocks near each other are looked at, and of those the faces whose boxes meet. Overlaps are
 exact interval products for aligned rectangles and polygon clipping otherwise: near n log n.
 """
 
@@ -11,12 +11,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from cvxlimit.blocks import RELATIVE_TOLERANCE, Block, Faces
 from cvxlimit.contacts import Contacts
 from cvxlimit.errors import InputError
+from cvxlimit.nearby import nearby_pairs
 from cvxlimit.penetration import check_no_interpenetration
 from cvxlimit.polygons import area_and_centroid, convex_overlap
 
@@ -26,7 +26,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class _FaceTable:
-    """All faces of all blocks; ``corners`` (f, k, 3) repeat a face's last corner up to k."""
+    """All faces, block by block; ``corners`` (f, k, 3) repeat a face's last corner up to k."""
 
     block: IntArray
     corners: FloatArray
@@ -67,13 +67,11 @@ def detect_contacts(
     """
     is_fixed = np.array([b.id in fixed for b in blocks])
     sizes = np.array([b.size for b in blocks])
+    near = nearby_pairs([b.vertices for b in blocks], tolerance * sizes)
     faces = _face_table(blocks, sizes)
-    first, second = _facing_pairs(faces, tolerance)
-    a, b = faces.block[first], faces.block[second]
-    swap = a > b
-    first, second = np.where(swap, second, first), np.where(swap, first, second)
-    contacts = _overlaps(faces.take(first), faces.take(second), blocks, friction, tolerance)
-    check_no_interpenetration(blocks, contacts, sizes, tolerance)
+    lower, upper = _facing_pairs(faces, *near, tolerance)
+    contacts = _overlaps(faces.take(lower), faces.take(upper), blocks, friction, tolerance)
+    check_no_interpenetration(blocks, *near, contacts, sizes, tolerance)
     _check_every_block_touches(blocks, contacts)
     return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
 
@@ -92,38 +90,47 @@ def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:
             corners = vertices[:, padded]
             parts.append((np.array(members), corners, np.full(len(members), len(face))))
     owner = np.concatenate([p[0] for p in parts])
-    corners = np.concatenate([p[1] for p in parts])
+    rows = np.argsort(owner, kind="stable")
+    owner = owner[rows]
+    corners = np.concatenate([p[1] for p in parts])[rows]
+    sides = np.concatenate([p[2] for p in parts])[rows]
     spokes = corners - corners[:, :1]
     area = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
     normal = area / np.linalg.norm(area, axis=1)[:, None]
-    return _FaceTable(owner, corners, np.concatenate([p[2] for p in parts]), normal, sizes[owner])
+    return _FaceTable(owner, corners, sides, normal, sizes[owner])
 
 
-def _facing_pairs(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
-    """Pairs of faces on a common plane, from opposite sides, whose bounding boxes meet."""
-    side, plane = _planes(faces, tolerance)
-    t1, t2 = _plane_axes(faces, side, plane)
-    middle = faces.corners.reshape(-1, 3).mean(axis=0)
-    local = faces.corners - middle
-    u = np.einsum("fkc,fc->fk", local, t1)
-    v = np.einsum("fkc,fc->fk", local, t2)
-    margin = tolerance * faces.size
-    span = 2.0 * (np.abs(u).max() + margin.max()) * 1.01
-    shift = plane * span
-    boxes = shapely.box(
-        u.min(axis=1) - margin + shift, v.min(axis=1) - margin,
-        u.max(axis=1) + margin + shift, v.max(axis=1) + margin,
-    )  # fmt: skip
-    up, down = np.flatnonzero(side > 0), np.flatnonzero(side < 0)
-    found = shapely.STRtree(boxes[down]).query(boxes[up])
-    first, second = up[found[0]], down[found[1]]
-    differ = faces.block[first] != faces.block[second]
-    first, second = first[differ], second[differ]
-    length = tolerance * np.minimum(faces.size[first], faces.size[second])
-    gap = np.minimum(_gap(faces, first, second), _gap(faces, second, first))
-    opposite = np.einsum("fc,fc->f", faces.normal[first], faces.normal[second]) < 0.0
-    near = (gap <= length) & opposite
-    return first[near], second[near]
+def _facing_pairs(
+    faces: _FaceTable, first: IntArray, second: IntArray, tolerance: float
+) -> tuple[IntArray, IntArray]:
+    """Faces of ``first`` and ``second`` blocks on a common plane, from opposite sides.
+
+    Of pairs of faces whose bounding boxes do not meet, some are left out.
+    """
+    margin = tolerance * faces.size[:, None]
+    low, high = faces.corners.min(axis=1) - margin, faces.corners.max(axis=1) + margin
+    start = np.flatnonzero(np.diff(faces.block, prepend=-1))
+    block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
+    pair, lower = _each_face(faces, start, first)
+    other = second[pair]
+    meet = ((low[lower] <= block_high[other]) & (block_low[other] <= high[lower])).all(axis=1)
+    row, upper = _each_face(faces, start, other[meet])
+    lower = lower[meet][row]
+    opposite = np.einsum("fc,fc->f", faces.normal[lower], faces.normal[upper]) < 0.0
+    lower, upper = lower[opposite], upper[opposite]
+    meet = ((low[lower] <= high[upper]) & (low[upper] <= high[lower])).all(axis=1)
+    lower, upper = lower[meet], upper[meet]
+    length = tolerance * np.minimum(faces.size[lower], faces.size[upper])
+    near = np.minimum(_gap(faces, lower, upper), _gap(faces, upper, lower)) <= length
+    return lower[near], upper[near]
+
+
+def _each_face(faces: _FaceTable, start: IntArray, blocks: IntArray) -> tuple[IntArray, IntArray]:
+    """For each of ``blocks`` all its faces: places in ``blocks``, and faces from ``start``."""
+    count = np.diff(start, append=len(faces.block))[blocks]
+    place = np.repeat(np.arange(len(blocks)), count)
+    within = np.arange(len(place)) - (np.cumsum(count) - count)[place]
+    return place, start[blocks][place] + within
 
 
 def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
@@ -136,63 +143,6 @@ def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
     distance = np.abs(np.einsum("fkc,fc->fk", offset, faces.normal[plane]))
     result: FloatArray = distance.max(axis=1)
     return result
-
-
-def _planes(faces: _FaceTable, tolerance: float) -> tuple[IntArray, IntArray]:
-    """Side (+1, -1) and plane number of each face.
-
-    The side is the sign along a direction that no normal is close to perpendicular to, so that
-    rounding cannot put two faces of one plane on the same side. Faces whose keys agree within
-    the tolerance in every coordinate always get the same number; the converse is checked later.
-    """
-    angle = _angle_tolerance(faces, tolerance)
-    generator = np.random.default_rng(0)
-    for _ in range(50):
-        direction = generator.normal(size=3)
-        projection = faces.normal @ (direction / np.linalg.norm(direction))
-        if np.abs(projection).min() > max(1e-4, 4.0 * angle):
-            break
-    side = np.where(projection > 0.0, 1, -1)
-    normal = faces.normal * side[:, None]
-    middle = faces.corners.reshape(-1, 3).mean(axis=0)
-    reach = np.abs(faces.corners - middle).max()
-    offset = np.einsum("fc,fc->f", faces.corners.mean(axis=1) - middle, normal)
-    length = tolerance * faces.size.max() + angle * reach
-    labels = np.stack(
-        [_gap_labels(normal[:, c], angle) for c in range(3)] + [_gap_labels(offset, length)]
-    )
-    number = np.unique(labels, axis=1, return_inverse=True)[1]
-    return side, np.asarray(number).reshape(-1)
-
-
-def _angle_tolerance(faces: _FaceTable, tolerance: float) -> float:
-    """Angle between faces whose corners are off by ``tolerance``: most for the narrowest face."""
-    spokes = faces.corners - faces.corners[:, :1]
-    cross = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
-    doubled = np.linalg.norm(cross, axis=1)
-    edges = np.linalg.norm(np.diff(faces.corners, axis=1, append=faces.corners[:, :1]), axis=2)
-    width = doubled / edges.sum(axis=1)
-    return float(min(2.0 * tolerance * (faces.size / width).max(), 1e-2))
-
-
-def _gap_labels(values: FloatArray, gap: float) -> IntArray:
-    """Number the runs of sorted values that are separated by more than ``gap``."""
-    order = np.argsort(values)
-    runs = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
-    labels = np.empty(len(values), dtype=np.int64)
-    labels[order] = runs
-    return labels
-
-
-def _plane_axes(
-    faces: _FaceTable, side: IntArray, plane: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """In-plane axes shared by all faces of a plane: t1 along an edge of its first face."""
-    first_of_plane = np.unique(plane, return_index=True)[1][plane]
-    along = faces.corners[first_of_plane, 1] - faces.corners[first_of_plane, 0]
-    t1 = along / np.linalg.norm(along, axis=1)[:, None]
-    normal = (faces.normal * side[:, None])[first_of_plane]
-    return t1, np.cross(normal, t1)
 
 
 def _overlaps(

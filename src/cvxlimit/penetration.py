@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from cvxlimit.blocks import Block
@@ -13,12 +13,18 @@ from cvxlimit.contacts import Contacts
 from cvxlimit.errors import InputError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 def check_no_interpenetration(
-    blocks: Sequence[Block], contacts: Contacts, sizes: FloatArray, tolerance: float
+    blocks: Sequence[Block],
+    first: IntArray,
+    second: IntArray,
+    contacts: Contacts,
+    sizes: FloatArray,
+    tolerance: float,
 ) -> None:
-    """Refuse blocks that share volume.
+    """Refuse blocks that share volume, among the pairs (``first``, ``second``) that may.
 
     A contact's plane separates its two convex blocks, so only pairs without a contact whose
     bounding boxes overlap need a look: a separating plane is sought among their faces, then
@@ -26,30 +32,18 @@ def check_no_interpenetration(
     """
     low = np.array([b.vertices.min(axis=0) for b in blocks])
     high = np.array([b.vertices.max(axis=0) for b in blocks])
-    margin = tolerance * sizes
-    flat = _two_longest_axes(low, high)
-    boxes = shapely.box(*low[:, flat].T, *high[:, flat].T)
-    first, second = shapely.STRtree(boxes).query(boxes)
-    once = first < second
-    first, second = first[once], second[once]
+    margin = tolerance * np.minimum(sizes[first], sizes[second])
     shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
-    depth = shared.min(axis=1)
-    deep = depth > np.minimum(margin[first], margin[second])
-    touching = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
-    pairs = set(zip(first[deep].tolist(), second[deep].tolist(), strict=True)) - touching
-    normals = {i: _face_normals(blocks[i]) for i in {i for pair in pairs for i in pair}}
-    for i, k in sorted(pairs):
-        overlap = _penetration(blocks[i], blocks[k], normals[i], normals[k])
-        if overlap > min(margin[i], margin[k]):
+    touching = np.isin(first * len(blocks) + second, contacts.a * len(blocks) + contacts.b)
+    normals = cache(lambda i: _face_normals(blocks[i]))
+    for j in np.flatnonzero((shared.min(axis=1) > margin) & ~touching).tolist():
+        a, b = blocks[first[j]], blocks[second[j]]
+        overlap = _penetration(a, b, normals(first[j]), normals(second[j]))
+        if overlap > margin[j]:
             raise InputError(
-                f"blocks {blocks[i].id!r} and {blocks[k].id!r} interpenetrate by about "
+                f"blocks {a.id!r} and {b.id!r} interpenetrate by about "
                 f"{overlap:.3g}: move or cut one of them"
             )
-
-
-def _two_longest_axes(low: FloatArray, high: FloatArray) -> list[int]:
-    order = np.argsort(np.ptp(0.5 * (low + high), axis=0))
-    return [int(order[2]), int(order[1])]
 
 
 def penetration(first: Block, second: Block) -> float:
@@ -81,11 +75,10 @@ def _least_overlap(first: Block, second: Block, directions: FloatArray) -> float
 
 
 def _face_normals(block: Block) -> FloatArray:
-    corners = [block.vertices[list(face)] for face in block.faces]
-    areas = np.array(
-        [np.cross(c - c[0], np.roll(c, -1, axis=0) - c[0]).sum(axis=0) for c in corners]
-    )
-    return _unit(areas)
+    width = max(len(face) for face in block.faces)
+    corners = block.vertices[[[*face, *face[-1:] * (width - len(face))] for face in block.faces]]
+    spokes = corners - corners[:, :1]
+    return _unit(np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1))
 
 
 def _edge_directions(block: Block) -> FloatArray:

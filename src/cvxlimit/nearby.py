@@ -1,0 +1,97 @@
+"""Which bodies of a scene come near each other: all pairs that touch, and few others.
+
+A balanced tree of bounding boxes, descended level by level for all pairs at once: near n log n.
+Boxes along the axes alone do not do: thousands of thin voussoirs of an arch overlap each other's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntArray, IntArray]:
+    """Every pair of bodies, first < second and sorted, that ``margin`` (n,) does not keep apart.
+
+    A body is the convex hull of points (k, 3). A pair is left out only if boxes around the two,
+    grown by their margins, are apart.
+    """
+    levels = max(len(bodies) - 1, 0).bit_length()
+    order = _tree_order(np.array([body.mean(axis=0) for body in bodies]), levels)
+    points = np.concatenate([bodies[i] for i in order])
+    points = points - points.mean(axis=0)
+    start = np.cumsum([0, *(len(bodies[i]) for i in order[:-1])])
+    first = second = np.zeros(1, dtype=np.int64)
+    for level in range(levels):
+        step = 1 << (levels - level - 1)
+        first, second = _children(first, second, -(-len(bodies) // step))
+        leading = np.arange(0, len(bodies), step)
+        reach = np.maximum.reduceat(margin[order], leading)
+        first, second = _meeting(first, second, points, start[leading], reach)
+    a, b = np.sort(np.stack([order[first], order[second]])[:, first != second], axis=0)
+    sorting = np.lexsort((b, a))
+    return a[sorting], b[sorting]
+
+
+def _tree_order(centres: FloatArray, levels: int) -> IntArray:
+    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together.
+
+    Every node is halved across its longest extent.
+    """
+    place = np.arange(len(centres))
+    order = place
+    for level in range(levels):
+        node = place >> (levels - level)
+        leading = np.searchsorted(node, np.arange(node[-1] + 1))
+        laid = centres[order]
+        extent = np.maximum.reduceat(laid, leading) - np.minimum.reduceat(laid, leading)
+        along = laid[place, extent.argmax(axis=1)[node]]
+        order = order[np.lexsort((along, node))]
+    return order
+
+
+def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Pairs among the two halves of each node, of which there are ``count``."""
+    a = (2 * first[:, None] + np.array([0, 0, 1, 1])).ravel()
+    b = (2 * second[:, None] + np.array([0, 1, 0, 1])).ravel()
+    there = (a <= b) & (b < count)
+    return a[there], b[there]
+
+
+def _meeting(
+    first: IntArray, second: IntArray, points: FloatArray, start: IntArray, margin: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Pairs of nodes whose boxes meet: those along the axes and those along their own."""
+    low = np.minimum.reduceat(points, start) - margin[:, None]
+    high = np.maximum.reduceat(points, start) + margin[:, None]
+    meet = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
+    first, second = first[meet], second[meet]
+    middle, axes, half = _own_boxes(points, start, margin)
+    offset = middle[second] - middle[first]
+    turn = np.abs(np.einsum("pik,pjk->pij", axes[first], axes[second]))
+    of_first = np.abs(np.einsum("pik,pk->pi", axes[first], offset))
+    of_second = np.abs(np.einsum("pik,pk->pi", axes[second], offset))
+    meet = (of_first <= half[first] + np.einsum("pij,pj->pi", turn, half[second])).all(axis=1)
+    meet &= (of_second <= half[second] + np.einsum("pij,pi->pj", turn, half[first])).all(axis=1)
+    return first[meet], second[meet]
+
+
+def _own_boxes(
+    points: FloatArray, start: IntArray, margin: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Middle (n, 3), axes (n, 3, 3) as rows and half sides of boxes along principal axes."""
+    count = np.diff(np.append(start, len(points)))
+    node = np.repeat(np.arange(len(start)), count)
+    centre = np.add.reduceat(points, start) / count[:, None]
+    spokes = points - centre[node]
+    spread = np.add.reduceat(spokes[:, :, None] * spokes[:, None, :], start)
+    axes = np.linalg.eigh(spread)[1].transpose(0, 2, 1)
+    local = np.einsum("mik,mk->mi", axes[node], spokes)
+    low, high = np.minimum.reduceat(local, start), np.maximum.reduceat(local, start)
+    middle = centre + np.einsum("ni,nik->nk", 0.5 * (low + high), axes)
+    return middle, axes, 0.5 * (high - low) + margin[:, None]
