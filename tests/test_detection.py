@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,11 +16,13 @@ from cvxlimit.blocks import BOX_FACES, RELATIVE_TOLERANCE, Block
 from cvxlimit.contacts import Contacts
 from cvxlimit.detection import detect_contacts
 from cvxlimit.errors import InputError
-from cvxlimit.masonry import BUILTIN, builtin_scene, panel
+from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
+from cvxlimit.nearby import nearby_pairs
 from cvxlimit.penetration import penetration
 from cvxlimit.polygons import (
     area_and_centroid,
 )
+from cvxlimit.scene import Scene
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
 
@@ -343,6 +347,58 @@ class TestRefusals:
         assert penetration(ridge, cross) == pytest.approx(-0.1)
         sunk = cross.moved(np.eye(3), (0, 0, -0.3))
         assert penetration(ridge, sunk) == pytest.approx(0.2)
+
+
+class TestAllPairs:
+    """Leaving far pairs out changes nothing: compared with a look at every pair."""
+
+    @pytest.mark.parametrize("seed", range(30))
+    def test_cloud_of_thin_and_thick_bricks(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        sizes = generator.uniform(0.2, 0.6, (30, 3)) * generator.choice([0.05, 1.0], (30, 3))
+        places = generator.uniform(-1.5, 1.5, (30, 3))
+        blocks = [
+            brick(f"b{i}", -0.5 * size, size).moved(random_rotation(30 * seed + i), place)
+            for i, (size, place) in enumerate(zip(sizes, places, strict=True))
+        ]
+        near = nearby_pairs([b.vertices for b in blocks], np.zeros(len(blocks)))
+        pairs = combinations(range(len(blocks)), 2)
+        meeting = [(i, k) for i, k in pairs if penetration(blocks[i], blocks[k]) > 0.0]
+        assert set(meeting) <= set(zip(*(ends.tolist() for ends in near), strict=True))
+        refusal = "touches no other block"
+        if meeting:
+            refusal = "'b{}' and 'b{}' interpenetrate by about".format(*meeting[0])
+        with pytest.raises(InputError, match=refusal):
+            detect_contacts(blocks)
+
+    @pytest.mark.parametrize(
+        "scene",
+        [arch(24), arch(24, 1.8), wall(running_bond(3, 5)), builtin_scene("stack")],
+        ids=["arch", "thick-arch", "wall", "stack"],
+    )
+    def test_contacts_are_those_of_each_pair_alone(self, scene: Scene) -> None:
+        turn = random_rotation(7)
+        blocks = [block.moved(turn) for block in scene.blocks]
+        alone = []
+        for pair in combinations(blocks, 2):
+            with suppress(InputError):
+                alone += detect_contacts(pair)
+        together = detect_contacts(blocks)
+        assert together.names == tuple(contact.name for contact in alone)
+        for one, other in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(one.corners, other.corners)
+
+    def test_thin_voussoirs_are_near_their_neighbours_only(self) -> None:
+        blocks = arch(1000).blocks
+        near = nearby_pairs([b.vertices for b in blocks], np.full(len(blocks), 1e-6))
+        assert len(blocks) <= len(near[0]) + 1 <= 2 * len(blocks)
+
+    def test_a_thin_voussoir_pushed_into_the_next(self) -> None:
+        blocks = list(arch(1000).blocks)
+        across = blocks[301].centroid - blocks[300].centroid
+        blocks[300] = blocks[300].moved(np.eye(3), 0.1 * across)
+        with pytest.raises(InputError, match="'v300' and 'v301' interpenetrate by about"):
+            detect_contacts(blocks)
 
 
 def test_thousands_of_bricks() -> None:
