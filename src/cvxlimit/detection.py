@@ -103,9 +103,9 @@ def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:
 def _facing_pairs(
     faces: _FaceTable, first: IntArray, second: IntArray, tolerance: float
 ) -> tuple[IntArray, IntArray]:
-    """Faces of ``first`` and ``second`` blocks on a common plane, from opposite sides.
+    """Pairs of faces on a common plane, from opposite sides, whose bounding boxes meet.
 
-    Of pairs of faces whose bounding boxes do not meet, some are left out.
+    The faces of each pair belong to a pair of ``first`` and ``second`` blocks.
     """
     margin = tolerance * faces.size[:, None]
     low, high = faces.corners.min(axis=1) - margin, faces.corners.max(axis=1) + margin
