@@ -22,7 +22,7 @@ LAYERS = (
     {"masonry", "statics"},
     {"surfaces"},
     {"formulations"},
-    {"problem", "kinematics", "witnesses"},
+    {"problem", "kinematics", "selfstress", "witnesses"},
     {"certificate"},
     {"analysis"},
     {"interaction"},

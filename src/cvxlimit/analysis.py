@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from cvxlimit.certificate import REFERENCE, Certificate, Certifier
 from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Load, Scene
+from cvxlimit.selfstress import SelfStressProblem
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.statics import DOF, Scaling
@@ -113,15 +115,16 @@ class _Run:
         self.certifier = Certifier(scene, problem.surfaces)
         clock.measure("certify", start)
         self.history: list[Iterate] = []
+        self.is_dead_load_solved = self.is_opening_solved = False
         self.lower: tuple[float, bool, LimitState | None] = (-np.inf, False, None)
         self.upper: tuple[float, bool, LimitState | None] = (np.inf, False, None)
 
     def solution(self) -> Solution:
         start = time.perf_counter()
-        stands = self.certifier.witnesses.dead_state is not None
+        stands = self.certifier.witnesses.easy_dead_state is not None
         self.clock.measure("certify", start)
         if not stands:
-            mechanism = self._dead_load_mechanism()
+            mechanism = self._solve_dead_load()
             if mechanism is not None:
                 return self._without_answer(Status.DEAD_LOAD_UNSTABLE, mechanism=mechanism)
         asked = False
@@ -143,6 +146,20 @@ class _Run:
         self.tell(f"solving with {settings}")
         state = self.problem.solve(settings)
         self._book(state)
+        certificate = self._certified(state)
+        if not (self._is_closed() or self.is_dead_load_solved) and self._loses_below(certificate):
+            self._solve_dead_load()
+            certificate = self._certified(state)
+        if np.isfinite(certificate.upper) and not (
+            certificate.upper_is_proved or self.is_opening_solved
+        ):
+            self._solve_opening()
+            certificate = self._certified(state)
+        self.history.append(_iterate(settings, state, certificate))
+        return state
+
+    def _certified(self, state: LimitState) -> Certificate:
+        """The certificate of a state; its bounds are kept where they are better."""
         self.tell("checking the bracket")
         start = time.perf_counter()
         c = self.certifier.certificate(state.forces, state.load_factor, state.mechanism)
@@ -151,8 +168,11 @@ class _Run:
             self.lower = (c.lower, c.lower_is_proved, state)
         if c.upper < self.upper[0]:
             self.upper = (c.upper, c.upper_is_proved, state)
-        self.history.append(_iterate(settings, state, c))
-        return state
+        return c
+
+    def _loses_below(self, certificate: Certificate) -> bool:
+        """True if forces are good for a bracket but for the reserve they are mixed with."""
+        return certificate.lower_is_proved and certificate.lower > 0.5 * certificate.upper > 0.0
 
     def _book(self, state: LimitState) -> None:
         self.clock.seconds["compile"] += state.outcome.compile_seconds
@@ -232,47 +252,85 @@ class _Run:
             note=note,
         )
 
-    def _dead_load_mechanism(self) -> FloatArray | None:
-        """Rates (free, 6) on which the dead load alone does work, allowed by the flow rule.
+    def _solve_dead_load(self) -> FloatArray | None:
+        """Give the certifier forces that carry the dead load well inside all surfaces.
+
+        An interior-point solver ends in the middle of all such forces, far deeper inside than
+        projections do. Where there are none, returns rates (free, 6) on which the dead load alone
+        does work, allowed by the flow rule.
 
         Asks for the largest share t <= 1 of the dead load that can be carried: by homogeneity it
         is 1 if the dead load stands and 0 if not, so an upper bound below 1 / 2 is a proof.
         """
+        self.is_dead_load_solved = True
         if not np.any(self.scene.dead_forces):
             return None
         self.tell("checking that the dead load can stand")
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        for certificate, state in self._shares(alone, "dead load alone"):
-            if certificate.lower > 0.5:
-                break
-            if certificate.upper < 0.5:
+        for state, certificate in self._shares(alone, "dead load alone"):
+            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
+                if self.certifier.offer_dead_state(state.forces / state.load_factor):
+                    return None
+            elif certificate().upper < 0.5:
                 return state.mechanism
         return None
+
+    def _solve_opening(self) -> None:
+        """Give the certifier rates that open every contact, unless blocks wedge each other."""
+        self.is_opening_solved = True
+        self.tell("checking that blocks do not wedge each other")
+        start = time.perf_counter()
+        problem = SelfStressProblem(self.scene, self.surfaces)
+        self.clock.measure("compile", start)
+        state = problem.solve()
+        self._book(state)
+        self._note_aside(problem.ladder()[0], "self-stress", state)
+        if state.mechanism is not None:
+            self.certifier.offer_opening_field(state.mechanism)
 
     def _forces_for_live_load_alone(self) -> FloatArray | None:
         """Forces (contacts, 6) that carry the live load alone, hence any multiple of it."""
         self.tell("checking whether the live load does any harm")
         alone = self.scene.with_dead(Load())
-        for certificate, state in self._shares(alone, "live load alone"):
+        for state, certificate in self._shares(alone, "live load alone"):
+            bounds = certificate()
             carried = state.load_factor is not None and state.load_factor > 0.5
-            exact = max(certificate.equilibrium_residual, certificate.yield_excess)
+            exact = max(bounds.equilibrium_residual, bounds.yield_excess)
             if carried and exact <= _HARMLESS:
                 return state.forces
-            if certificate.upper < 0.5:
+            if bounds.upper < 0.5:
                 break
         return None
 
-    def _shares(self, scene: Scene, what: str) -> Iterator[tuple[Certificate, LimitState]]:
-        """Climb the first rungs on the question which share <= 1 of the live load is carried."""
+    def _shares(
+        self, scene: Scene, what: str
+    ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
+        """Climb the first rungs on the question which share <= 1 of the live load is carried.
+
+        Certificates are computed when called for.
+        """
+        start = time.perf_counter()
         problem = LimitProblem(scene, self.surfaces, most=1.0)
+        self.clock.measure("compile", start)
         certifier = Certifier(scene, problem.surfaces)
+
+        def certified(state: LimitState) -> Certificate:
+            start = time.perf_counter()
+            result = certifier.certificate(state.forces, state.load_factor, state.mechanism)
+            self.clock.measure("certify", start)
+            return result
+
         for settings in self.ladder[:2]:
             state = problem.solve(settings)
             self._book(state)
-            certificate = certifier.certificate(state.forces, state.load_factor, state.mechanism)
-            named = replace(settings, label=f"{settings}, {what}")
-            self.history.append(_iterate(named, state, certificate))
-            yield certificate, state
+            self._note_aside(settings, what, state)
+            yield state, partial(certified, state)
+
+    def _note_aside(self, settings: SolverSettings, what: str, state: LimitState) -> None:
+        """A line of the history for a solve that is not about the load factor."""
+        seconds = state.outcome.compile_seconds + state.outcome.solve_seconds
+        name, status = f"{settings}, {what}", state.outcome.status
+        self.history.append(Iterate(load_factor=None, seconds=seconds, solver=name, status=status))
 
 
 def _iterate(settings: SolverSettings, state: LimitState, certificate: Certificate) -> Iterate:

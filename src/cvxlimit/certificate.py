@@ -105,6 +105,34 @@ class Certifier:
         result.witnesses.flow = flow
         return result
 
+    def offer_dead_state(self, forces: FloatArray) -> bool:
+        """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
+
+        Nothing is believed: they are put into equilibrium, and must be inside after that.
+        """
+        balanced = self.witnesses.balanced(forces, 0.0)
+        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)):
+            return False
+        reserve, present = self._reserve(balanced), self.witnesses.easy_dead_state
+        if reserve > (0.0 if present is None else self._reserve(present)):
+            self.witnesses.dead_state = balanced
+        return reserve > 0.0
+
+    def offer_opening_field(self, rates: FloatArray) -> None:
+        """Take block rates (free, 6) that may open every contact, if they really do."""
+        if np.isfinite(rates).all() and self._spare_opening(rates).min() > 0.0:
+            self.witnesses.opening_field = rates
+
+    def _spare_opening(self, rates: FloatArray) -> FloatArray:
+        """What rates open contacts more than the flow rule asks for, (n,), less rounding."""
+        missing, _ = self.witnesses.flow.shortfall(self.statics.relative_rates(rates))
+        spare: FloatArray = -missing - self._rounding(rates)
+        return spare
+
+    def _reserve(self, forces: FloatArray) -> float:
+        """Least distance from yield, as a force; negative outside."""
+        return -max(float(y.max()) for y in self._excess(forces))
+
     def certificate(
         self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
     ) -> Certificate:
@@ -171,8 +199,7 @@ class Certifier:
         return bound + error * force, False, violation
 
     def _opened(self, u: FloatArray, field: FloatArray, missing: FloatArray) -> tuple[float, bool]:
-        spare = -self.witnesses.flow.shortfall(self.statics.relative_rates(field))[0]
-        spare = spare - self._rounding(field)
+        spare = self._spare_opening(field)
         if not spare.min() > 0.0:
             return np.inf, False
         u = u + max(float((missing / spare).max()), 0.0) * field

@@ -34,7 +34,7 @@ from cvxlimit.io import read_scene, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.plotting import plot
-from cvxlimit.report import advice, history, listing, show, summary
+from cvxlimit.report import advice, history, is_eventful, listing, show, summary
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solve import INTERACTIONS, MOMENTS, solve
@@ -244,7 +244,7 @@ def _solve_job(order: Order) -> ExitCode:
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if order.scene in BUILTIN else order.scene
         show(summary(solution, origin, order.tolerance, written))
-        if solution.interaction != "none" or len(solution.history) > 1:
+        if is_eventful(solution):
             show(Text(), history(solution.history))
     return _verdict(solution)
 

@@ -67,6 +67,14 @@ def advice(solution: Solution) -> str:
     return solution.note if general in solution.note else general
 
 
+def is_eventful(solution: Solution) -> bool:
+    """True if the history tells more than the summary: not one run that went well."""
+    about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
+    good = solution.status is Status.CERTIFIED
+    failed = any(iterate.status.startswith("failed") for iterate in solution.history)
+    return solution.interaction != "none" or about_load_factor != 1 or failed or not good
+
+
 def history(iterates: Sequence[Iterate]) -> Table:
     """One row per solve; columns that are empty throughout are left out."""
     columns: dict[str, list[str]] = {

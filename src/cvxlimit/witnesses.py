@@ -34,13 +34,15 @@ _SPARE = 0.1
 
 _OPENING_RESERVE = 0.2
 _OPENING_OVERSHOOT = 1.9
-_OPENING_ITERATIONS = 100
-"""Opening fields aim at rates of 1; projections with this reserve and relaxation took 24
-iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took."""
+_OPENING_ITERATIONS = 50
+"""Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
+iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On propped
+walls of 1,000 contacts and more they do not end at all: a solver does
+(:class:`~cvxlimit.selfstress.SelfStressProblem`)."""
 
-_ATTEMPTS = ((1e-1, 100), (1e-2, 100), (1e-4, 60))
+_ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
 """Least corner compression, as a share of what the lighter of the two blocks would give if its
-load were spread over its contacts, and iterations allowed for it."""
+load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
 
 
 class Flow(Protocol):
@@ -76,6 +78,8 @@ class Witnesses:
         n = len(statics.contacts)
         arm = np.asarray(statics.contacts.torsion_arm)
         self._weights = np.concatenate([np.ones(self.map.shape[1] - n), arm**2])
+        self._dead_state: FloatArray | None = None
+        self._attempted = 0
 
     @cached_property
     def is_supported(self) -> bool:
@@ -122,17 +126,27 @@ class Witnesses:
             forces = forces - (self.map @ change).reshape(-1, len(COMPONENTS))
         return forces
 
-    @cached_property
+    @property
     def dead_state(self) -> FloatArray | None:
         """Forces (n, 6) that carry the dead load strictly inside all surfaces, or None."""
-        if not self.is_supported or not np.any(self.statics.dead):
-            return None
-        fair = self._fair_compression()
-        for share, iterations in _ATTEMPTS:
-            found = self._find_dead_state(share * fair, iterations)
-            if found is not None:
-                return found
-        return None
+        return self._sought(len(_ATTEMPTS))
+
+    @dead_state.setter
+    def dead_state(self, forces: FloatArray) -> None:
+        self._dead_state = forces
+
+    @property
+    def easy_dead_state(self) -> FloatArray | None:
+        """The same, if a few projections find it; a solver may be quicker where they do not."""
+        return self._sought(1)
+
+    def _sought(self, attempts: int) -> FloatArray | None:
+        possible = self.is_supported and np.any(self.statics.dead)
+        while possible and self._dead_state is None and self._attempted < attempts:
+            share, iterations = _ATTEMPTS[self._attempted]
+            self._attempted += 1
+            self._dead_state = self._find_dead_state(share * self._fair_compression(), iterations)
+        return self._dead_state
 
     def _fair_compression(self) -> FloatArray:
         """Dead load of each corner's lighter block over that block's number of corners, (m,).
@@ -211,20 +225,34 @@ class Witnesses:
     def opening_field(self) -> FloatArray | None:
         """Block rates (free, 6) that open every contact beyond the flow rule's need, or None.
 
-        None also when contacts hold each other in self-stress: no such field exists then.
+        None also when contacts hold each other in self-stress: no such field exists then. May be
+        set from outside.
         """
         if not self.is_supported:
             return None
-        contacts = self.statics.contacts
-        corners = len(contacts.corner_xy)
         target = np.zeros(self.map.shape[1])
-        target[:corners] = 1.0
+        target[: len(self.statics.contacts.corner_xy)] = 1.0
         for _ in range(_OPENING_ITERATIONS):
             rates = self._solve(self._matrix @ (self._weights * target))
             missing = self.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
                 return np.asarray(rates).reshape(-1, DOF)
-            target = self._matrix.T @ rates
-            push = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0)
-            target[:corners] += push[contacts.corner_contact]
+            target = self._opened(np.asarray(self._matrix.T @ rates), missing)
         return None
+
+    def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
+        """Rates of corners, slips and twists, moved towards the flow rule: more opening, less slip.
+
+        For plain Coulomb friction it is the nearest point of the cone, overshot.
+        """
+        contacts = self.statics.contacts
+        mu = contacts.friction
+        lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
+        corners = len(contacts.corner_xy)
+        opened = rates.copy()
+        opened[:corners] += lack[contacts.corner_contact]
+        slips = opened[corners:].reshape(3, -1)
+        arms = np.stack([np.ones_like(mu), np.ones_like(mu), contacts.torsion_arm])
+        size = np.linalg.norm(arms * slips, axis=0)
+        slips *= np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
+        return opened
