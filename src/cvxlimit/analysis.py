@@ -15,7 +15,7 @@ from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Load, Scene
 from cvxlimit.selfstress import SelfStressProblem
-from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution import PROVED, Iterate, Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.statics import DOF, Scaling
 from cvxlimit.surfaces import Cone, YieldSurface
@@ -359,7 +359,7 @@ def _assumptions(lower_is_proved: bool, upper_is_proved: bool) -> str:
     if not upper_is_proved:
         assumed.append(f"no exact contact force exceeds {REFERENCE:g} times the total load")
     if not assumed:
-        return "both bounds are proved, up to rounding"
+        return PROVED
     return "the bracket holds if " + " and ".join(assumed)
 
 

@@ -91,6 +91,10 @@ class Iterate:
     flow_violation: float | None = None
 
 
+PROVED = "both bounds are proved, up to rounding"
+"""The note of a solution whose bracket needs no assumption."""
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Result of an analysis. Plain numbers and NumPy arrays only: pickles, and goes to JSON.
@@ -139,6 +143,11 @@ class Solution:
     forces: FloatArray | None = field(default=None, repr=False)
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
     note: str = ""
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound rests on an assumption about the size of forces or rates."""
+        return self.note == PROVED
 
     @property
     def gap(self) -> float:
