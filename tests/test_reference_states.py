@@ -1,0 +1,163 @@
+"""States a solver finds so that bounds need no assumption: self-stress, dead load, opening."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.cases.propped_wall import build as propped_wall
+from hypothesis import given, settings
+
+from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
+from cvxlimit.masonry import panel, single_block
+from cvxlimit.problem import LimitProblem
+from cvxlimit.scene import Units
+from cvxlimit.selfstress import SelfStressProblem
+from cvxlimit.surfaces import Rocking, TorsionShear
+from helpers import assert_certified, missing_opening, scenes, yield_excess
+
+SURFACES = (Rocking(), TorsionShear())
+
+
+def wedged(friction: float) -> Scene:
+    """A cube on the ground between two fixed walls that touch it."""
+    blocks = (
+        Block.box("ground", (-5, -5, -1), (5, 5, 0)),
+        Block.box("left", (-1, 0, 0), (0, 1, 1)),
+        Block.box("right", (1, 0, 0), (2, 1, 1)),
+        Block.box("cube", (0, 0, 0), (1, 1, 1), 20.0),
+    )
+    push = Load(acceleration=(0, 1, 0))
+    return Scene(blocks, ("ground", "left", "right"), push, friction=friction)
+
+
+class TestSelfStress:
+    @pytest.mark.parametrize("friction", [0.0, 0.1, 0.25, 0.5, 0.8])
+    def test_wedged_cube(self, friction: float) -> None:
+        """Walls press with 1 each, and pull the cube down with mu each: 2 + min(1, 2 mu)."""
+        state = SelfStressProblem(wedged(friction)).solve()
+        assert state.load_factor == pytest.approx(2.0 + min(1.0, 2.0 * friction), abs=1e-7)
+
+    @given(scene=scenes())
+    @settings(max_examples=20, deadline=None)
+    def test_either_self_stress_or_rates_that_open_everything(self, scene: Scene) -> None:
+        """The theorem of the alternative; 0.99 of the unit by which rates open more than asked."""
+        state = SelfStressProblem(scene).solve()
+        assert state.load_factor is not None
+        assert state.mechanism is not None
+        opens = missing_opening(scene, state.mechanism).max() < -0.99
+        assert opens == (state.load_factor < 1e-3)
+
+    @pytest.mark.parametrize("name", ["tuff-wall", "s12-panel", "arch"])
+    def test_none_in_walls_and_arches(self, name: str) -> None:
+        scene = builtin_scene(name)
+        state = SelfStressProblem(scene).solve()
+        assert state.load_factor == pytest.approx(0.0, abs=1e-6)
+        assert state.mechanism is not None
+        assert missing_opening(scene, state.mechanism).max() < -0.99
+
+    def test_a_bracket_on_a_wedged_cube_keeps_its_assumption(self) -> None:
+        """A rider on the cube slides at 0.5; no rates open all contacts, and the note says so."""
+        scene = wedged(0.5)
+        rider = Block.box("rider", (0.2, 0.2, 1), (0.8, 0.8, 1.3), 20.0)
+        scene = replace(scene, blocks=(*scene.blocks, rider))
+        solution = solve(scene)
+        assert_certified(solution, scene, proved=False)
+        assert solution.load_factor == pytest.approx(0.5, rel=1e-5)
+        assert not solution.is_proved
+        assert "no exact contact force exceeds 10 times the total load" in solution.note
+
+
+class TestProofs:
+    """Scenes on which projections alone found no reference state."""
+
+    @pytest.mark.parametrize("contacts", [444, 1_000])
+    def test_propped_walls_open(self, contacts: int) -> None:
+        scene = propped_wall(contacts)
+        assert Certifier(scene, SURFACES).witnesses.easy_dead_state is None
+        solution = solve(scene)
+        assert_certified(solution, scene)
+        assert solution.is_proved
+
+    def test_a_panel_with_thin_reserve_stands(self) -> None:
+        scene = panel(1.4, 40, left_return=0.52, right_return=0.52)
+        assert Certifier(scene, SURFACES).witnesses.dead_state is None
+        solution = solve(scene, "octagon")
+        assert_certified(solution, scene)
+        assert solution.is_proved
+
+    def test_live_load_that_lifts_a_snug_panel(self) -> None:
+        """Clarabel says 0.07 where 0.0004 is true: half a brick, lifted and pushed, in any unit."""
+        live = Load(acceleration=(1.0, 0.0, -0.5))
+        scene = panel(0.20001, 2, left_return=0.1, friction=0.35, live=live)
+        solution = solve(scene)
+        assert_certified(solution, scene)
+        again = solve(scene.in_units(Units("mm", "N"), 1e3, 1e3))
+        assert_certified(again)
+        assert again.lower <= solution.upper
+        assert solution.lower <= again.upper
+
+    @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+    @pytest.mark.parametrize("name", ["tuff-wall", "s12-panel", "ferris-tin-loi-2"])
+    @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    def test_narrow_brackets(self, name: str, surface: str, tolerance: float) -> None:
+        scene = builtin_scene(name)
+        solution = solve(scene, surface, tolerance=tolerance)
+        assert_certified(solution, scene, tolerance=tolerance)
+
+
+class TestOffers:
+    """Whatever is offered is looked at: nothing false gets in, nothing better gets lost."""
+
+    @staticmethod
+    def resting(scene: Scene) -> np.ndarray:
+        """Forces that carry the dead load alone, from a solver."""
+        alone = scene.with_live(scene.dead).with_dead(Load())
+        state = LimitProblem(alone, most=1.0).solve()
+        assert state.forces is not None
+        assert state.load_factor is not None
+        return state.forces / state.load_factor
+
+    def test_a_good_dead_state_replaces_a_poor_one(self) -> None:
+        scene = builtin_scene("tuff-wall")
+        certifier = Certifier(scene, SURFACES)
+        poor = certifier.witnesses.dead_state
+        assert poor is not None
+        assert certifier.offer_dead_state(self.resting(scene))
+        good = certifier.witnesses.dead_state
+        assert good is not None
+        assert yield_excess(scene, good).max() < yield_excess(scene, poor).max() < 0.0
+        assert certifier.offer_dead_state(poor)
+        assert certifier.witnesses.dead_state is good
+
+    @pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, 1e6])
+    def test_forces_of_any_size_are_balanced_or_refused(self, factor: float) -> None:
+        scene = builtin_scene("s12-panel")
+        certifier = Certifier(scene, SURFACES)
+        accepted = certifier.offer_dead_state(factor * self.resting(scene))
+        kept = certifier.witnesses.dead_state
+        assert kept is not None
+        assert yield_excess(scene, kept).max() < 0.0
+        assert not (accepted and np.isnan(factor))
+
+    def test_forces_outside_are_refused(self) -> None:
+        scene = single_block(friction=0.0)
+        certifier = Certifier(scene, SURFACES)
+        assert not certifier.offer_dead_state(self.resting(scene))
+        assert certifier.witnesses.dead_state is None
+
+    @pytest.mark.parametrize("sign", [0.0, -1.0, np.nan])
+    def test_rates_that_do_not_open_are_refused(self, sign: float) -> None:
+        scene = wedged(0.5)
+        certifier = Certifier(scene, SURFACES)
+        rates = np.ones((1, 6))
+        certifier.offer_opening_field(sign * rates)
+        assert certifier.witnesses.opening_field is None
+
+    def test_verdicts_do_not_depend_on_the_offer(self) -> None:
+        """A wall whose dead load points up falls, whatever was offered before."""
+        scene = builtin_scene("tuff-wall").with_dead(Load(gravity=(0.0, 0.0, 1.0)))
+        certifier = Certifier(scene, SURFACES)
+        assert not certifier.offer_dead_state(-self.resting(builtin_scene("tuff-wall")))
+        assert solve(scene).status is Status.DEAD_LOAD_UNSTABLE
