@@ -246,7 +246,10 @@ def test_headline_checks_say_what_holds_and_what_does_not():
     quick = made_up(headline.AGAINST[1], scene, 5.9, 886)
     assert headline.ratio(ours, slow).holds
     assert "6.5 times" in headline.ratio(ours, slow).measured
-    assert not headline.ratio(ours, quick).holds
+    assert headline.ratio(ours, quick).holds is False
+    wrong = replace(quick, error=0.16)
+    assert headline.ratio(ours, wrong).holds is None
+    assert "is 16% wrong" in str(headline.ratio(ours, wrong))
     assert headline.certified(replace(ours, upper=1.0 + 9e-7)).holds
     assert not headline.certified(replace(ours, upper=1.0 + 2e-6)).holds
     assert not headline.certified(replace(ours, upper=None)).holds

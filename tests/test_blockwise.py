@@ -55,6 +55,10 @@ class TestCones:
         np.testing.assert_allclose(scaling.times(z), scaling.lam, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(scaling.over(s), scaling.lam, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(scaling.times(scaling.over(v)), v, rtol=1e-9, atol=1e-9)
+        twice = scaling.times(scaling.times(v))
+        np.testing.assert_allclose(scaling.squared(v), twice, rtol=1e-9, atol=1e-9)
+        twice = scaling.over(scaling.over(v))
+        np.testing.assert_allclose(scaling.over_squared(v), twice, rtol=1e-9, atol=1e-9)
         blocks = list(scaling.inverse_blocks())
         for i, block in zip(cones.soc, blocks, strict=True):
             applied = np.einsum("kij,kj->ki", block, v[i])

@@ -39,13 +39,13 @@ panels of 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-
 LOOPS: Mapping[tuple[str, bool], int] = MappingProxyType(
     {
         ("superlu", True): 3_300,
-        ("cholmod", True): 1_300,
+        ("cholmod", True): 1_100,
         ("superlu", False): 330,
         ("cholmod", False): 330,
     }
 )
 """From how many loops on the blockwise solver comes first, by its factorisation and whether the
-problem has second-order cones: about 5,000, 2,000, 500 and 500 contacts of a wall. Measured with
+problem has second-order cones: about 5,000, 1,700, 500 and 500 contacts of a wall. Measured with
 ``python -m benchmarks run --methods "*/corners/clarabel-qdldl/1e-8" "*/blockwise-*/1e-8"``."""
 
 _LINEAR_ONLY = frozenset({"HIGHS", "GLOP", "PDLP", "SCIPY", "GLPK", "CBC"})

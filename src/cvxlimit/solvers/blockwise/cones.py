@@ -146,6 +146,26 @@ class Scaling:
         """W^-1 v."""
         return self._applied(v, -1.0)
 
+    def squared(self, v: FloatArray) -> FloatArray:
+        """W^2 v, in one go: 2 w w' - J for a cone of unit size."""
+        return self._applied_twice(v, 1.0)
+
+    def over_squared(self, v: FloatArray) -> FloatArray:
+        """W^-2 v."""
+        return self._applied_twice(v, -1.0)
+
+    def _applied_twice(self, v: FloatArray, sign: float) -> FloatArray:
+        result = np.empty_like(v)
+        result[: self.cones.nonneg] = v[: self.cones.nonneg] * self.diagonal ** (2.0 * sign)
+        for i, size, w in zip(self.cones.soc, self.sizes, self.points, strict=True):
+            a = v[i]
+            along = w[:, 0] * a[:, 0] + sign * (w[:, 1:] * a[:, 1:]).sum(axis=1)
+            scale = size ** (2.0 * sign)
+            result[i[:, 0]] = scale * (2.0 * along * w[:, 0] - a[:, 0])
+            bent = (2.0 * sign) * along[:, None] * w[:, 1:] + a[:, 1:]
+            result[i[:, 1:]] = scale[:, None] * bent
+        return result
+
     def _applied(self, v: FloatArray, sign: float) -> FloatArray:
         result = np.empty_like(v)
         result[: self.cones.nonneg] = v[: self.cones.nonneg] * self.diagonal**sign

@@ -220,16 +220,15 @@ class NewtonSystem:
 
     def _residual(self, right: Triple, at: Triple) -> Triple:
         x, y, z = at
-        curved = self.scaling.times(self.scaling.times(z))
         return (
             right[0] - self.Et @ y - self.Gt @ z,
             right[1] - self.E @ x,
-            right[2] - self.G @ x + curved,
+            right[2] - self.G @ x + self.scaling.squared(z),
         )
 
     def _once(self, rx: FloatArray, ry: FloatArray, rz: FloatArray) -> Triple:
-        over = self.scaling.over
-        right = rx + self.Gt @ over(over(rz))
+        over_squared = self.scaling.over_squared
+        right = rx + self.Gt @ over_squared(rz)
         y = self._schur(self.E @ self._local(right) - ry)
         if len(self.border):
             border = self._corner @ (right[self.border] - self._edge.T @ y)
@@ -237,7 +236,7 @@ class NewtonSystem:
         x = self._local(right - self.Et @ y)
         if len(self.border):
             x[self.border] = border
-        return x, y, over(over(self.G @ x - rz))
+        return x, y, over_squared(self.G @ x - rz)
 
     def _schur(self, right: FloatArray) -> FloatArray:
         result = np.empty_like(right)
@@ -291,28 +290,23 @@ def _blocks(E: sp.csc_array, G: sp.csr_array, cones: Cones) -> tuple[list[_Block
     unit, cone_of = _units(cones)
     m, n = G.shape
     entries = G.tocoo()
-    pairs = (unit[entries.row], m + entries.col)
-    links = sp.coo_array((np.ones(entries.nnz), pairs), shape=(m + n, m + n))
+    ends = np.concatenate([entries.row, np.arange(m)]), np.concatenate([m + entries.col, unit])
+    links = sp.coo_array((np.ones(len(ends[0])), ends), shape=(m + n, m + n))
     _, label = connected_components(links, directed=False)
-    members = np.split(
-        np.argsort(unit, kind="stable"), np.cumsum(np.bincount(unit, minlength=m))[:-1]
-    )
     blocks, border = [], []
     for part in _classes(label.astype(np.int64)):
-        columns, firsts = part[part >= m] - m, [f for f in part[part < m] if len(members[f])]
+        first_column = np.searchsorted(part, m)
+        rows, columns = part[:first_column], part[first_column:] - m
         if not len(columns):
-            if firsts:
-                raise SolverError("blockwise: a cone row without variables; use another solver")
-            continue
+            raise SolverError("blockwise: a cone row without variables; use another solver")
         equations = np.unique(
             np.concatenate([E.indices[E.indptr[c] : E.indptr[c + 1]] for c in columns])
         )
-        if len(columns) == 1 and (not firsts or len(equations) > _DENSEST):
+        if len(columns) == 1 and (not len(rows) or len(equations) > _DENSEST):
             border.append(int(columns[0]))
             continue
-        rows = np.concatenate([members[f] for f in firsts])
         _check_block(columns, rows, equations)
-        held = tuple(cone_of[int(f)] for f in firsts if int(f) in cone_of)
+        held = tuple(cone_of[row] for row in rows.tolist() if row in cone_of)
         blocks.append(_Block(columns, rows, held, equations))
     if len(border) > _MOST_BORDER or not blocks:
         raise SolverError(

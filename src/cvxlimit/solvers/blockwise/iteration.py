@@ -211,7 +211,7 @@ class _Newton:
             x + tau * self.fixed[0],
             y + tau * self.fixed[1],
             dz,
-            own - times(times(dz)),
+            own - self.scaling.squared(dz),
             tau,
             (dk - at.kappa * tau) / at.tau,
         )
