@@ -18,8 +18,8 @@ from cvxlimit.comparison.rows import Row
 FORMAT = "cvxlimit-benchmark"
 VERSION = 1
 PACKAGES = (
-    "cvxlimit", "cvxpy", "numpy", "scipy", "clarabel", "highspy", "scs", "ecos", "qoco", "mosek",
-    "gurobipy", "cuopt",
+    "cvxlimit", "cvxpy", "numpy", "scipy", "clarabel", "cvxopt", "highspy", "scs", "ecos", "qoco",
+    "mosek", "gurobipy", "cuopt",
 )  # fmt: skip
 
 
