@@ -65,7 +65,9 @@ def _sign(figure: Figure, about: dict[str, Any]) -> None:
     text = f"{machine.get('cpu', '')}, one thread per run; " + ", ".join(
         f"{name} {versions.get(name, '?')}" for name in names
     )
-    figure.supxlabel(f"{text}; medians, methods side by side in one run", fontsize=7, color="#555")
+    repeat = about.get("options", {}).get("repeat", 1)
+    runs = f"medians of {repeat} runs, in turns" if repeat > 1 else "one run each"
+    figure.supxlabel(f"{text}; {runs}", fontsize=7, color="#555")
 
 
 def _studied(records: Sequence[Record]) -> dict[str, list[Record]]:

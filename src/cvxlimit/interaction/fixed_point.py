@@ -69,11 +69,12 @@ class FixedPoint:
             raise ModelError(f"most must be at least 1 iteration, got {self.most!r}")
 
 
-DPP_LIMIT = 4_000
-"""Parameter entries up to which the compiled problem is kept for re-solves. DPP's first compile
-grows with their square: 0.6 s and 0.5 GB at 886 contacts with 3 vectors of Parameters; beyond,
-every solve is compiled afresh, which costs 6 us per entry. See benchmarks/."""
-
+DPP_LIMIT = 3_000
+"""Parameter entries (three per contact) up to which the compiled problem is kept for re-solves;
+beyond, every solve is compiled afresh. The first compile with Parameters grows with their square,
+0.5, 1.7 and 3.3 s at 444, 886 and 1,203 contacts (512 and 830 MB at the last two), after which a
+re-solve costs 2 to 6 ms; afresh it is 23 to 37 ms each. ``python -m benchmarks run --methods
+"frozen/*"`` shows the same."""
 
 _SMALLEST_ARM = 1e-9
 """An effective area without extent counts as this fraction of c_T: the frozen surface keeps an
