@@ -14,10 +14,17 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.blockwise.factorisation import BACKENDS, best_backend
-from cvxlimit.solvers.blockwise.iteration import INFEASIBLE, SOLVED, UNBOUNDED, minimise
+from cvxlimit.solvers.blockwise.iteration import (
+    ALMOST,
+    INFEASIBLE,
+    SOLVED,
+    UNBOUNDED,
+    minimise,
+)
 
 _STATUS = {
     SOLVED: "Solved",
+    ALMOST: "AlmostSolved",
     INFEASIBLE: "PrimalInfeasible",
     UNBOUNDED: "DualInfeasible",
 }

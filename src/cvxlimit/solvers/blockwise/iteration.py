@@ -23,7 +23,8 @@ from cvxlimit.solvers.blockwise.elimination import NewtonSystem, largest
 
 FloatArray = NDArray[np.float64]
 
-SOLVED, INFEASIBLE, UNBOUNDED, STALLED = "solved", "infeasible", "unbounded", "stalled"
+SOLVED, ALMOST, STALLED = "solved", "almost solved", "stalled"
+INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
 
 _REACH = 0.99
 """Share of the way to the boundary."""
@@ -37,11 +38,11 @@ _LONG_STEP = 0.9
 
 _SHORTEST_STEP = 1e-6
 
-_PATIENCE = 4
-"""Iterations without a gain of a factor 2, once solved, before the iteration stops."""
+_PATIENCE = {True: 4, False: 15}
+"""Iterations without a gain of a factor 2 before the iteration stops, once solved and before."""
 
-_SOLVED = 1e-8
-"""Worst complementarity and residual called solved."""
+_SOLVED, _ALMOST = 1e-8, 1e-4
+"""Worst complementarity and residual called solved, and almost solved."""
 
 _NO_ANSWER = 1e-9
 """Residual of a proof that there is no optimum; the certificate decides in the end."""
@@ -108,8 +109,8 @@ class _Residuals:
     score: float
 
     @property
-    def is_solved(self) -> bool:
-        return max(self.complementarity, self.infeasibility) < _SOLVED
+    def worst(self) -> float:
+        return max(self.complementarity, self.infeasibility)
 
 
 class _Program:
@@ -287,27 +288,37 @@ def minimise(
     start = time.perf_counter()
     program = _Program(c, sp.csr_array(A), b, zero, Cones(nonneg, soc), backend)
     at = program.start()
-    best, best_score, is_solved, scores = at, np.inf, False, list[float]()
+    best, scores, worst = at, [np.inf], np.inf
     outcome: tuple[str, Point] | None = None
     for _ in range(max_iter + 1):
         residuals = program.residuals(at)
-        if residuals.score < best_score:
-            best, best_score = at.over(at.tau), residuals.score
-        is_solved = is_solved or residuals.is_solved
-        scores.append(best_score)
+        if residuals.score < scores[-1]:
+            best = at.over(at.tau)
+        scores.append(min(scores[-1], residuals.score))
+        worst = min(worst, residuals.worst)
         outcome = program.no_answer(at)
-        if outcome is not None or (residuals.is_solved and residuals.complementarity < tolerance):
-            break
-        if is_solved and scores[-1] > 0.5 * scores[-1 - min(_PATIENCE, len(scores) - 1)]:
+        if outcome is not None or _is_done(at, residuals, tolerance, scores, worst < _SOLVED):
             break
         moved = _step(program, at, residuals)
         if moved is None:
             break
         at = moved
-    status, point = outcome or (SOLVED if is_solved else STALLED, best)
+    reached = SOLVED if worst < _SOLVED else ALMOST if worst < _ALMOST else STALLED
+    status, point = outcome or (reached, best)
     objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(c @ point.x))
     seconds = time.perf_counter() - start
-    return Result(status, point.x, point.y, point.z, point.s, objective, len(scores) - 1, seconds)
+    return Result(status, point.x, point.y, point.z, point.s, objective, len(scores) - 2, seconds)
+
+
+def _is_done(
+    at: Point, residuals: _Residuals, tolerance: float, scores: list[float], is_solved: bool
+) -> bool:
+    """As good as asked, or no better for a while and not on the way to a proof of no optimum."""
+    if residuals.worst < _SOLVED and residuals.complementarity < tolerance:
+        return True
+    patience = _PATIENCE[is_solved]
+    slow = len(scores) > patience and scores[-1] > 0.5 * scores[-1 - patience]
+    return slow and at.tau > at.kappa
 
 
 def _step(program: _Program, at: Point, residuals: _Residuals) -> Point | None:
