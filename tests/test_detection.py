@@ -446,3 +446,30 @@ def test_box_faces_and_hull_faces_agree() -> None:
     forms = [brick(), Block.polyhedron("brick", corners, BOX_FACES), Block.hull("brick", corners)]
     areas = [detect_contacts([GROUND, form], ["ground"]).sides.tolist() for form in forms]
     assert areas == [[[1.0, 1.0]]] * 3
+
+
+def test_cut_polyhedra_that_share_a_corner() -> None:
+    """GEOS 3.14 loses one of these contacts, a different one in each order of the blocks."""
+    ground, wall = Block.box("g", (0, 0, -1), (2, 1, 0)), Block.box("k", (0, 1, -1), (2, 2, 1))
+    a = [
+        (0, 1, 0), (0, 1, 1), (0, 0.0345546785592389, 0), (0, 0.8993756123718891, 1),
+        (0.19669469319397442, 1, 1), (0.8499879974990074, 1, 0),
+        (0.9277286452282183, 0.5091588750185979, 0), (0.8770669632888672, 1, 0.5975323121514795),
+    ]  # fmt: skip
+    b = [
+        (1.7526954144432565, 1, 0.07956270398191556), (0.8770669632888672, 1, 0.5975323121514795),
+        (1.7526954144432565, 1, 0.0726968478387972),
+        (1.7526954144432565, 0.9940622638788851, 0.0726968478387972),
+        (0.8532824728196298, 1, 0.0726968478387972),
+        (0.9215650545598882, 0.5688754825562187, 0.0726968478387972),
+    ]  # fmt: skip
+    first, second = Block.hull("a", a, density=1.0), Block.hull("b", b, density=1.0)
+    found = []
+    for blocks in ([ground, wall, first, second], [ground, wall, second, first]):
+        contacts = detect_contacts(blocks, fixed=["g", "k"], friction=0.9)
+        pairs = zip(contacts.a, contacts.b, contacts.area, strict=True)
+        found.append({frozenset((blocks[i].id, blocks[k].id)): area for i, k, area in pairs})
+    assert found[0].keys() == found[1].keys()
+    assert frozenset("ab") in found[0]
+    for pair, area in found[0].items():
+        assert found[1][pair] == pytest.approx(area, rel=1e-9)

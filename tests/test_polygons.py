@@ -7,6 +7,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.blocks import Block
@@ -53,15 +54,53 @@ class TestOverlap:
         )
         assert apart.shape == (0, 2)
 
-    def test_a_line_that_rounding_hangs_on_an_overlap_is_dropped(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        square = shapely.box(0, 0, 1, 1)
-        mixed = shapely.GeometryCollection([shapely.LineString([(1, 1), (2, 1)]), square])
-        monkeypatch.setattr(shapely, "intersection", lambda *_: np.array([mixed]))
-        corners = square.exterior.coords[:-1]
-        (overlap,) = convex_overlap(np.array([corners]), np.array([corners]))
-        assert area_and_centroid(overlap)[0] == pytest.approx(1.0)
+    def test_nearly_parallel_edges_at_a_shared_corner(self) -> None:
+        """One triangle, and the same with a corner moved by rounding."""
+        first = np.array([[[0.0, 0.0], [0.496959373, 0.0], [0.49272334, 0.59813058]]])
+        second = first.copy()
+        second[0, 1] = first[0, 1] * (1.0 + 1e-16)
+        for a, b in ((first, second), (second, first)):
+            (overlap,) = convex_overlap(a, b)
+            assert area_and_centroid(overlap)[0] == pytest.approx(area_and_centroid(first[0])[0])
+
+    @given(seed=st.integers(0, 2**32 - 1))
+    @settings(max_examples=200)
+    def test_random_polygons_as_shapely(self, seed: int) -> None:
+        """Areas by another library; 1e-12 of the larger polygon's area is rounding."""
+        rng = np.random.default_rng(seed)
+        polygons = [random_polygon(rng) for _ in range(2)]
+        if rng.random() < 0.5:  # share a corner and an edge's direction, with or without rounding
+            polygons[1] += polygons[0][0] - polygons[1][0]
+            polygons[1][-1] = polygons[1][0] + rng.random() * (polygons[0][-1] - polygons[0][0])
+            polygons[1] = convex_hull(polygons[1])
+        padded = [np.vstack([p, np.repeat(p[-1:], 12 - len(p), axis=0)])[None] for p in polygons]
+        (overlap,), (swapped,) = convex_overlap(*padded), convex_overlap(*padded[::-1])
+        areas = [abs(area_and_centroid(p)[0]) if len(p) else 0.0 for p in (overlap, swapped)]
+        expected = max(
+            shapely.Polygon(polygons[i]).intersection(shapely.Polygon(polygons[1 - i])).area
+            for i in (0, 1)
+        )
+        size = max(abs(area_and_centroid(p)[0]) for p in polygons)
+        np.testing.assert_allclose(areas, expected, atol=1e-9 * size)
+
+    def test_pairs_of_different_numbers_of_corners_at_once(self) -> None:
+        triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0], [0.0, 1.0]])
+        pentagon = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.5, 1.0], [0.0, 1.0]])
+        far = pentagon + 5.0
+        overlaps = convex_overlap(
+            np.stack([triangle, pentagon, pentagon]), np.stack([pentagon, pentagon, far])
+        )
+        assert [len(corners) for corners in overlaps] == [3, 5, 0]
+        assert area_and_centroid(overlaps[1])[0] == pytest.approx(0.875)
+
+
+def random_polygon(rng: np.random.Generator) -> np.ndarray:
+    return convex_hull(rng.normal(size=(int(rng.integers(3, 9)), 2)))
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Counter-clockwise corners."""
+    return points[ConvexHull(points).vertices]
 
 
 class TestTorsionArm:
