@@ -289,6 +289,12 @@ class TestRefusals:
         with pytest.raises(SolverError, match=f"(?s)blockwise.*{said}.*use another solver"):
             problem.solve(solver=Blockwise())
 
+    def test_a_variable_that_nothing_holds(self) -> None:
+        x, loose = cp.Variable(2, nonneg=True), cp.Variable()
+        problem = cp.Problem(cp.Minimize(cp.sum(x) + loose), [cp.sum(x) == 1])
+        with pytest.raises(SolverError, match=r"blockwise: some variables .*use another solver"):
+            problem.solve(solver=Blockwise())
+
     def test_unknown_option(self) -> None:
         x = cp.Variable(2, nonneg=True)
         problem = cp.Problem(cp.Minimize(cp.sum(x)))

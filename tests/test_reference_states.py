@@ -14,7 +14,7 @@ from cvxlimit.masonry import panel, single_block
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Units
 from cvxlimit.selfstress import SelfStressProblem
-from cvxlimit.surfaces import Rocking, TorsionShear
+from cvxlimit.surfaces import Rocking, Torsion, TorsionShear
 from helpers import assert_certified, missing_opening, scenes, yield_excess
 
 SURFACES = (Rocking(), TorsionShear())
@@ -161,3 +161,89 @@ class TestOffers:
         certifier = Certifier(scene, SURFACES)
         assert not certifier.offer_dead_state(-self.resting(builtin_scene("tuff-wall")))
         assert solve(scene).status is Status.DEAD_LOAD_UNSTABLE
+
+
+def pebble_on_boulder(
+    side: float, live: dict[str, tuple[float, ...]], height: float = 1.0
+) -> Scene:
+    """Unit boulder and a pebble on it, with live forces of the pebble's own weight."""
+    blocks = (
+        Block.box("ground", (-2, -2, -1), (4, 2, 0)),
+        Block.box("boulder", (0, 0, 0), (1, 1, 1), density=1.0),
+        Block.box(
+            "pebble", (0.3, 0.3, 1), (0.3 + side, 0.3 + side, 1 + height * side), density=1.0
+        ),
+    )
+    return Scene(blocks, ("ground",), Load(forces=live), friction=0.5)
+
+
+class TestSmallBlocks:
+    """What is nothing beside the total load may be all that a small block is loaded with."""
+
+    def test_a_pushed_pebble_is_not_carried_by_a_pressed_boulder(self) -> None:
+        """The pebble slides at 0.5, however well the boulder carries its own live load."""
+        weight = 3e-4**3
+        down, push = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0), (weight, 0.0, 0.0, 0.0, 0.0, 0.0)
+        solution = solve(pebble_on_boulder(3e-4, {"boulder": down, "pebble": push}))
+        assert solution.status.has_answer
+        assert solution.lower <= 0.5 * (1.0 + 1e-9)
+        assert solution.upper >= 0.5 * (1.0 - 1e-9)
+
+    @pytest.mark.parametrize("side", [3e-3, 2e-3, 5e-4])
+    @pytest.mark.parametrize("seed", range(4))
+    def test_certified_means_narrow(self, side: float, seed: int) -> None:
+        """Dead over live load is 1e9 here: no unit for a load factor of one half."""
+        size = np.array([1, 1, 1, side, side, side]) * side**3
+        force = np.random.default_rng(seed).normal(size=6) * size
+        solution = solve(pebble_on_boulder(side, {"pebble": tuple(force)}, 2.0), "octagon")
+        if solution.status is Status.CERTIFIED:
+            assert solution.gap <= 1e-5
+
+
+class TestAssumptions:
+    def test_rates_that_slide_where_nothing_resists_are_no_opening(self) -> None:
+        """Without a shear surface sliding costs nothing, and may not buy opening: true 0.5."""
+        blocks = (
+            Block.box("ground", (-1, -1, -1), (2, 2, 0)),
+            Block.box("block", (0, 0, 0), (1, 1, 2), density=1.0),
+        )
+        scene = Scene(blocks, ("ground",), Load(acceleration=(1, 0, 0)), friction=0.3)
+        for surfaces in ([Rocking()], [Rocking(), Torsion()]):
+            certifier = Certifier(scene, surfaces)
+            good = solve(scene, surfaces)
+            assert good.mechanism is not None
+            assert good.upper == pytest.approx(0.5, rel=1e-6)
+            certifier.offer_opening_field(np.array([[5.0, 0.0, 0.1, 0.0, 0.0, 0.0]]))
+            wrong = good.mechanism["block"] - np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
+            assert certifier.certificate(None, None, wrong).upper >= 0.5 * (1.0 - 1e-9)
+
+    @pytest.mark.parametrize("factor", [1e160, 1e200, 1e300])
+    def test_forces_that_overflow_prove_nothing(self, factor: float) -> None:
+        scene = builtin_scene("tuff-wall")
+        state = LimitProblem(scene).solve()
+        assert state.forces is not None
+        certifier = Certifier(scene, SURFACES)
+        c = certifier.certificate(factor * state.forces, 5.0, None)
+        assert not (c.lower_is_proved and c.lower > 0.4230558)
+        assert not certifier.bears(factor * state.forces) or c.lower <= 0.4230558
+
+    def test_a_wedge_that_needs_huge_thrust_falls_on_an_assumption(self) -> None:
+        """Its taper is 1e-7 steeper than friction: it would stand on 5e7 times its weight."""
+        taper = 0.1
+        hang = [(x, y, z) for z, half in ((0, 0.5 + taper), (1, 0.5)) for x in (-half, half)
+                for y in (0, 1)]  # fmt: skip
+        left = [(x, y, z) for z, half in ((0, 0.5 + taper), (1, 0.5)) for x in (-2, -half)
+                for y in (0, 1)]  # fmt: skip
+        right = [(-x, y, z) for x, y, z in left]
+        blocks = (
+            Block.hull("left", left),
+            Block.hull("right", right),
+            Block.hull("wedge", hang, density=1.0),
+        )
+        push = Load(acceleration=(0, 1, 0))
+        scene = Scene(blocks, ("left", "right"), push, friction=taper * (1.0 + 1e-7))
+        solution = solve(scene)
+        assert solution.status is Status.DEAD_LOAD_UNSTABLE
+        assert "beyond 10 times the total load" in solution.note
+        smooth = solve(scene.with_friction(0.05))
+        assert smooth.status is Status.DEAD_LOAD_UNSTABLE

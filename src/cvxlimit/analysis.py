@@ -28,14 +28,10 @@ TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
 _ZERO = 1e-6
-"""Load factors below this share of dead load / live load are compared to that share instead."""
+"""A bracket that holds 0 is measured by this share of dead load / live load, if that is larger."""
 
 _ROUNDING = 1e-9
 """Relative disagreement of two bounds that is put down to rounding."""
-
-_HARMLESS = 1e-8
-"""Residual and yield excess, as shares of the load, up to which forces are said to carry the live
-load: what solvers leave at their tightest settings, far below any share that could matter."""
 
 
 @dataclass
@@ -94,6 +90,14 @@ def analyse(
     return run_.solution()
 
 
+@dataclass(frozen=True, eq=False)
+class _Fall:
+    """Rates (free, 6) on which the dead load alone does work; whether that needs no assumption."""
+
+    rates: FloatArray
+    is_proved: bool
+
+
 class _Run:
     """State of one analysis: attempts so far and the best bracket."""
 
@@ -124,9 +128,9 @@ class _Run:
         stands = self.certifier.witnesses.easy_dead_state is not None
         self.clock.measure("certify", start)
         if not stands:
-            mechanism = self._solve_dead_load()
-            if mechanism is not None:
-                return self._without_answer(Status.DEAD_LOAD_UNSTABLE, mechanism=mechanism)
+            fall = self._solve_dead_load()
+            if fall is not None:
+                return self._without_answer(Status.DEAD_LOAD_UNSTABLE, fall=fall)
         asked = False
         for settings in self.ladder:
             state = self._attempt(settings)
@@ -179,15 +183,17 @@ class _Run:
         self.clock.seconds["solve"] += state.outcome.solve_seconds
 
     def _is_closed(self) -> bool:
-        """Bracket within the tolerance; a load factor near zero is measured by its natural unit."""
+        """Bracket within the tolerance; one that holds zero is measured by a natural unit."""
         lower, upper = self.lower[0], self.upper[0]
         if not (np.isfinite(lower) and np.isfinite(upper)):
             return False
         return abs(upper - lower) <= self.tolerance * self._unit() and not self._contradicts()
 
     def _unit(self) -> float:
-        natural = _ZERO * self.problem.scaling.load_factor(1.0)
-        return max(abs(self.upper[0]), abs(self.lower[0]), natural)
+        size = max(abs(self.upper[0]), abs(self.lower[0]))
+        if self.lower[0] > 0.0:
+            return size
+        return max(size, _ZERO * self.problem.scaling.load_factor(1.0))
 
     def _contradicts(self) -> bool:
         """Lower bound above the upper one by more than rounding."""
@@ -216,14 +222,17 @@ class _Run:
         self,
         status: Status,
         forces: FloatArray | None = None,
-        mechanism: FloatArray | None = None,
+        fall: _Fall | None = None,
     ) -> Solution:
         note = status.advice
-        if mechanism is not None:
-            power = (np.asarray(mechanism) * self.scene.dead_forces).sum(axis=1)
-            falling = self.scene.blocks[self.scene.free[int(power.argmax())]]
-            note = f"block {falling.id!r} falls; {note}"
-        return self._solution(status, None, (-np.inf, np.inf), forces, mechanism, note)
+        if fall is None:
+            return self._solution(status, None, (-np.inf, np.inf), forces, None, note)
+        power = (fall.rates * self.scene.dead_forces).sum(axis=1)
+        falling = self.scene.blocks[self.scene.free[int(power.argmax())]]
+        note = f"block {falling.id!r} falls; {note}"
+        if not fall.is_proved:
+            note += f" (it would stand on contact forces beyond {REFERENCE:g} times the total load)"
+        return self._solution(status, None, (-np.inf, np.inf), forces, fall.rates, note)
 
     def _solution(
         self,
@@ -252,12 +261,12 @@ class _Run:
             note=note,
         )
 
-    def _solve_dead_load(self) -> FloatArray | None:
+    def _solve_dead_load(self) -> _Fall | None:
         """Give the certifier forces that carry the dead load well inside all surfaces.
 
         An interior-point solver ends in the middle of all such forces, far deeper inside than
-        projections do. Where there are none, returns rates (free, 6) on which the dead load alone
-        does work, allowed by the flow rule.
+        projections do. Where there are none, returns rates on which the dead load alone does
+        work, allowed by the flow rule.
 
         Asks for the largest share t <= 1 of the dead load that can be carried: by homogeneity it
         is 1 if the dead load stands and 0 if not, so an upper bound below 1 / 2 is a proof.
@@ -271,8 +280,8 @@ class _Run:
             if state.forces is not None and state.load_factor and state.load_factor > 0.5:
                 if self.certifier.offer_dead_state(state.forces / state.load_factor):
                     return None
-            elif certificate().upper < 0.5:
-                return state.mechanism
+            elif state.mechanism is not None and (bounds := certificate()).upper < 0.5:
+                return _Fall(state.mechanism, bounds.upper_is_proved)
         return None
 
     def _solve_opening(self) -> None:
@@ -292,13 +301,13 @@ class _Run:
         """Forces (contacts, 6) that carry the live load alone, hence any multiple of it."""
         self.tell("checking whether the live load does any harm")
         alone = self.scene.with_dead(Load())
+        certifier = Certifier(self.scene.with_dead(self.scene.live), self.surfaces)
         for state, certificate in self._shares(alone, "live load alone"):
-            bounds = certificate()
-            carried = state.load_factor is not None and state.load_factor > 0.5
-            exact = max(bounds.equilibrium_residual, bounds.yield_excess)
-            if carried and exact <= _HARMLESS:
-                return state.forces
-            if bounds.upper < 0.5:
+            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
+                forces = state.forces / state.load_factor
+                if certifier.bears(forces):
+                    return forces
+            elif certificate().upper < 0.5:
                 break
         return None
 

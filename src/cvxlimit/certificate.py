@@ -28,6 +28,13 @@ REFERENCE = 10.0
 """Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
 this multiple of the total load, and no rate this multiple of the given mechanism's largest."""
 
+_BORNE = 1e-8
+"""Yield excess, as a share of the forces at its own contact, that is put down to the solver where
+forces are on the boundary of a surface and cannot be anywhere else."""
+
+_HUGE = 1e100
+"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
+
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
@@ -105,29 +112,75 @@ class Certifier:
         result.witnesses.flow = flow
         return result
 
-    def offer_dead_state(self, forces: FloatArray) -> bool:
+    def offer_dead_state(self, forces: ArrayLike) -> bool:
         """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
 
         Nothing is believed: they are put into equilibrium, and must be inside after that.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per contact.
         """
-        balanced = self.witnesses.balanced(forces, 0.0)
-        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)):
+        balanced = self._balanced(forces)
+        if balanced is None:
             return False
         reserve, present = self._reserve(balanced), self.witnesses.easy_dead_state
         if reserve > (0.0 if present is None else self._reserve(present)):
             self.witnesses.dead_state = balanced
         return reserve > 0.0
 
-    def offer_opening_field(self, rates: FloatArray) -> None:
-        """Take block rates (free, 6) that may open every contact, if they really do."""
-        if np.isfinite(rates).all() and self._spare_opening(rates).min() > 0.0:
-            self.witnesses.opening_field = rates
+    def _balanced(self, forces: ArrayLike) -> FloatArray | None:
+        """Forces (n, 6) put into equilibrium with the dead load, or None."""
+        given = _finite(forces, len(self.statics.contacts), "contact")
+        if given is None:
+            return None
+        balanced = self.witnesses.balanced(given, 0.0)
+        good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
+        return balanced if good else None
+
+    def bears(self, forces: ArrayLike) -> bool:
+        """True if forces (n, 6), put into equilibrium, carry the dead load.
+
+        Inside all surfaces, up to rounding of the forces at each contact itself: a share of the
+        total load could be all that a small block is loaded with.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per contact.
+        """
+        balanced = self._balanced(forces)
+        if balanced is None:
+            return False
+        contacts = self.statics.contacts
+        size = block_sizes(balanced, self.size)
+        edge_contact, _, _ = contacts.edges
+        return all(
+            (y <= _BORNE * size[edge_contact if len(y) == len(edge_contact) else ...]).all()
+            for y in self._excess(balanced)
+        )
+
+    def offer_opening_field(self, rates: ArrayLike) -> None:
+        """Take block rates (free, 6) that may open every contact, if they really do.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per free block.
+        """
+        given = _finite(rates, len(self.statics.dead) // DOF, "free block")
+        if given is not None and self._spare_opening(given).min() > 0.0:
+            self.witnesses.opening_field = given
 
     def _spare_opening(self, rates: FloatArray) -> FloatArray:
-        """What rates open contacts more than the flow rule asks for, (n,), less rounding."""
-        missing, _ = self.witnesses.flow.shortfall(self.statics.relative_rates(rates))
+        """What rates open contacts more than the flow rule asks for, (n,), less rounding.
+
+        Nothing is spare where no surface resists some of the slip.
+        """
+        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(rates))
         spare: FloatArray = -missing - self._rounding(rates)
-        return spare
+        return np.where(_is_resisted(leftover, rates), spare, -np.inf)
 
     def _reserve(self, forces: FloatArray) -> float:
         """Least distance from yield, as a force; negative outside."""
@@ -190,7 +243,7 @@ class Certifier:
         missing = missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
         field = self.witnesses.opening_field
-        if field is not None and not np.abs(leftover).max() > 1e-15 * np.abs(u).max():
+        if field is not None and _is_resisted(leftover, u):
             return *self._opened(u, field, missing), violation
         bound = -float(self.statics.dead @ u.ravel())
         force = REFERENCE * self._total_load(bound)
@@ -261,6 +314,11 @@ class Certifier:
         return result
 
 
+def _is_resisted(leftover: FloatArray, rates: FloatArray) -> bool:
+    """True if yield surfaces take up all slip and twist of block ``rates``, up to rounding."""
+    return not np.abs(leftover).max() > 1e-15 * np.abs(rates).max()
+
+
 def _finite(array: ArrayLike | None, rows: int, what: str) -> FloatArray | None:
     if array is None:
         return None
@@ -271,4 +329,4 @@ def _finite(array: ArrayLike | None, rows: int, what: str) -> FloatArray | None:
             f"got shape {values.shape}: does it belong to another scene?"
         )
     values = values.reshape(rows, DOF)
-    return values if np.isfinite(values).all() else None
+    return values if np.abs(values).max(initial=0.0) < _HUGE else None

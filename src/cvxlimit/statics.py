@@ -130,7 +130,8 @@ class Statics:
         acting = abs(self.matrix) @ np.abs(forces).ravel()
         acting += np.abs(self.dead) + np.abs(load_factor * self.live)
         rest = block_sizes(self.residual(forces, load_factor), length)
-        return bool((rest <= _BALANCED * block_sizes(acting.reshape(-1, DOF), length)).all())
+        size = block_sizes(acting.reshape(-1, DOF), length)
+        return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
 
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.errors import SolverError
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
 from cvxlimit.solvers.blockwise.elimination import NewtonSystem, largest
 
@@ -38,8 +39,10 @@ _LONG_STEP = 0.9
 
 _SHORTEST_STEP = 1e-6
 
-_PATIENCE = {True: 4, False: 15}
-"""Iterations without a gain of a factor 2 before the iteration stops, once solved and before."""
+_PATIENCE, _CONVERGED = 4, 1e-10
+"""Iterations without a gain of a factor 2 before the iteration stops, once an iterate was called
+solved or complementarity is below this: only rounding is left then. Not earlier: on scenes close to
+another, stronger one iterates may seem to settle there, and leave again after 15 iterations."""
 
 _SOLVED, _ALMOST = 1e-8, 1e-4
 """Worst complementarity and residual called solved, and almost solved."""
@@ -131,7 +134,13 @@ class _Program:
     def start(self) -> Point:
         """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""
         e = self.cones.identity
-        self.system.factorise(Scaling(self.cones, e, e))
+        try:
+            self.system.factorise(Scaling(self.cones, e, e))
+        except (np.linalg.LinAlgError, RuntimeError, ArithmeticError) as error:
+            raise SolverError(
+                "blockwise: some variables are neither in a cone nor in independent equations; "
+                "use another solver"
+            ) from error
         x, _, z = self.system.solve(np.zeros_like(self.c), self.f, self.h)
         s = self._inside(-z)
         _, y, z = self.system.solve(-self.c, np.zeros_like(self.f), np.zeros_like(self.h))
@@ -316,9 +325,8 @@ def _is_done(
     """As good as asked, or no better for a while and not on the way to a proof of no optimum."""
     if residuals.worst < _SOLVED and residuals.complementarity < tolerance:
         return True
-    patience = _PATIENCE[is_solved]
-    slow = len(scores) > patience and scores[-1] > 0.5 * scores[-1 - patience]
-    return slow and at.tau > at.kappa
+    is_late = is_solved or (residuals.complementarity < _CONVERGED and at.tau > at.kappa)
+    return is_late and len(scores) > _PATIENCE and scores[-1] > 0.5 * scores[-1 - _PATIENCE]
 
 
 def _step(program: _Program, at: Point, residuals: _Residuals) -> Point | None:
