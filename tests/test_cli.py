@@ -83,7 +83,7 @@ def test_solved_scene(run: Run) -> None:
     assert rows["status"] == "certified"
     assert "proved" in rows["basis"]
     assert re.fullmatch(
-        r"CLARABEL, dead load alone \(1 solve\), CLARABEL \(1 solve\)", rows["solver"]
+        r"(QOCO|CLARABEL), dead load alone \(1 solve\), \1 \(1 solve\)", rows["solver"]
     )
     assert re.findall(r"[a-z]+(?= \d)", rows["time in s"])[-1] == "total"
     ends = re.match(r"\[(\S+), (\S+)\], relative width (\S+)$", rows["bracket"])

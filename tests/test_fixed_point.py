@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.interaction.fixed_point import FixedPoint, FrozenProblem, _cycles
 from cvxlimit.interaction.pressure import Pressure
 from cvxlimit.solution import Status
-from cvxlimit.solvers import default_ladder
+from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Conic, Facets
 
 
@@ -121,3 +122,19 @@ def test_cycles_are_recognised(factors: list[float | None], cyclic: bool) -> Non
 def test_refused_settings(settings: dict[str, float], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         FixedPoint(**settings)
+
+
+@pytest.mark.parametrize("rung", [r for r in cp.installed_solvers() if r in ("QOCO", "CLARABEL")])
+@pytest.mark.parametrize("ignore_dpp", [False, True])
+def test_changed_parameters_reach_the_solver(rung: str, ignore_dpp: bool) -> None:
+    """Contacts pressed near their edges carry less; one kept solver object returned the same."""
+    scene = builtin_scene("tuff-wall")
+    frozen = FrozenProblem(scene, Conic(), "independent")
+    frozen.ignore_dpp = ignore_dpp
+    settings = SolverSettings(rung)
+    first = frozen.solve(Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts), settings)
+    assert first.forces is not None
+    again = frozen.solve(Pressure.of(first.forces, scene.contacts), settings)
+    assert first.load_factor == pytest.approx(0.423056, rel=1e-4)
+    assert again.load_factor is not None
+    assert again.load_factor < 0.4

@@ -51,7 +51,7 @@ def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) ->
     scene = scene.moved(turn, (0.3, -4.0, 1.0))
     for surface in ("conic", "octagon", "5-gon-inscribed"):
         surfaces, _ = surfaces_of(surface)
-        static = LimitProblem(scene, surfaces).solve()
+        static = LimitProblem(scene, surfaces).solve(default_ladder()[0])
         assume(static.outcome.status == "optimal")
         kinematic = _sure(KinematicProblem(scene, surfaces))
         assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE, abs=1e-8)

@@ -237,6 +237,8 @@ class Witnesses:
             missing = self.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
                 return np.asarray(rates).reshape(-1, DOF)
+            if not np.isfinite(missing).all():
+                return None
             target = self._opened(np.asarray(self._matrix.T @ rates), missing)
         return None
 
