@@ -115,10 +115,11 @@ def _legend(axes: Axes) -> tuple[list[Any], list[Any]]:
 
 
 def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Records by method, smallest first, for methods that ran at two sizes or more."""
+    """Records by method, smallest first, for methods followed over two sizes or more."""
+    followed = {record.row.method for record in records if record.purpose == "growth"}
     methods: dict[str, list[Record]] = {}
     for record in sorted(records, key=lambda record: record.row.contacts):
-        if record.row.total is not None:
+        if record.row.total is not None and (record.row.method in followed or not followed):
             methods.setdefault(record.row.method, []).append(record)
     return {name: found for name, found in methods.items() if len(found) > 1}
 

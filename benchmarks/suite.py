@@ -19,6 +19,7 @@ GROWTH = (
     "cvxlimit/1e-6",
     "conic/resultants/clarabel-qdldl/1e-8",
     "conic/corners/clarabel-qdldl/1e-8",
+    "conic/corners/qoco/1e-8",
     "conic/corners/blockwise-*/1e-8",
     "octagon/corners/blockwise-*/1e-8",
     "octagon/corners/clarabel-qdldl/1e-8",
