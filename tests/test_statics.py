@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import Block, Load, Scene, builtin_scene
+from cvxlimit.errors import InputError
 from cvxlimit.masonry import single_block
 from cvxlimit.statics import DOF, Scaling, Statics, corner_map
 from helpers import hand_equilibrium, rotations, scenes
@@ -164,3 +167,11 @@ def test_a_block_between_two_supports_has_self_stress() -> None:
     squeeze = np.zeros(12)
     squeeze[[2, 8]] = 1.0
     np.testing.assert_allclose(matrix @ squeeze, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("density", [1e-200, 1e-320])
+def test_loads_that_underflow_are_refused(density: float) -> None:
+    ground, block = Block.box("g", (-1, -1, -1), (2, 2, 0)), Block.box("b", (0, 0, 0), (1, 1, 1))
+    scene = Scene((ground, replace(block, density=density)), ("g",), Load(acceleration=(1, 0, 0)))
+    with pytest.raises(InputError, match="live load of scene 'scene' is below 1e-100 in all"):
+        Scaling.of(scene)

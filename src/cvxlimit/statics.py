@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.errors import InputError
 from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -17,6 +18,9 @@ IntArray = NDArray[np.int64]
 
 _BALANCED = 1e-11
 """Residual of a block that counts as rounding, as a share of the forces acting on it."""
+
+_SMALLEST = 1e-100
+"""Smallest total load: squares of smaller ones underflow."""
 
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
@@ -166,10 +170,25 @@ class Scaling:
 
     @classmethod
     def of(cls, scene: Scene) -> Scaling:
-        """Total dead load, typical contact size, total live load."""
+        """Total dead load, typical contact size, total live load.
+
+        Raises
+        ------
+        InputError
+            If a load is so small that its square is lost in rounding.
+        """
         length = float(np.median(np.sqrt(scene.contacts.area)))
         live = _total(scene.live_forces, length)
         dead = _total(scene.dead_forces, length)
+        for what, total, forces in (
+            ("live", live, scene.live_forces),
+            ("dead", dead, scene.dead_forces),
+        ):
+            if np.any(forces) and not total > _SMALLEST:
+                raise InputError(
+                    f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
+                    "choose smaller units of force or a larger density"
+                )
         return cls(force=dead if dead > 0.0 else live, length=length, live=live)
 
     def apply(self, statics: Statics) -> Statics:
