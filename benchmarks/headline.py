@@ -15,7 +15,7 @@ from cvxlimit.comparison.models import Method, Model
 from cvxlimit.comparison.rows import Row, side_by_side
 from cvxlimit.comparison.runs import Limits
 from cvxlimit.masonry import builtin_scene
-from cvxlimit.solvers.blockwise import best_backend
+from cvxlimit.sparse import best_backend
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
 OCTAGON = Model("cvxlimit/octagon/1e-6", "cvxlimit, octagon", surface="octagon", tolerance=1e-6)

@@ -21,7 +21,7 @@ from cvxlimit.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, SolverSettings, default_ladder, limit_ladder
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
 from cvxlimit.solvers.blockwise.elimination import NewtonSystem
-from cvxlimit.solvers.blockwise.factorisation import BACKENDS
+from cvxlimit.sparse import BACKENDS
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import assert_certified, scenes
 

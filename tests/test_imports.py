@@ -15,7 +15,7 @@ LAYERS = (
     {"errors"},
     {"checks", "files", "nearby", "sparse"},
     {"polygons", "blocks"},
-    {"contacts"},
+    {"contacts", "overlaps"},
     {"penetration"},
     {"detection"},
     {"scene", "solution", "solvers"},

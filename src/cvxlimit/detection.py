@@ -17,8 +17,8 @@ from cvxlimit.blocks import RELATIVE_TOLERANCE, Block, Faces
 from cvxlimit.contacts import Contacts
 from cvxlimit.errors import InputError
 from cvxlimit.nearby import nearby_pairs
+from cvxlimit.overlaps import members_of, outlines
 from cvxlimit.penetration import check_no_interpenetration
-from cvxlimit.polygons import area_and_centroid, convex_overlap
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,7 +70,7 @@ def detect_contacts(
     near = nearby_pairs([b.vertices for b in blocks], tolerance * sizes)
     faces = _face_table(blocks, sizes)
     lower, upper = _facing_pairs(faces, *near, tolerance)
-    contacts = _overlaps(faces.take(lower), faces.take(upper), blocks, friction, tolerance)
+    contacts = _contacts(faces.take(lower), faces.take(upper), blocks, friction, tolerance)
     check_no_interpenetration(blocks, *near, contacts, sizes, tolerance)
     _check_every_block_touches(blocks, contacts)
     return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
@@ -111,10 +111,10 @@ def _facing_pairs(
     low, high = faces.corners.min(axis=1) - margin, faces.corners.max(axis=1) + margin
     start = np.flatnonzero(np.diff(faces.block, prepend=-1))
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
-    pair, lower = _each_face(faces, start, first)
+    pair, lower = members_of(start, len(faces.block), first)
     other = second[pair]
     meet = ((low[lower] <= block_high[other]) & (block_low[other] <= high[lower])).all(axis=1)
-    row, upper = _each_face(faces, start, other[meet])
+    row, upper = members_of(start, len(faces.block), other[meet])
     lower = lower[meet][row]
     opposite = np.einsum("fc,fc->f", faces.normal[lower], faces.normal[upper]) < 0.0
     lower, upper = lower[opposite], upper[opposite]
@@ -123,14 +123,6 @@ def _facing_pairs(
     length = tolerance * np.minimum(faces.size[lower], faces.size[upper])
     near = np.minimum(_gap(faces, lower, upper), _gap(faces, upper, lower)) <= length
     return lower[near], upper[near]
-
-
-def _each_face(faces: _FaceTable, start: IntArray, blocks: IntArray) -> tuple[IntArray, IntArray]:
-    """For each of ``blocks`` all its faces: places in ``blocks``, and faces from ``start``."""
-    count = np.diff(start, append=len(faces.block))[blocks]
-    place = np.repeat(np.arange(len(blocks)), count)
-    within = np.arange(len(place)) - (np.cumsum(count) - count)[place]
-    return place, start[blocks][place] + within
 
 
 def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
@@ -145,30 +137,37 @@ def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
     return result
 
 
-def _overlaps(
+def _contacts(
     lower: _FaceTable, upper: _FaceTable, blocks: Sequence[Block], friction: float, tol: float
 ) -> Contacts:
-    """Contact polygons of facing pairs; ``lower`` belongs to block a and gives the normal."""
+    """Contacts of facing pairs, by blocks; ``lower`` belongs to block a and gives the normal."""
     t1 = _canonical(_unit(lower.corners[:, 1] - lower.corners[:, 0]))
     t2 = np.cross(lower.normal, t1)
     axes = np.stack([t1, t2, lower.normal], axis=1)
     base = lower.corners[:, 0]
     flat_lower = np.einsum("pkc,pic->pki", lower.corners - base[:, None], axes[:, :2])
     flat_upper = np.einsum("pkc,pic->pki", upper.corners - base[:, None], axes[:, :2])
-    length = tol * np.minimum(lower.size, upper.size)
     boxes = _is_aligned_rectangle(flat_lower, lower) & _is_aligned_rectangle(flat_upper, upper)
-    polygons: list[FloatArray] = [np.empty((0, 2))] * len(boxes)
-    for j, corners in zip(
-        np.flatnonzero(boxes), _rectangle_overlap(flat_lower[boxes], flat_upper[boxes]), strict=True
-    ):
-        polygons[j] = corners
-    others = np.flatnonzero(~boxes)
-    for j, corners in zip(
-        others, convex_overlap(flat_lower[others], flat_upper[others]), strict=True
-    ):
-        polygons[j] = corners
-    return _assemble(
-        polygons, boxes, base, axes, lower.block, upper.block, blocks, friction, length
+    found = outlines(flat_lower, flat_upper, boxes)
+    length = tol * np.minimum(lower.size, upper.size)
+    found = found.take(np.flatnonzero(found.width > length[found.pair]))
+    found = found.take(np.lexsort((upper.block[found.pair], lower.block[found.pair])))
+    a, b = lower.block[found.pair], upper.block[found.pair]
+    frames = axes[found.pair]
+    origin = base[found.pair] + np.einsum("kp,kpc->kc", found.middle, frames[:, :2])
+    frames[:, :2] = found.turn @ frames[:, :2]
+    return Contacts(
+        names=_names(a, b, blocks),
+        block_ids=tuple(block.id for block in blocks),
+        a=a,
+        b=b,
+        origin=origin,
+        axes=frames,
+        corner_start=np.append(found.start, len(found.corners)).astype(np.int64),
+        corner_xy=found.corners,
+        sides=found.sides,
+        area=found.area,
+        friction=np.full(len(a), friction),
     )
 
 
@@ -179,13 +178,6 @@ def _is_aligned_rectangle(flat: FloatArray, faces: _FaceTable) -> NDArray[np.boo
     straight = np.abs(edges).min(axis=2).max(axis=1) <= 1e-9 * faces.size
     result: NDArray[np.bool_] = straight & (faces.sides == 4)
     return result
-
-
-def _rectangle_overlap(first: FloatArray, second: FloatArray) -> FloatArray:
-    low = np.maximum(first.min(axis=1), second.min(axis=1))
-    high = np.maximum(np.minimum(first.max(axis=1), second.max(axis=1)), low)
-    x0, y0, x1, y1 = low[:, 0], low[:, 1], high[:, 0], high[:, 1]
-    return np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 4, 2)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -199,80 +191,6 @@ def _canonical(vectors: FloatArray) -> FloatArray:
     sign = np.sign(vectors[np.arange(len(vectors)), largest])
     result: FloatArray = vectors * sign[:, None]
     return result
-
-
-def _assemble(
-    polygons: list[FloatArray],
-    aligned: NDArray[np.bool_],
-    base: FloatArray,
-    axes: FloatArray,
-    a: IntArray,
-    b: IntArray,
-    blocks: Sequence[Block],
-    friction: float,
-    length: FloatArray,
-) -> Contacts:
-    """Keep overlaps of non-negligible width, centre them, recognise rectangles."""
-    kept, area, centre, sides, corners = [], [], [], [], []
-    frames = axes.copy()
-    for j in np.lexsort((b, a)):
-        polygon = polygons[j]
-        if len(polygon) < 3:
-            continue
-        if aligned[j]:
-            extent = polygon[2] - polygon[0]
-            surface, middle = float(extent.prod()), 0.5 * (polygon[0] + polygon[2])
-            width = float(extent.min())
-        else:
-            surface, middle = area_and_centroid(polygon)
-            perimeter = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
-            width = 2.0 * surface / float(perimeter)
-        if width <= length[j]:
-            continue
-        local = polygon - middle
-        if aligned[j]:
-            side = extent
-        else:
-            local, side, turn = _along_own_sides(local)
-            frames[j, :2] = turn @ frames[j, :2]
-        kept.append(j)
-        area.append(surface)
-        centre.append(base[j] + middle @ axes[j, :2])
-        sides.append(side)
-        corners.append(local)
-    index = np.array(kept, dtype=np.int64)
-    counts = [len(c) for c in corners]
-    return Contacts(
-        names=_names(a[index], b[index], blocks),
-        block_ids=tuple(block.id for block in blocks),
-        a=a[index],
-        b=b[index],
-        origin=np.array(centre).reshape(-1, 3),
-        axes=frames[index],
-        corner_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        corner_xy=np.concatenate(corners) if corners else np.empty((0, 2)),
-        sides=np.array(sides).reshape(-1, 2),
-        area=np.array(area),
-        friction=np.full(len(index), friction),
-    )
-
-
-def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Turn a centred polygon so that t1 runs along its longest edge.
-
-    Returns the turned corners, (l1, l2) if it is a rectangle to 1e-9 of its size else NaN,
-    and the rotation (2, 2) that maps old to new plane axes.
-    """
-    edges = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(edges, axis=1)
-    longest = edges[int(np.flatnonzero(lengths >= (1.0 - 1e-9) * lengths.max())[0])]
-    c, s = longest / np.linalg.norm(longest)
-    turn = np.array([[c, s], [-s, c]])
-    turned = corners @ turn.T
-    extent = np.ptp(turned, axis=0)
-    steps = np.roll(turned, -1, axis=0) - turned
-    square = len(corners) == 4 and np.abs(steps).min(axis=1).max() <= 1e-9 * extent.max()
-    return turned, extent if square else np.full(2, np.nan), turn
 
 
 def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_FEW = 512
+"""So many pairs of nodes take less time than boxes along the nodes' own axes."""
+
 
 def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntArray, IntArray]:
     """Every pair of bodies, first < second and sorted, that ``margin`` (n,) does not keep apart.
@@ -66,11 +69,13 @@ def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, 
 def _meeting(
     first: IntArray, second: IntArray, points: FloatArray, start: IntArray, margin: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Pairs of nodes whose boxes meet: those along the axes and those along their own."""
+    """Pairs of nodes whose boxes meet: along the axes and, if many do, along their own."""
     low = np.minimum.reduceat(points, start) - margin[:, None]
     high = np.maximum.reduceat(points, start) + margin[:, None]
     meet = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
     first, second = first[meet], second[meet]
+    if len(first) <= _FEW:
+        return first, second
     middle, axes, half = _own_boxes(points, start, margin)
     offset = middle[second] - middle[first]
     turn = np.abs(np.einsum("pik,pjk->pij", axes[first], axes[second]))

@@ -34,13 +34,16 @@ def equilibrium_matrix(
     ``centroids`` (blocks, 3) of all blocks; ``row_of_block`` (blocks,) numbers the free ones
     from 0 and is -1 for supports. Contact forces act on block b, their opposites on block a.
     """
-    parts = [
+    free = int(row_of_block.max()) + 1
+    sides = [
         _side(contacts, contacts.b, +1.0, centroids, row_of_block),
         _side(contacts, contacts.a, -1.0, centroids, row_of_block),
     ]
-    rows, columns, values = (np.concatenate([p[i] for p in parts]) for i in range(3))
-    shape = (DOF * (int(row_of_block.max()) + 1), len(COMPONENTS) * len(contacts))
-    matrix = sp.csr_array((values, (rows, columns)), shape=shape)
+    rows, columns, blocks = (np.concatenate([side[i] for side in sides]) for i in range(3))
+    order = np.lexsort((columns, rows))
+    start = np.searchsorted(rows[order], np.arange(free + 1))
+    shape = (DOF * free, len(COMPONENTS) * len(contacts))
+    matrix = sp.bsr_array((blocks[order], columns[order], start), shape=shape).tocsr()
     matrix.eliminate_zeros()
     return matrix
 
@@ -48,21 +51,14 @@ def equilibrium_matrix(
 def _side(
     contacts: Contacts, block: IntArray, sign: float, centroids: FloatArray, number: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    free = np.flatnonzero(number[block] >= 0)
-    frame = sign * np.swapaxes(contacts.axes[free], 1, 2)
-    arm = contacts.origin[free] - centroids[block[free]]
-    entries = np.zeros((len(free), DOF, DOF))
-    entries[:, :3, :3] = frame
-    entries[:, 3:, :3] = np.cross(arm[:, None, :], frame, axisa=2, axisb=1, axisc=1)
-    entries[:, 3:, 3:] = frame[:, :, [0, 1, 2]]
-    rows = DOF * number[block[free]][:, None, None] + np.arange(DOF)[None, :, None]
-    columns = len(COMPONENTS) * free[:, None, None] + np.arange(DOF)[None, None, :]
-    shape = entries.shape
-    return (
-        np.broadcast_to(rows, shape).ravel(),
-        np.broadcast_to(columns, shape).ravel(),
-        entries.ravel(),
-    )
+    """Free blocks (k,) on one side of contacts (k,), and their entries (k, 6, 6)."""
+    held = np.flatnonzero(number[block] >= 0)
+    frame = sign * np.swapaxes(contacts.axes[held], 1, 2)
+    arm = contacts.origin[held] - centroids[block[held]]
+    entries = np.zeros((len(held), DOF, len(COMPONENTS)))
+    entries[:, :3, :3] = entries[:, 3:, 3:] = frame
+    entries[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
+    return number[block[held]], held, entries
 
 
 def corner_map(contacts: Contacts) -> sp.csr_array:

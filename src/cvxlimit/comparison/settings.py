@@ -9,8 +9,8 @@ import cvxpy as cp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.solvers.blockwise import best_backend
 from cvxlimit.solvers.running import PLUG_INS
+from cvxlimit.sparse import best_backend
 
 _TOLERANCE_OPTIONS: Mapping[str, tuple[str, ...]] = {
     "BLOCKWISE": ("tolerance",),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
 import cvxpy as cp
 
-from cvxlimit.solvers.blockwise import best_backend
+from cvxlimit.sparse import best_backend
 
 _CLARABEL = {"direct_solve_method": "qdldl"}
 """Clarabel's own LDL: on block assemblages 2 to 8 times faster than its default (faer)."""
@@ -128,5 +129,6 @@ def suits(settings: SolverSettings, problem: cp.Problem) -> bool:
     return not (is_conic(problem) and settings.name in _LINEAR_ONLY)
 
 
-def _installed() -> Sequence[str]:
-    return list(cp.installed_solvers())
+@cache
+def _installed() -> frozenset[str]:
+    return frozenset(cp.installed_solvers())

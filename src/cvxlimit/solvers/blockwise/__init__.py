@@ -3,7 +3,6 @@
 A solver for CVXPY like any other, made for large assemblages: see :class:`Blockwise`.
 """
 
-from cvxlimit.solvers.blockwise.factorisation import best_backend
 from cvxlimit.solvers.blockwise.interface import Blockwise
 
-__all__ = ["Blockwise", "best_backend"]
+__all__ = ["Blockwise"]

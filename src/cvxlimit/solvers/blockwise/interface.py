@@ -13,7 +13,6 @@ from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import SolverError
-from cvxlimit.solvers.blockwise.factorisation import BACKENDS, best_backend
 from cvxlimit.solvers.blockwise.iteration import (
     ALMOST,
     INFEASIBLE,
@@ -21,6 +20,7 @@ from cvxlimit.solvers.blockwise.iteration import (
     UNBOUNDED,
     minimise,
 )
+from cvxlimit.sparse import BACKENDS, best_backend
 
 _STATUS = {
     SOLVED: "Solved",

@@ -160,12 +160,21 @@ class _Program:
         complementarity = product / tau / max(abs(primal), 1e-6 * tau)
         primal_size = max(1.0, largest(at.x) / tau)
         dual_size = max(1.0, largest(at.z) / tau, largest(at.y) / tau)
-        missing = largest(rx) / tau / dual_size
-        infeasibility = max(max(largest(ry), largest(rz)) / tau / primal_size, missing)
-        score = complementarity + missing + self._violation(at, ry)
+        infeasibility = max(
+            max(largest(ry), largest(rz)) / tau / primal_size, largest(rx) / tau / dual_size
+        )
+        score = complementarity + self._lost_power(rx / tau, primal / tau) + self._violation(at, ry)
         mu = (product + tau * at.kappa) / (self.cones.degree + 1)
         rt = at.kappa + primal - dual
         return _Residuals(rx, ry, rz, rt, mu, complementarity, infeasibility, score)
+
+    def _lost_power(self, rx: FloatArray, objective: float) -> float:
+        """What the certificate may lose above, relative to the objective.
+
+        It has to open contacts where rates break the flow rule, and the loads f do work on that.
+        """
+        loads = float(np.abs(self.f).sum()) or 1.0
+        return largest(rx) * loads / max(abs(objective), 1e-6)
 
     def _violation(self, at: Point, ry: FloatArray) -> float:
         """What x itself violates, in mean entries of f.
