@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
-from cvxlimit.sparse import factorised, nested_dissection
+from cvxlimit.sparse import BACKENDS, factorised, nested_dissection
 
 
 def grid(width: int, height: int) -> sp.csr_array:
@@ -59,7 +59,25 @@ def test_fill_in(width: int, height: int) -> None:
     assert fill(matrix[order][:, order]) <= 0.5 * fill(matrix)
 
 
-def test_solver() -> None:
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_backends(backend: str) -> None:
+    """Twice with one pattern: a kept analysis must not keep the numbers."""
+    matrix = laplacian(grid(9, 7))
+    matrix.sort_indices()
+    factorisation = BACKENDS[backend](matrix.indices, matrix.indptr)
+    right = np.random.default_rng(0).normal(size=63)
+    for size in (1.0, 3.0):
+        solve = factorisation.factorise(size * matrix.data)
+        np.testing.assert_allclose(size * (matrix @ solve(right)), right, atol=1e-12)
+
+
+def test_rows_in_any_order_and_indefinite() -> None:
+    """Cholesky cannot do the second, with one eigenvalue of -1e-3 as rounding may leave; LU can."""
     matrix = laplacian(grid(9, 7))
     right = np.random.default_rng(0).normal(size=63)
-    np.testing.assert_allclose(matrix @ factorised(matrix)(right), right, atol=1e-12)
+    unsorted = matrix[:, np.arange(63)]
+    unsorted.indices[:2], unsorted.data[:2] = unsorted.indices[1::-1], unsorted.data[1::-1]
+    unsorted.has_sorted_indices = False
+    least = np.linalg.eigvalsh(matrix.toarray())[0]
+    for m in (unsorted, matrix - (least + 1e-3) * sp.eye_array(63).tocsc()):
+        np.testing.assert_allclose(m @ factorised(m.copy())(right), right, atol=1e-10)

@@ -41,8 +41,8 @@ _CONIC_SOLVERS = {
     "XPRESS": (1e-8,),
     "CUCLARABEL": (1e-8,),
 }
-_LINEAR_SOLVERS = ("MOSEK", "GUROBI", "CUOPT", "PDLP", "GLOP", "OSQP", "SCIPY")
-_ALIASES = ("ECOS_BB", "CLARABEL", "HIGHS")
+_LINEAR_SOLVERS = ("MOSEK", "GUROBI", "CUOPT", "PDLP", "GLOP", "OSQP", "SCIPY", "GLPK")
+_ALIASES = ("ECOS_BB", "GLPK_MI", "CLARABEL", "HIGHS")
 
 
 def registry() -> dict[str, Method]:
