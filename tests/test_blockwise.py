@@ -319,6 +319,7 @@ class TestRule:
         for scene in (builtin_scene("tuff-wall"), arch(2_000)):
             problem = LimitProblem(scene, surfaces_of(surface)[0])
             assert str(problem.ladder()[0]) in ("QOCO", "CLARABEL")
+            assert str(problem.ladder(1e-8)[0]) == "CLARABEL"
 
     def test_large_walls_start_with_it(self) -> None:
         scene = panel(1.6, 30, left_return=0.8, right_return=0.8)

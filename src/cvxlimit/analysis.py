@@ -86,8 +86,8 @@ def analyse(
     start = time.perf_counter()
     problem = LimitProblem(scene, surfaces, formulation, scaling)
     clock.measure("compile", start)
-    run_ = _Run(scene, name, problem, surfaces, tolerance, ladder or problem.ladder(), clock, tell)
-    return run_.solution()
+    ladder = ladder or problem.ladder(tolerance)
+    return _Run(scene, name, problem, surfaces, tolerance, ladder, clock, tell).solution()
 
 
 @dataclass(frozen=True, eq=False)

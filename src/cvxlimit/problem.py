@@ -74,10 +74,10 @@ class LimitProblem:
             constraints.append(self.load_factor <= most * self.scaling.live / self.scaling.force)
         self.problem = cp.Problem(cp.Maximize(self.load_factor), constraints)
 
-    def ladder(self) -> tuple[SolverSettings, ...]:
-        """Solvers in the order in which to try them on this problem."""
+    def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
+        """Solvers in the order in which to try them for a bracket within ``tolerance``."""
         blocks = len(self.statics.dead) // DOF
-        return limit_ladder(self.problem, len(self.statics.contacts) - blocks)
+        return limit_ladder(self.problem, len(self.statics.contacts) - blocks, tolerance)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""
