@@ -18,7 +18,7 @@ from cvxlimit.interaction.pressure import Pressure
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
@@ -160,9 +160,7 @@ class _Run:
         start = time.perf_counter()
         self.frozen = FrozenProblem(scene, cone, moments)
         self.clock.measure("compile", start)
-        # Not the problem's own ladder: iterates depend on which of many possible forces a solver
-        # returns, so they must not depend on which solvers are installed.
-        self.rule, self.ladder = rule, ladder or default_ladder()
+        self.rule, self.ladder = rule, ladder or iterate_ladder()
         self.tell = progress or (lambda message: None)
         self.history: list[Iterate] = []
 

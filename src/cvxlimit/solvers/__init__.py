@@ -7,7 +7,14 @@ needs go into :data:`OPTIONS`. One that CVXPY does not know is a class for
 
 from cvxlimit.solvers.blockwise import Blockwise
 from cvxlimit.solvers.running import LimitState, Outcome, run
-from cvxlimit.solvers.settings import OPTIONS, SolverSettings, default_ladder, limit_ladder, suits
+from cvxlimit.solvers.settings import (
+    OPTIONS,
+    SolverSettings,
+    default_ladder,
+    iterate_ladder,
+    limit_ladder,
+    suits,
+)
 
 __all__ = [
     "OPTIONS",
@@ -16,6 +23,7 @@ __all__ = [
     "Outcome",
     "SolverSettings",
     "default_ladder",
+    "iterate_ladder",
     "limit_ladder",
     "run",
     "suits",
