@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +13,7 @@ from rich.console import Console
 from benchmarks import charts, headline
 from benchmarks.cases import Case, all_cases
 from benchmarks.results import Record, environment, read, write
-from benchmarks.suite import QUICK, Plan, methods_of, run_case
+from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
 from cvxlimit.comparison.runs import Limits
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
@@ -61,20 +62,33 @@ def _cases(names: Sequence[str] | None) -> list[Case]:
     return [case for name, case in cases.items() if not names or name in names]
 
 
+def _check_methods(patterns: Sequence[str], cases: Sequence[Case]) -> None:
+    names = [method.name for case in cases for method in methods_of(case)]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            raise SystemExit(f"no method of these cases matches {pattern!r}; list shows them")
+
+
 def _run(options: argparse.Namespace) -> int:
     plan, about = _plan(options), environment()
+    cases = _cases(options.cases)
+    _check_methods(options.methods, cases)
     about["options"] = {
         "repeat": plan.repeat,
         "seconds_per_run": plan.limits.seconds,
         "threads_per_run": plan.limits.threads,
     }
     records: list[Record] = []
-    for case in _cases(options.cases):
+    for case in cases:
+        if not sizes_of(case, plan):
+            console.print(f"{case.name}: left out, it has no size but {case.sizes[0]}")
         with console.status(case.name) as status:
             for record in run_case(case, plan, status.update):
                 records.append(record)
                 _report(record)
                 write(options.out, records, about)
+    if not records:
+        raise SystemExit("nothing was run: none of these methods or sizes belongs to the cases")
     console.print(f"written: {options.out / 'results.csv'} and results.json")
     return _charts(options)
 
@@ -99,8 +113,9 @@ def _charts(options: argparse.Namespace) -> int:
 
 
 def _headline(options: argparse.Namespace) -> int:
-    limits = Limits(options.limit or 120.0, options.memory)
-    text = headline.run(options.repeat or 5, limits, options.out, options.quick, console.print)
+    limits = Limits(options.limit or (20.0 if options.quick else 120.0), options.memory)
+    repeat = options.repeat or (1 if options.quick else 5)
+    text = headline.run(repeat, limits, options.out, options.quick, console.print)
     console.print(text)
     return 0
 

@@ -6,12 +6,14 @@ import csv
 import os
 import signal
 import sys
+import threading
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
 
-from cvxlimit import builtin_scene
+from cvxlimit import builtin_scene, solve
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.comparison.chart import fitted_exponent, pareto_front
 from cvxlimit.comparison.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
@@ -23,6 +25,7 @@ from cvxlimit.comparison.settings import settings_for
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.formulations import resultants
 from cvxlimit.scene import Load
+from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 
 TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
 LIMITS = Limits(60.0)
@@ -173,15 +176,56 @@ def test_a_failure_is_not_repeated_and_the_others_go_on():
 
 
 def test_what_cannot_be_sent_is_refused_by_name():
-    model = Model("mine", formulation=lambda contacts: resultants(contacts))
+    model = Model("mine", formulation=partial(resultants, lock=threading.Lock()))
     with pytest.raises(ModelError, match="'mine' cannot be sent"):
         compare(builtin_scene("single-block"), [model], repeat=1, progress=False)
+
+
+def test_surfaces_and_functions_that_no_module_holds():
+    """As in a notebook: a class and a function that another process cannot import."""
+
+    class Ellipse(YieldSurface):
+        name = "ellipse"
+
+        def conditions(self, contacts):
+            size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
+            return [Condition([size], {"N": contacts.friction})]
+
+    scene = builtin_scene("tuff-wall")
+    model = Model("mine", surface=[Rocking(), Ellipse()], formulation=lambda c: resultants(c))
+    row = compare(scene, model, repeat=1, progress=False).rows[0]
+    assert not row.failed
+    assert row.load_factor == pytest.approx(
+        solve(scene, [Rocking(), Ellipse()]).load_factor, rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Model("x", tolerance="1e-6"), "tolerance must be between 0 and 1, got '1e-6'"),
+        (lambda: Model("x", tolerance=-1.0), "tolerance must be between 0 and 1, got -1.0"),
+        (lambda: Model("x", formulation="resultants"), "formulation must be a function .*'resul"),
+        (lambda: Model("x", solver="SCS"), r"got 'SCS': .*settings_for\('SCS', 1e-8\)"),
+        (lambda: Model("x", surface=Rocking), "surface must be a name .*Rocking"),
+        (lambda: Model("x", interaction="certifid"), "interaction must be one of .*'certifid'"),
+        (lambda: Model("x", moments="foo"), "moments must be one of independent, signed"),
+        (lambda: Limits(seconds=-1), "seconds of a run must be a number above 0, got -1"),
+        (lambda: Limits(memory=0.0), "memory of a run must be a number above 0, got 0.0"),
+        (lambda: Limits(threads=0), "threads must be a whole number above 0 or None, got 0"),
+        (lambda: compare("tuff-wall"), "scene must be a Scene, got 'tuff-wall'"),
+        (lambda: compare(builtin_scene("stack"), limits=30), "limits must be Limits, got 30"),
+    ],
+)
+def test_refused_before_anything_runs(make, message):
+    with pytest.raises(ModelError, match=message):
+        make()
 
 
 @pytest.mark.parametrize(
     ("models", "repeat", "message"),
     [
-        (["no-such"], 1, "no method matches 'no-such'; there are cvxlimit"),
+        (["no-such"], 1, "no method matches 'no-such': did you mean"),
         ([], 1, "nothing to compare"),
         ([3], 1, "must be names or Model objects"),
         ([Model("a"), Model("a", tolerance=0.1)], 1, "two models are called 'a'"),

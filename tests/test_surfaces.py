@@ -416,7 +416,7 @@ class TestRowsWritten:
             solve(single_block(), surfaces)
 
     def test_surfaces_must_be_surfaces(self) -> None:
-        with pytest.raises(ModelError, match="must be YieldSurface objects"):
+        with pytest.raises(ModelError, match="a list of YieldSurface objects, got"):
             surfaces_of(["rocking"])  # type: ignore[list-item]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,8 +18,9 @@ from cvxlimit.comparison.chart import draw_time_against_error, on_front
 from cvxlimit.comparison.models import Method, Model
 from cvxlimit.comparison.registry import choose, interaction_registry, registry
 from cvxlimit.comparison.rows import Row, number_of_steps, side_by_side
-from cvxlimit.comparison.runs import Limits
+from cvxlimit.comparison.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
+from cvxlimit.files import write_file
 from cvxlimit.scene import Scene
 
 if TYPE_CHECKING:
@@ -93,18 +95,24 @@ class Comparison:
         return result
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write all columns of all rows; returns the file's path."""
-        target = Path(path)
-        with target.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, [column.name for column in fields(Row)])
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in self.rows)
-        return target
+        """Write all columns of all rows; returns the file's path.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, [column.name for column in fields(Row)])
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in self.rows)
+        write_file(path, text.getvalue().encode("utf-8"))
+        return Path(path)
 
 
 def compare(
     scene: Scene,
-    models: Sequence[str | Method] | None = None,
+    models: str | Method | Sequence[str | Method] | None = None,
     *,
     repeat: int = 3,
     progress: bool = True,
@@ -119,9 +127,10 @@ def compare(
     Parameters
     ----------
     scene : Scene
-    models : sequence of str or Model, or None
+    models : (sequence of) str or Model, or None
         Names from :func:`cvxlimit.comparison.registry.registry`, with ``*`` and ``?``, or your
-        own :class:`~cvxlimit.comparison.models.Model`. None is :data:`DEFAULT_MODELS`.
+        own :class:`~cvxlimit.comparison.models.Model`, with surfaces of your own if you like.
+        None is :data:`DEFAULT_MODELS`.
     repeat : int
         Runs per model.
     progress : bool
@@ -140,9 +149,22 @@ def compare(
         For an unknown name, two models of one name, no model, or a repeat below 1.
     InputError
         If the scene's geometry is not valid.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.comparison.settings import settings_for
+    >>> loose = Model("loose", surface="octagon", solver=settings_for("CLARABEL", 1e-3))
+    >>> result = compare(builtin_scene("single-block"), [loose], repeat=1, progress=False)
+    >>> result.rows[0].failed
+    False
     """
     if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
         raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
+    if not isinstance(scene, Scene):
+        raise ModelError(f"scene must be a Scene, got {scene!r}: builtin_scene('arch') makes one")
+    if limits is not None and not isinstance(limits, Limits):
+        raise ModelError(f"limits must be Limits, got {limits!r}: Limits(seconds=30) makes them")
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
     with _bar(progress, number_of_steps(methods, repeat)) as advance:
@@ -150,9 +172,9 @@ def compare(
     return Comparison(scene.name, tuple(rows))
 
 
-def _methods(models: Sequence[str | Method]) -> list[Method]:
+def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     """Names looked up, patterns spread, each model once."""
-    if isinstance(models, str):
+    if isinstance(models, (str, Method)):
         models = [models]
     known = [*registry().values(), *interaction_registry().values()]
     result: dict[str, Method] = {}
@@ -160,6 +182,7 @@ def _methods(models: Sequence[str | Method]) -> list[Method]:
         for method in choose([model], known) if isinstance(model, str) else [model]:
             if not isinstance(method, Method):
                 raise ModelError(f"models must be names or Model objects, got {method!r}")
+            check_portable(method)
             if result.setdefault(method.name, method) != method:
                 raise ModelError(f"two models are called {method.name!r}: rename one")
     if not result:

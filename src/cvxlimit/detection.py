@@ -72,7 +72,7 @@ def detect_contacts(
     lower, upper = _facing_pairs(faces, *near, tolerance)
     contacts = _contacts(faces.take(lower), faces.take(upper), blocks, friction, tolerance)
     check_no_interpenetration(blocks, *near, contacts, sizes, tolerance)
-    _check_every_block_touches(blocks, contacts)
+    _check_every_block_touches(blocks, contacts, is_fixed)
     return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
 
 
@@ -222,12 +222,16 @@ def _select(contacts: Contacts, keep: NDArray[np.bool_]) -> Contacts:
     )
 
 
-def _check_every_block_touches(blocks: Sequence[Block], contacts: Contacts) -> None:
+def _check_every_block_touches(
+    blocks: Sequence[Block], contacts: Contacts, is_fixed: NDArray[np.bool_]
+) -> None:
+    """Refuse loose blocks; of several a free one is named, as it is the one to move."""
     touched = np.zeros(len(blocks), dtype=bool)
     touched[contacts.a] = True
     touched[contacts.b] = True
     if not touched.all():
-        lonely = blocks[int(np.flatnonzero(~touched)[0])]
+        alone = np.flatnonzero(~touched)
+        lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
         raise InputError(
             f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
             "block: move it so that a face meets another block's face, or remove it"

@@ -72,11 +72,11 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    _check_choice("moments", moments, MOMENTS)
+    check_choice("moments", moments, MOMENTS)
     if tolerance is not None and not 0.0 < tolerance < 1.0:
         raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
     if isinstance(interaction, str):
-        _check_choice("interaction", interaction, INTERACTIONS)
+        check_choice("interaction", interaction, INTERACTIONS)
         if interaction == "none":
             asked = TOLERANCE if tolerance is None else tolerance
             return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
@@ -100,6 +100,12 @@ def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:
     )
 
 
-def _check_choice(what: str, value: str, allowed: Sequence[str]) -> None:
+def check_choice(what: str, value: str, allowed: Sequence[str]) -> None:
+    """Refuse a value that is not one of those allowed; ``what`` names it.
+
+    Raises
+    ------
+    ModelError
+    """
     if value not in allowed:
         raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")

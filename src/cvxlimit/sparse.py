@@ -7,7 +7,8 @@ of the time of SciPy's SuperLU.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
+from functools import cache
+from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
@@ -43,7 +44,8 @@ def factorised(matrix: sp.csc_array) -> Solve:
     >>> factorised(sp.csc_array(np.diag([2.0, 4.0])))(np.array([2.0, 2.0]))
     array([1. , 0.5])
     """
-    matrix.sort_indices()
+    matrix = matrix.astype(float)
+    matrix.sum_duplicates()
     try:
         return BACKENDS[best_backend()](matrix.indices, matrix.indptr).factorise(matrix.data)
     except ArithmeticError:  # indefinite by rounding: LU does not mind
@@ -115,7 +117,7 @@ class Cholmod:
         return self._solve
 
     def _solve(self, right: FloatArray) -> FloatArray:
-        result = self.matrix(right)
+        result = self.matrix(np.asarray(right, dtype=float))
         self.cholmod.solve(self.symbolic, result)
         return np.array(result).reshape(right.shape)
 
@@ -124,9 +126,14 @@ BACKENDS: dict[str, type[Factorisation]] = {"cholmod": Cholmod, "superlu": Super
 """Factorisations by name."""
 
 
+@cache
 def best_backend() -> str:
-    """``"cholmod"`` where CVXOPT is installed, ``"superlu"`` elsewhere."""
-    return "cholmod" if find_spec("cvxopt") else "superlu"
+    """``"cholmod"`` where CVXOPT is installed and can be imported, ``"superlu"`` elsewhere."""
+    try:
+        import_module("cvxopt.cholmod")
+    except Exception:  # a library that it needs may be missing: whatever it raises, go without
+        return "superlu"
+    return "cholmod"
 
 
 def nested_dissection(graph: sp.csr_array) -> IntArray:

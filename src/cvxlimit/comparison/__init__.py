@@ -2,5 +2,5 @@
 
 :func:`cvxlimit.compare.compare` is the front door for a user's own scene; ``benchmarks/`` runs the
 same methods over scenes of growing size. To add a method, write a line into
-:func:`~cvxlimit.comparison.models.registry`.
+:func:`~cvxlimit.comparison.registry.registry`.
 """

@@ -22,7 +22,7 @@ from cvxlimit.formulations import Formulation, corner_compressions
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.solve import solve
+from cvxlimit.solve import INTERACTIONS, MOMENTS, check_choice, solve
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
 from cvxlimit.surfaces.presets import surfaces_of
@@ -151,6 +151,20 @@ class Model(Method):
 
     def __post_init__(self) -> None:
         surfaces_of(self.surface)
+        if not callable(self.formulation):
+            raise ModelError(
+                f"formulation must be a function of contacts like "
+                f"cvxlimit.formulations.resultants, got {self.formulation!r}"
+            )
+        if self.solver is not None and not isinstance(self.solver, SolverSettings):
+            raise ModelError(
+                f"solver must be SolverSettings, got {self.solver!r}: "
+                "cvxlimit.comparison.settings.settings_for('SCS', 1e-8) makes them"
+            )
+        if not (isinstance(self.tolerance, float) and 0.0 < self.tolerance < 1.0):
+            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
+        check_choice("interaction", self.interaction, INTERACTIONS)
+        check_choice("moments", self.moments, MOMENTS)
         if not self.line:
             object.__setattr__(self, "line", self.name)
 

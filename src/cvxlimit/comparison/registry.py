@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 
 import cvxpy as cp
@@ -163,6 +164,10 @@ def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
     patterns = list(names)
     for pattern in patterns:
         if not any(fnmatchcase(method.name, pattern) for method in among):
-            known = ", ".join(method.name for method in among)
-            raise ModelError(f"no method matches {pattern!r}; there are {known}")
+            known = [method.name for method in among]
+            close = get_close_matches(pattern, known, 3, 0.4) or known[:3]
+            raise ModelError(
+                f"no method matches {pattern!r}: did you mean {' or '.join(close)}? "
+                "cvxlimit.comparison.registry.registry() has all names"
+            )
     return [m for m in among if any(fnmatchcase(m.name, pattern) for pattern in patterns)]

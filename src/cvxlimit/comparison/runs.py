@@ -16,6 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cloudpickle
+
 from cvxlimit.comparison.models import Measurement, Method
 from cvxlimit.errors import CvxlimitError, ModelError
 from cvxlimit.masonry import single_block
@@ -48,6 +50,18 @@ class Limits:
     seconds: float = 300.0
     memory: float | None = 12.0
     threads: int | None = 1
+
+    def __post_init__(self) -> None:
+        for name in ("seconds", "memory"):
+            value = getattr(self, name)
+            good = isinstance(value, (int, float)) and value > 0.0
+            if not good and (name == "seconds" or value is not None):
+                raise ModelError(f"{name} of a run must be a number above 0, got {value!r}")
+        whole = isinstance(self.threads, int) and not isinstance(self.threads, bool)
+        if self.threads is not None and not (whole and self.threads > 0):
+            raise ModelError(
+                f"threads must be a whole number above 0 or None, got {self.threads!r}"
+            )
 
 
 @dataclass(frozen=True)
@@ -95,14 +109,29 @@ def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Fai
 
 
 def _write_task(folder: Path, task: _Task) -> None:
+    (folder / _TASK).write_bytes(_packed(task, task.method))
+
+
+def check_portable(method: Method) -> None:
+    """Refuse a method that cannot be sent to another process.
+
+    Raises
+    ------
+    ModelError
+    """
+    _packed(method, method)
+
+
+def _packed(content: _Task | Method, method: Method) -> bytes:
+    """Classes and functions of a script or notebook go along by value."""
     try:
-        content = pickle.dumps(task)
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        result: bytes = cloudpickle.dumps(content)
+    except Exception as error:  # pickling asks the object, which may raise what it likes
         raise ModelError(
-            f"model {task.method.name!r} cannot be sent to another process: define its parts in "
-            "a module that can be imported, not as a lambda or inside a function"
+            f"model {method.name!r} cannot be sent to another process: "
+            f"{' '.join(str(error).split())[:160]}"
         ) from error
-    (folder / _TASK).write_bytes(content)
+    return result
 
 
 def _environment(limits: Limits) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from cvxlimit.errors import ModelError
 from cvxlimit.surfaces.base import YieldSurface
@@ -44,7 +44,10 @@ def surfaces_of(
         surface = parse_cone(surface)
     if isinstance(surface, Cone):
         return (Rocking(), TorsionShear(surface)), str(surface)
-    surfaces = tuple(surface)
+    surfaces = tuple(surface) if isinstance(surface, Iterable) else (surface,)
     if not all(isinstance(s, YieldSurface) for s in surfaces):
-        raise ModelError(f"surfaces must be YieldSurface objects, got {surfaces!r}")
+        raise ModelError(
+            "surface must be a name like 'octagon', a Cone, or a list of YieldSurface objects, "
+            f"got {surface!r}"
+        )
     return surfaces, "+".join(f"{s.name}({s.cone})" for s in surfaces)

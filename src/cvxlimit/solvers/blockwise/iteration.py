@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
-from cvxlimit.solvers.blockwise.elimination import NewtonSystem, largest
+from cvxlimit.solvers.blockwise.elimination import NewtonSystem, inner, largest
 
 FloatArray = NDArray[np.float64]
 
@@ -156,15 +156,15 @@ class _Program:
         ry = system.E @ at.x - self.f * tau
         rz = system.G @ at.x + at.s - self.h * tau
         primal, dual = self.objectives(at)
-        product = float(at.s @ at.z)
-        complementarity = product / tau / max(abs(primal), 1e-6 * tau)
+        gap = inner(at.s, at.z)
+        complementarity = gap / tau / max(abs(primal), 1e-6 * tau)
         primal_size = max(1.0, largest(at.x) / tau)
         dual_size = max(1.0, largest(at.z) / tau, largest(at.y) / tau)
-        infeasibility = max(
-            max(largest(ry), largest(rz)) / tau / primal_size, largest(rx) / tau / dual_size
-        )
-        score = complementarity + self._lost_power(rx / tau, primal / tau) + self._violation(at, ry)
-        mu = (product + tau * at.kappa) / (self.cones.degree + 1)
+        missing = largest(rx) / tau / dual_size
+        infeasibility = max(max(largest(ry), largest(rz)) / tau / primal_size, missing)
+        missing = max(missing, self._lost_power(rx / tau, primal / tau))
+        score = complementarity + missing + self._violation(at, ry)
+        mu = (gap + tau * at.kappa) / (self.cones.degree + 1)
         rt = at.kappa + primal - dual
         return _Residuals(rx, ry, rz, rt, mu, complementarity, infeasibility, score)
 
@@ -189,7 +189,7 @@ class _Program:
 
     def objectives(self, at: Point) -> tuple[float, float]:
         """c'x and -f'y - h'z."""
-        return float(self.c @ at.x), -float(self.f @ at.y + self.h @ at.z)
+        return inner(self.c, at.x), -inner(self.f, at.y) - inner(self.h, at.z)
 
     def no_answer(self, at: Point) -> tuple[str, Point] | None:
         """A proof that there is no optimum: a certificate of infeasibility or a ray."""
@@ -216,14 +216,14 @@ class _Newton:
         self.lam = self.scaling.lam
         self.fixed = program.system.solve(-program.c, program.f, program.h)
         x, y, z = self.fixed
-        self.bottom = -at.kappa / at.tau + program.c @ x + program.f @ y + program.h @ z
+        self.bottom = -at.kappa / at.tau + self._along(x, y, z)
 
     def direction(self, share: float, ds: FloatArray, dk: float) -> Point:
         """Removes a share of the residuals and aims at lam o (W dz + W^-1 ds) = ds."""
         at, p, r, times = self.at, self.program, self.residuals, self.scaling.times
         own = times(self.cones.quotient(ds, self.lam))
         x, y, z = p.system.solve(-share * r.x, -share * r.y, -share * r.z - own)
-        aim = -share * r.tau - dk / at.tau - p.c @ x - p.f @ y - p.h @ z
+        aim = -share * r.tau - dk / at.tau - self._along(x, y, z)
         tau = float(aim / self.bottom)
         dz = z + tau * self.fixed[2]
         return Point(
@@ -234,6 +234,10 @@ class _Newton:
             tau,
             (dk - at.kappa * tau) / at.tau,
         )
+
+    def _along(self, x: FloatArray, y: FloatArray, z: FloatArray) -> float:
+        p = self.program
+        return inner(p.c, x) + inner(p.f, y) + inner(p.h, z)
 
     def length(self, d: Point) -> float:
         """Step that goes most of the way to the boundary, at most 1."""
@@ -307,11 +311,12 @@ def minimise(
     program = _Program(c, sp.csr_array(A), b, zero, Cones(nonneg, soc), backend)
     at = program.start()
     best, scores, worst = at, [np.inf], np.inf
+    rank = (True, np.inf)  # of the best iterate: is it not solved, and its score
     outcome: tuple[str, Point] | None = None
     for _ in range(max_iter + 1):
         residuals = program.residuals(at)
-        if residuals.score < scores[-1]:
-            best = at.over(at.tau)
+        if (own := (not residuals.worst < _SOLVED, residuals.score)) < rank:
+            best, rank = at.over(at.tau), own
         scores.append(min(scores[-1], residuals.score))
         worst = min(worst, residuals.worst)
         outcome = program.no_answer(at)
@@ -321,7 +326,7 @@ def minimise(
         if moved is None:
             break
         at = moved
-    reached = SOLVED if worst < _SOLVED else ALMOST if worst < _ALMOST else STALLED
+    reached = SOLVED if not rank[0] else ALMOST if worst < _ALMOST else STALLED
     status, point = outcome or (reached, best)
     objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(c @ point.x))
     seconds = time.perf_counter() - start
