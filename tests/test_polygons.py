@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
@@ -64,6 +64,7 @@ class TestOverlap:
             assert area_and_centroid(overlap)[0] == pytest.approx(area_and_centroid(first[0])[0])
 
     @given(seed=st.integers(0, 2**32 - 1))
+    @example(seed=6234)  # a sliver of rounding whose area is exactly 0
     @settings(max_examples=200)
     def test_random_polygons_as_shapely(self, seed: int) -> None:
         """Areas by another library; 1e-12 of the larger polygon's area is rounding."""

@@ -57,12 +57,17 @@ def _slope(a: FloatArray, b: FloatArray) -> FloatArray:
 def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
     """Area and centroid (2,) of a simple polygon with counter-clockwise ``corners`` (k, 2)."""
     points = np.asarray(corners, dtype=float)
-    spokes = points - points[0]
-    ahead = np.roll(spokes, -1, axis=0)
-    doubled = spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
+    spokes, ahead, doubled = _triangles(points)
     area = float(doubled.sum()) / 2.0
     centroid = points[0] + (doubled[:, None] * (spokes + ahead)).sum(axis=0) / (6.0 * area)
     return area, centroid
+
+
+def _triangles(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Two sides (k, 2) and twice the area (k,) of the triangles at a polygon's first corner."""
+    spokes = points - points[0]
+    ahead = np.roll(spokes, -1, axis=0)
+    return spokes, ahead, spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
 
 
 def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
@@ -216,4 +221,5 @@ def _without_straight_corners(corners: FloatArray) -> FloatArray:
         if not straight.any():
             break
         corners = np.delete(corners, int(np.flatnonzero(straight)[0]), axis=0)
-    return corners if len(corners) > 2 else np.empty((0, 2))
+    has_area = len(corners) > 2 and _triangles(corners)[2].sum() > 0.0
+    return corners if has_area else np.empty((0, 2))
