@@ -165,9 +165,12 @@ class TestAnswers:
     @given(seed=SEEDS)
     @settings(max_examples=40, deadline=None)
     def test_random_programs_as_clarabel(self, seed: int) -> None:
-        """Two solvers, one value: 1e-6, a hundred times what both are asked for."""
+        """Two solvers, one value: 1e-6, a hundred times what both are asked for.
+
+        Clarabel is asked for its own 1e-8: at 1e-9 it gave up on seeds 1975 and 22403.
+        """
         problem = random_program(np.random.default_rng(seed))
-        expected = problem.solve(solver="CLARABEL", tol_gap_rel=1e-9, tol_feas=1e-9)
+        expected = problem.solve(solver="CLARABEL")
         assert problem.solve(solver=Blockwise()) == pytest.approx(expected, rel=1e-6, abs=1e-6)
         assert problem.status == "optimal"
 

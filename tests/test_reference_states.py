@@ -14,6 +14,7 @@ from cvxlimit.masonry import panel, single_block
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Units
 from cvxlimit.selfstress import SelfStressProblem
+from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking, Torsion, TorsionShear
 from helpers import assert_certified, missing_opening, scenes, yield_excess
 
@@ -247,3 +248,29 @@ class TestAssumptions:
         assert "beyond 10 times the total load" in solution.note
         smooth = solve(scene.with_friction(0.05))
         assert smooth.status is Status.DEAD_LOAD_UNSTABLE
+
+
+@pytest.mark.parametrize("ladder", [default_ladder()[:1], None], ids=["clarabel", "default"])
+def test_a_small_stack_on_a_large_block(ladder: tuple[SolverSettings, ...] | None) -> None:
+    """Weights 2e-11 apart: Clarabel's 0.5817 was certified on an assumption about rates.
+
+    0.332305 by HiGHS, with 256 facets and every row in units of its own block's weight.
+    """
+    r = 0.0002849017716788
+    blocks = [
+        Block.box("ground", (-3, -3, -1), (3, 3, 0)),
+        Block.box("large", (0, 0, 0), (1, 1, 1), density=20.0),
+        *(
+            Block.box(f"beside {i}", (1, i * r, 0), (1 + r, (i + 1) * r, r), density=20.0)
+            for i in range(4)
+        ),
+        Block.box("top", (0.3, 0.3, 1), (0.3 + r, 0.3 + r, 1 + r), density=20.0),
+        Block.box("cap", (0.3 - r, 0.3 - r, 1 + r), (0.3 + 2 * r, 0.3 + 2 * r, 1 + 3 * r), 454.0),
+    ]
+    push = Load(acceleration=(0.5665323414776418, -0.8240395051572835, -0.28084006224681257))
+    solution = solve(Scene(blocks, ["ground"], push, friction=0.5), ladder=ladder)
+    assert solution.lower <= 0.332306
+    assert solution.upper >= 0.332304
+    assert solution.status is not Status.CERTIFIED or solution.load_factor == pytest.approx(
+        0.332305, rel=1e-5
+    )
