@@ -1,4 +1,4 @@
-"""Speed against accuracy: ``python -m benchmarks`` runs the suite and draws its charts.
+"""Speed against accuracy: ``python -m benchmarks run`` runs the suite, draws its charts.
 
 One case per file in ``cases/``; methods come from :mod:`cvxlimit.comparison.registry`, and what a
 user would write without the package from :mod:`benchmarks.baselines`.

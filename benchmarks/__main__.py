@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console
 
-from benchmarks import charts, headline
+from benchmarks import headline
 from benchmarks.cases import Case, all_cases
 from benchmarks.results import Record, environment, read, write
 from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
@@ -18,11 +19,22 @@ from cvxlimit.comparison.runs import Limits
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
 HERE = Path(__file__).parent
+ACTIONS = {
+    "run": "measure all cases, which takes hours, or some of them, and draw the charts",
+    "charts": "draw them again from the results",
+    "headline": "the figures of the README, 10 minutes",
+    "list": "the cases and methods",
+}
+_Number = TypeVar("_Number", int, float)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the suite, draw its charts, or measure the headline figures."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.action is None:
+        parser.print_help()
+        return 2
     action = {"run": _run, "charts": _charts, "headline": _headline, "list": _list}[options.action]
     return action(options)
 
@@ -30,17 +42,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     add = parser.add_argument
-    add("action", nargs="?", default="run", choices=("run", "charts", "headline", "list"))
+    explained = "; ".join(f"{name}: {text}" for name, text in ACTIONS.items())
+    add("action", nargs="?", choices=ACTIONS, help=explained)
     add("--cases", nargs="+", metavar="CASE", help="names of cases; all unless given")
-    add("--sizes", nargs="+", type=int, default=[], help="contacts, instead of the cases' own")
+    add(
+        "--sizes",
+        nargs="+",
+        type=_number(int),
+        default=[],
+        help="contacts, instead of the cases' own",
+    )
     add("--methods", nargs="+", default=[], help="method names with * and ?; see list")
-    add("--repeat", type=int, help="runs per method (3; 1 with --quick)")
-    add("--limit", type=float, help="seconds per run (120; 20 with --quick)")
-    add("--memory", type=float, default=8.0, help="GB of address space per run")
+    add("--repeat", type=_number(int), help="runs per method (run 3, headline 5; 1 with --quick)")
+    add("--limit", type=_number(float), help="seconds per run (120; 20 with --quick)")
+    add("--memory", type=_number(float), default=8.0, help="GB of address space per run")
     add("--quick", action="store_true", help="small sizes, one run each: does it all work?")
     add("--out", type=Path, default=HERE / "results", help="folder of results and charts")
     add("--docs", type=Path, help="charts also go here (docs/ for those in the README)")
     return parser
+
+
+def _number(kind: type[_Number]) -> Callable[[str], _Number]:
+    def parse(text: str) -> _Number:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = kind(0)
+        if not 0 < value < float("inf"):
+            what = "a whole number" if kind is int else "a number"
+            raise argparse.ArgumentTypeError(f"must be {what} above 0, got {text}")
+        return value
+
+    return parse
 
 
 def _plan(options: argparse.Namespace) -> Plan:
@@ -103,6 +136,12 @@ def _report(record: Record) -> None:
 
 
 def _charts(options: argparse.Namespace) -> int:
+    try:
+        from benchmarks import charts
+    except ImportError as error:
+        raise SystemExit(f"charts need Matplotlib ({error}): pip install -e '.[dev]'") from error
+    if not (options.out / "results.json").exists():
+        raise SystemExit(f"there is no results.json in {options.out}: run writes one")
     records, about = read(options.out)
     for path in charts.draw_all(records, about, options.out):
         console.print(f"drawn: {path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import platform
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cvxlimit.comparison.rows import Row
+from cvxlimit.files import write_file
 
 FORMAT = "cvxlimit-benchmark"
 VERSION = 1
@@ -70,16 +72,17 @@ def _memory() -> float | None:
 
 
 def write(folder: Path, records: Sequence[Record], about: dict[str, Any]) -> tuple[Path, Path]:
-    """``results.csv`` and ``results.json`` in ``folder``."""
+    """``results.csv`` and ``results.json`` in ``folder``, each replaced in one step."""
     folder.mkdir(parents=True, exist_ok=True)
     flat = [_flat(record) for record in records]
     table, document = folder / "results.csv", folder / "results.json"
-    with table.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, _columns())
-        writer.writeheader()
-        writer.writerows(flat)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, _columns())
+    writer.writeheader()
+    writer.writerows(flat)
+    write_file(table, text.getvalue().encode("utf-8"))
     content = {"format": FORMAT, "version": VERSION, **about, "rows": flat}
-    document.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    write_file(document, json.dumps(content, indent=1).encode("utf-8"))
     return table, document
 
 

@@ -233,6 +233,30 @@ def test_the_whole_command_on_one_small_case(tmp_path, capsys):
         main(["run", "--cases", "castle"])
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--repeat", "0"], "must be a whole number above 0, got 0"),
+        (["--sizes", "0"], "must be a whole number above 0, got 0"),
+        (["--limit", "-5"], "must be a number above 0, got -5"),
+        (["--memory", "nan"], "must be a number above 0, got nan"),
+        (["--repeat", "two"], "must be a whole number above 0, got two"),
+    ],
+)
+def test_options_without_sense_are_refused(options, message, capsys):
+    with pytest.raises(SystemExit):
+        main(["run", *options])
+    assert message in capsys.readouterr().err
+
+
+def test_nothing_runs_unasked(tmp_path, capsys):
+    """The whole suite takes hours: it has to be named."""
+    assert main([]) == 2
+    assert "run: measure all cases" in " ".join(capsys.readouterr().out.split())
+    with pytest.raises(SystemExit, match=r"no results\.json in .*: run writes one"):
+        main(["charts", "--out", str(tmp_path)])
+
+
 def test_list_names_cases_and_methods(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -143,6 +143,18 @@ def test_without_matplotlib_the_error_names_the_extra(tuff, monkeypatch):
         tuff.plot()
 
 
+def test_scenes_with_and_without_interaction_have_fronts_of_their_own(tuff):
+    """Their truths differ, so each has its reference and its legend entries."""
+    plain = next(row for row in tuff.rows if row.method == "cvxlimit")
+    other = replace(plain, method="certified", line="certified", interaction="certified",
+                    moments="signed", reference_lower=0.3628, reference_upper=0.3643)  # fmt: skip
+    figure = Comparison("mixed", (plain, other)).plot()
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    for what in ("Pareto front", "resolution of the reference"):
+        assert labels.count(f"{what}, no interaction") == 1
+        assert labels.count(f"{what}, signed moments") == 1
+
+
 def test_nothing_to_draw_is_refused():
     with pytest.raises(ModelError, match="nothing to draw"):
         Comparison("empty", ()).plot()
@@ -164,6 +176,14 @@ def test_failures_become_rows(how, reason):
     assert isinstance(failure, Failure)
     assert reason in failure.reason
     assert failure.is_timeout is (how == "hang")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_a_limit_too_small_for_the_libraries_is_named():
+    """0.1 GB of address space is less than NumPy's OpenBLAS reserves when it is loaded."""
+    failure = run_apart(registry()["cvxlimit"], builtin_scene("stack"), Limits(60.0, 0.1))
+    assert isinstance(failure, Failure)
+    assert failure.reason.startswith("memory limit of 0.1 GB")
 
 
 def test_a_failure_is_not_repeated_and_the_others_go_on():

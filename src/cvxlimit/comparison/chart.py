@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ COLOURS = (
     "#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0",
     "#6b7280", "#9aad00", "#3b5bdb", "#b45309",
 )  # fmt: skip
+FRONT_COLOURS = ("#4aa3a8", "#c77dba", "#c9a227")
 OWN = "cvxlimit"
 """Lines whose names begin like this are drawn larger: the package's default."""
 
@@ -56,16 +58,21 @@ def on_front(rows: Sequence[Row]) -> set[str]:
     Methods with and without interaction, or with other moments, have fronts of their own: their
     truths differ.
     """
-    return {row.method for front in _fronts(_timed(rows)) for row in front}
+    groups = _by_truth(_timed(rows)).values()
+    return {row.method for group in groups for row in _front(group)}
 
 
-def _fronts(timed: Sequence[Row]) -> list[list[Row]]:
-    truths = dict.fromkeys((row.interaction != "none", row.moments) for row in timed)
-    fronts = []
-    for truth in truths:
-        alike = [row for row in timed if (row.interaction != "none", row.moments) == truth]
-        fronts.append([alike[i] for i in pareto_front([_point(row) for row in alike])])
-    return fronts
+def _by_truth(timed: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows that are measured against the same reference, by its description."""
+    groups: dict[str, list[Row]] = {}
+    for row in timed:
+        truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
+        groups.setdefault(truth, []).append(row)
+    return groups
+
+
+def _front(alike: Sequence[Row]) -> list[Row]:
+    return [alike[i] for i in pareto_front([_point(row) for row in alike])]
 
 
 def draw_time_against_error(
@@ -94,9 +101,11 @@ def draw_time_against_error(
             label=label,
             zorder=4 if own else 3,
         )
-    for front in _fronts(timed):
-        _draw_front(axes, [_point(row) for row in front])
-    _draw_floor(axes, timed)
+    groups = _by_truth(timed)
+    for colour, (truth, group) in zip(cycle(FRONT_COLOURS), groups.items(), strict=False):
+        of_which = f", {truth}" if len(groups) > 1 else ""
+        _draw_front(axes, [_point(row) for row in _front(group)], colour, of_which)
+        _draw_floor(axes, group, colour if of_which else "#888888", of_which)
     axes.set(xscale="log", yscale="log", title=title)
     axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
     axes.set_ylabel("true relative error of the load factor")
@@ -119,20 +128,22 @@ def sparse(value: float, position: float | None = None) -> str:
     return f"{value:g}" if digit in (2, 5) else ""
 
 
-def _draw_front(axes: Axes, front: Sequence[tuple[float, float]]) -> None:
+def _draw_front(
+    axes: Axes, front: Sequence[tuple[float, float]], colour: str, of_which: str
+) -> None:
     times, errors = zip(*front, strict=True)
     axes.step(
-        times, errors, where="post", color="#4aa3a8", linewidth=6, alpha=0.35,
-        label="Pareto front", zorder=1,
+        times, errors, where="post", color=colour, linewidth=6, alpha=0.35,
+        label=f"Pareto front{of_which}", zorder=1,
     )  # fmt: skip
 
 
-def _draw_floor(axes: Axes, rows: Sequence[Row]) -> None:
+def _draw_floor(axes: Axes, rows: Sequence[Row], colour: str, of_which: str) -> None:
     """Below the reference's own width nothing can be told apart."""
     floors = [_floor(row) for row in rows]
     if floors and max(floors) > LEAST:
-        axes.axhline(max(floors), color="#888888", linestyle=":", linewidth=1.0, zorder=1,
-                     label="resolution of the reference")  # fmt: skip
+        axes.axhline(max(floors), color=colour, linestyle=":", linewidth=1.0, zorder=1,
+                     label=f"resolution of the reference{of_which}")  # fmt: skip
 
 
 def _floor(row: Row) -> float:
