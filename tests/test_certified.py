@@ -175,6 +175,48 @@ def test_dead_load_that_cannot_stand(moments: str) -> None:
     assert power > 0.0
 
 
+def pebble_beside_a_boulder(size: float, small: float) -> Scene:
+    """Only the pebble is pushed, with its own weight: friction 0.5 holds half of that."""
+    blocks = [
+        Block.box("ground", (-50, -50, -1), (50, 50, 0)),
+        Block.box("boulder", (0, 0, 0), (size, size, size), 20.0),
+        Block.box("pebble", (-5, -5, 0), (small - 5, small - 5, small), 20.0),
+    ]
+    push = Load(forces={"pebble": (20.0 * small**3, 0, 0, 0, 0, 0)})
+    return Scene(blocks, ["ground"], push, friction=0.5)
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize(
+    ("size", "small"), [(10.0, 0.1), (10.0, 0.01), (10.0, 0.001), (1.0, 0.001)]
+)
+def test_small_beside_large(size: float, small: float, moments: str) -> None:
+    """Weights to 1e-12 of the total: 1e-9 of that was once enough to hold a pebble."""
+    solution = solve(pebble_beside_a_boulder(size, small), interaction="certified", moments=moments)
+    assert solution.lower <= 0.5 * (1.0 + 1e-9)
+    assert solution.upper >= 0.5 * (1.0 - 1e-9)
+    if small == 0.1:
+        assert solution.status is Status.CERTIFIED
+
+
+@pytest.mark.parametrize("push", [1.0, 1e-6, 1e-12])
+def test_without_friction_the_bracket_holds_zero(push: float) -> None:
+    scene = tower(1, (1, 0, 0, 0, 0, 0), friction=0.0).with_live(Load(acceleration=(push, 0, 0)))
+    solution = solve(scene, interaction="certified")
+    assert solution.lower <= 0.0 <= solution.upper
+    assert solution.upper - solution.lower < 1e-6 / push
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_a_load_that_presses_down_does_no_harm(moments: str) -> None:
+    scene = tower(2, (0, 0, -1, 0, 0, 0))
+    solution = solve(scene, interaction="certified", moments=moments)
+    assert solution.status is Status.LIVE_LOAD_HARMLESS
+    assert interaction_excess(solution.forces, scene.contacts, moments).max() <= 0.0
+    alone = Statics.of(scene.with_dead(scene.live))
+    assert np.abs(alone.residual(solution.forces, 0.0)).max() < 1e-12
+
+
 def test_corrupted_forces_fail_the_proof() -> None:
     scene = builtin_scene("tuff-wall")
     solution = solve(scene, interaction="certified", tolerance=0.2)

@@ -70,6 +70,40 @@ class TestSelfStress:
         assert "no exact contact force exceeds 10 times the total load" in solution.note
 
 
+def cornered(friction: float, live: Load, width: float = 0.5, height: float = 1.0) -> Scene:
+    """A block on the ground that touches a wall 1 high."""
+    blocks = (
+        Block.box("ground", (-5, -5, -1), (5, 5, 0)),
+        Block.box("wall", (-1, 0, 0), (0, 1, 1)),
+        Block.box("block", (0, 0, 0), (width, 1, height), 20.0),
+    )
+    return Scene(blocks, ("ground", "wall"), live, friction=friction)
+
+
+class TestCorners:
+    @pytest.mark.parametrize(
+        ("width", "height", "push"),
+        [(1.0, 0.4, 0.01), (1.0, 0.4, 0.3), (1.0, 1.0, 0.3), (0.5, 1.7, 0.1)],
+    )
+    def test_forces_far_above_the_loads(self, width: float, height: float, push: float) -> None:
+        """At friction 1 rates (1, 0, 1) cost nothing at wall and floor: at most 1 / push.
+
+        A linear program over points of the friction cone comes within 3e-5 of that, with forces of
+        1e6 weights and more. Ten total loads were assumed never to be exceeded, and upper bounds
+        fell to 1e-2 below it.
+        """
+        live = Load(acceleration=(push, 1, 0))
+        solution = solve(cornered(1.0, live, width, height))
+        assert solution.lower <= (1.0 + 1e-9) / push
+        assert solution.upper >= (1.0 - 3e-5) / push
+
+    @pytest.mark.parametrize("live", [(-1, 0, 0), (0, 0, -1), (-1, 0, -1)])
+    def test_loads_that_press_do_no_harm_without_friction(self, live: tuple[float, ...]) -> None:
+        """Contacts that carry nothing have rounding only, and no forces of their own to share."""
+        solution = solve(cornered(0.0, Load(acceleration=live)))
+        assert solution.status is Status.LIVE_LOAD_HARMLESS
+
+
 class TestProofs:
     """Scenes on which projections alone found no reference state."""
 

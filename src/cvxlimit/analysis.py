@@ -27,10 +27,7 @@ Progress = Callable[[str], None]
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
-_ZERO = 1e-6
-"""A bracket that holds 0 is measured by this share of dead load / live load, if that is larger."""
-
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Relative disagreement of two bounds that is put down to rounding."""
 
 
@@ -190,14 +187,13 @@ class _Run:
         return abs(upper - lower) <= self.tolerance * self._unit() and not self._contradicts()
 
     def _unit(self) -> float:
-        size = max(abs(self.upper[0]), abs(self.lower[0]))
         if self.lower[0] > 0.0:
-            return size
-        return max(size, _ZERO * self.problem.scaling.load_factor(1.0))
+            return max(self.upper[0], self.lower[0])
+        return self.problem.scaling.unit(self.lower[0], self.upper[0])
 
     def _contradicts(self) -> bool:
         """Lower bound above the upper one by more than rounding."""
-        return self.lower[0] - self.upper[0] > _ROUNDING * self._unit()
+        return self.lower[0] - self.upper[0] > ROUNDING * self._unit()
 
     def _finished(self, status: Status) -> Solution:
         lower, lower_proved, static = self.lower
@@ -366,7 +362,8 @@ def _assumptions(lower_is_proved: bool, upper_is_proved: bool) -> str:
             f"no rate of the exact mechanism exceeds {REFERENCE:g} times the largest found"
         )
     if not upper_is_proved:
-        assumed.append(f"no exact contact force exceeds {REFERENCE:g} times the total load")
+        most = f"{REFERENCE:g} times the total load or the largest one found"
+        assumed.append(f"no exact contact force exceeds {most}")
     if not assumed:
         return PROVED
     return "the bracket holds if " + " and ".join(assumed)

@@ -26,11 +26,12 @@ FloatArray = NDArray[np.float64]
 
 REFERENCE = 10.0
 """Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
-this multiple of the total load, and no rate this multiple of the given mechanism's largest."""
+this multiple of the total load or of the largest force given, and no rate this multiple of the
+given mechanism's largest."""
 
 _BORNE = 1e-8
-"""Yield excess, as a share of the forces at its own contact, that is put down to the solver where
-forces are on the boundary of a surface and cannot be anywhere else."""
+"""Yield excess, as a share of the forces on the less loaded block of the contact, that is put down
+to the solver where forces are on the boundary of a surface and cannot be anywhere else."""
 
 _HUGE = 1e100
 """Forces and rates beyond this are refused like infinite ones: their products overflow."""
@@ -142,8 +143,8 @@ class Certifier:
     def bears(self, forces: ArrayLike) -> bool:
         """True if forces (n, 6), put into equilibrium, carry the dead load.
 
-        Inside all surfaces, up to rounding of the forces at each contact itself: a share of the
-        total load could be all that a small block is loaded with.
+        Inside all surfaces, up to rounding of the forces that act on the less loaded one of a
+        contact's blocks: a share of the total load could be all that a small block is loaded with.
 
         Raises
         ------
@@ -154,7 +155,9 @@ class Certifier:
         if balanced is None:
             return False
         contacts = self.statics.contacts
-        size = block_sizes(balanced, self.size)
+        number = self.statics.row_of_block
+        acting = np.append(self.statics.acting(balanced, 0.0, self.size), np.inf)
+        size = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
         edge_contact, _, _ = contacts.edges
         return all(
             (y <= _BORNE * size[edge_contact if len(y) == len(edge_contact) else ...]).all()
@@ -207,7 +210,7 @@ class Certifier:
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             lower = self._lower(x, load_factor, max(rate, self._rate_of_the_lightest))
         if u is not None:
-            upper = self._upper(u)
+            upper = self._upper(u, self._largest_force(x))
         return Certificate(lower[0], upper[0], lower[1], upper[1], lower[2], lower[3], upper[2])
 
     def _lower(self, x: FloatArray, alpha: float, rate: float) -> tuple[float, bool, float, float]:
@@ -233,7 +236,11 @@ class Certifier:
             share = max(share, float((over / (over - inside)).max()))
         return share
 
-    def _upper(self, u: FloatArray) -> tuple[float, bool, float]:
+    def _largest_force(self, x: FloatArray | None) -> float:
+        """Blocks that wedge each other may press with far more than the loads, and it shows."""
+        return 0.0 if x is None else float(block_sizes(x, self.size).max(initial=0.0))
+
+    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float]:
         live = float(self.statics.live @ u.ravel())
         largest = self._largest_rate(u)
         if not live > 0.0:
@@ -246,7 +253,7 @@ class Certifier:
         if field is not None and _is_resisted(leftover, u):
             return *self._opened(u, field, missing), violation
         bound = -float(self.statics.dead @ u.ravel())
-        force = REFERENCE * self._total_load(bound)
+        force = REFERENCE * max(self._total_load(bound), force)
         error = float(np.maximum(missing, 0.0).sum())
         error += float(np.abs(leftover[:, :2]).sum() + self.size * np.abs(leftover[:, 2]).sum())
         return bound + error * force, False, violation

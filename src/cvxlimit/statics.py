@@ -22,6 +22,9 @@ _BALANCED = 1e-11
 _SMALLEST = 1e-100
 """Smallest total load: squares of smaller ones underflow."""
 
+_ZERO = 1e-6
+"""Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
+
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
 
@@ -127,11 +130,15 @@ class Statics:
 
         Not of the total load: that would let a block of a millionth of the weight go unbalanced.
         """
-        acting = abs(self.matrix) @ np.abs(forces).ravel()
-        acting += np.abs(self.dead) + np.abs(load_factor * self.live)
         rest = block_sizes(self.residual(forces, load_factor), length)
-        size = block_sizes(acting.reshape(-1, DOF), length)
+        size = self.acting(forces, load_factor, length)
         return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
+
+    def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
+        """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
+        total = abs(self.matrix) @ np.abs(forces).ravel()
+        total += np.abs(self.dead) + np.abs(load_factor * self.live)
+        return block_sizes(total.reshape(-1, DOF), length)
 
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
@@ -158,11 +165,15 @@ class Scaling:
     ----------
     force, length, live : float
         One unit of the scaled problem, in the user's units.
+    ratio : float
+        Dead load of the blocks that carry live load, over the live load: a natural size of load
+        factors. With all blocks' dead load a pebble beside a boulder would have a huge one.
     """
 
     force: float
     length: float
     live: float
+    ratio: float = 1.0
 
     @classmethod
     def of(cls, scene: Scene) -> Scaling:
@@ -185,7 +196,9 @@ class Scaling:
                     f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
                     "choose smaller units of force or a larger density"
                 )
-        return cls(force=dead if dead > 0.0 else live, length=length, live=live)
+        force = dead if dead > 0.0 else live
+        loaded = _total(scene.dead_forces[np.any(scene.live_forces, axis=1)], length)
+        return cls(force, length, live, (loaded or force) / live if live > 0.0 else 1.0)
 
     def apply(self, statics: Statics) -> Statics:
         """The scaled copy; forces, lengths and load factor of order one."""
@@ -201,6 +214,14 @@ class Scaling:
     def load_factor(self, scaled: float) -> float:
         """Load factor in the user's sense."""
         return scaled * self.force / self.live
+
+    def unit(self, *load_factors: float) -> float:
+        """What errors of load factors are measured by: the largest, or a millionth of the ratio.
+
+        >>> Scaling(force=100.0, length=1.0, live=10.0, ratio=10.0).unit(-0.5, 0.2)
+        0.5
+        """
+        return max(*map(abs, load_factors), _ZERO * self.ratio)
 
     def forces(self, scaled: FloatArray) -> FloatArray:
         """Contact forces (contacts, 6) in the user's units."""

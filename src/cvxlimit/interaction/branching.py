@@ -185,9 +185,8 @@ class _Search:
     @property
     def width(self) -> float:
         """The gap that is asked for, as a load factor."""
-        unit = 1e-6 * self.problem.scaling.load_factor(1.0)
-        sizes = [abs(x) for x in (self.upper, self.lower) if np.isfinite(x)]
-        return self.tolerance * max([*sizes, unit])
+        known = [x for x in (self.upper, self.lower) if np.isfinite(x)]
+        return self.tolerance * self.problem.scaling.unit(0.0, *known)
 
     @property
     def is_closed(self) -> bool:
@@ -298,7 +297,7 @@ class _Search:
             if state.mechanism is None or state.load_factor is None:
                 break
             forces, factor = state.forces, state.load_factor
-            found = certifier.certificate(None, None, state.mechanism).upper
+            found = certifier.certificate(state.forces, None, state.mechanism).upper
             if found < bound:
                 bound, best = found, state.mechanism
             if found - state.load_factor <= _WORTH_A_COPY * self.width or bound < self.lower:

@@ -15,15 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.analysis import Clock, Progress, by_block
+from cvxlimit.analysis import ROUNDING, Clock, Progress, by_block
 from cvxlimit.errors import ModelError
 from cvxlimit.interaction.branching import branch_and_bound
 from cvxlimit.interaction.hull import GlobalBound, global_upper_bound
 from cvxlimit.interaction.inner import InnerIterate, InnerMethod, InnerSettings
-from cvxlimit.interaction.lower_bound import LowerBound
+from cvxlimit.interaction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
+from cvxlimit.statics import Scaling
 from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
@@ -129,6 +130,7 @@ class _Bracket:
         start = time.perf_counter()
         self.contacts = scene.contacts
         self.clock.measure("detect", start)
+        self.scaling = Scaling.of(scene)
         self.history: list[Iterate] = []
         self.lower, self.upper = -np.inf, np.inf
         self.lower_is_proved = self.upper_is_proved = False
@@ -146,8 +148,11 @@ class _Bracket:
         if outer.mechanism is not None:
             self._bound_from_below(outer)
             self._branch()
-        asked = self.rule.tolerance or GOOD
-        return self._packed(Status.CERTIFIED if self._width() <= asked else Status.NOT_CERTIFIED)
+        elif (forces := self._forces_for_live_load_alone()) is not None:
+            self.forces = forces
+            return self._packed(Status.LIVE_LOAD_HARMLESS)
+        good = self._width() <= (self.rule.tolerance or GOOD) and not self._contradicts()
+        return self._packed(Status.CERTIFIED if good else Status.NOT_CERTIFIED)
 
     def _bound_from_above(self) -> GlobalBound:
         outer = global_upper_bound(
@@ -228,8 +233,10 @@ class _Bracket:
             self.scene, self.moments, asked, seconds=self.rule.branching_seconds, progress=self.tell
         )
         self.clock.measure("solve", start)
-        if found.lower > self.lower:
-            self.lower, self.forces, self.lower_is_proved = found.lower, found.forces, False
+        if found.forces is not None:
+            bound = LowerBounds(self.scene, self.moments).of(found.forces, found.lower)
+            if bound.value > self.lower:
+                self._raise(bound)
         if found.upper < self.upper:
             self.upper, self.mechanism = found.upper, found.mechanism
             self.upper_is_proved = found.is_proved
@@ -249,10 +256,24 @@ class _Bracket:
         outer = global_upper_bound(alone, self.moments, settings=self._outer_ladder())
         return outer.mechanism if outer.upper < 0.5 else None
 
+    def _forces_for_live_load_alone(self) -> FloatArray | None:
+        """Forces (contacts, 6) that carry the live load alone, strictly inside Eq. 30, or None.
+
+        Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
+        """
+        alone = self.scene.with_dead(self.scene.live)
+        return next(iter(LowerBounds(alone, self.moments).reserves), None)
+
     def _width(self) -> float:
         if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
             return np.inf
-        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+        if self.lower > 0.0:
+            return (self.upper - self.lower) / max(self.upper, self.lower)
+        return (self.upper - self.lower) / self.scaling.unit(self.lower, self.upper)
+
+    def _contradicts(self) -> bool:
+        """Lower bound above the upper one by more than rounding."""
+        return self._width() < -ROUNDING
 
     def _note(self, iterate: Iterate) -> None:
         self.history.append(replace(iterate, lower=_known(self.lower), upper=_known(self.upper)))
@@ -274,7 +295,7 @@ class _Bracket:
             status=status,
             history=tuple(self.history),
             seconds=self.clock.report(),
-            forces=self.forces if has_answer else None,
+            forces=self.forces,
             mechanism=by_block(self.scene, self.mechanism),
             note=self._basis() if status.has_answer else status.advice,
         )
@@ -283,14 +304,18 @@ class _Bracket:
         lower = (
             "lower bound proved: its forces satisfy Eq. 30 to rounding"
             if self.lower_is_proved
-            else "lower bound: its forces satisfy Eq. 30 to 1e-9 of the total load"
+            else "lower bound: its forces satisfy Eq. 30 to 1e-9 of the total load, and what "
+            "that is worth is taken off if no rate exceeds ten times the lightest block's"
         )
         upper = (
             "upper bound proved against the hull of all true states"
             if self.upper_is_proved
-            else "upper bound if no contact force exceeds ten times the total load"
+            else "upper bound if no contact force exceeds ten times the total load or the largest "
+            "one found"
         )
         parts = [lower, upper, self.reason]
+        if self._contradicts():
+            parts.insert(0, "the bounds contradict each other, so an assumption behind them fails")
         if not self.contacts.is_rectangle.all():
             parts.append("contacts that are not rectangles: lower bound on inscribed rectangles")
         return "; ".join(part for part in parts if part)

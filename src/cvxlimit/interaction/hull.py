@@ -227,7 +227,7 @@ class _Pricing:
         start = time.perf_counter()
         if state.mechanism is not None:
             self.state = state
-            bound = self.certifier.certificate(None, None, state.mechanism)
+            bound = self.certifier.certificate(state.forces, None, state.mechanism)
             if bound.upper < self.best[0]:
                 self.best = (bound.upper, bound.upper_is_proved, state.mechanism)
             worth = _WORTH_A_COPY * tolerance * self.unit
@@ -261,7 +261,7 @@ class _Pricing:
     @property
     def unit(self) -> float:
         """What tolerances are relative to: the bound, or its natural unit near zero."""
-        return max(abs(self.best[0]), 1e-6 * self.problem.scaling.load_factor(1.0))
+        return self.problem.scaling.unit(self.best[0])
 
     def result(self) -> GlobalBound:
         """The best so far."""
