@@ -201,7 +201,7 @@ def test_accepted_iterates_pass_the_checker(moments: str) -> None:
     for iterate in accepted:
         assert iterate.bound is not None
         assert iterate.bound.excess <= ACCEPTED
-        assert_admissible(scene, iterate.bound.forces, iterate.bound.value, moments)
+        assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
 
 
 @pytest.mark.parametrize(("moments", "least"), [("independent", 0.2529), ("signed", 0.3600)])
@@ -233,7 +233,7 @@ def test_s12_panel_in_one_step_from_the_relaxation() -> None:
     assert first.kind == "hard"
     assert first.lower >= 0.1244
     assert first.bound is not None
-    assert_admissible(scene, first.bound.forces, first.bound.value, "independent")
+    assert_admissible(scene, first.bound.forces, first.bound.load_factor, "independent")
 
 
 # Brute force: forces of stacks follow from equilibrium.
@@ -328,7 +328,7 @@ def good_forces() -> tuple[Scene, FloatArray, float]:
     method = InnerMethod(scene, "independent")
     list(method.iterates())
     assert method.best is not None
-    return scene, method.best.forces, method.best.value
+    return scene, method.best.forces, method.best.load_factor
 
 
 def test_corrupted_forces_are_refused() -> None:
@@ -367,7 +367,7 @@ def test_any_convex_contact(scene: Scene, moments: str) -> None:
     method = InnerMethod(scene, moments, InnerSettings(most=10))
     for iterate in method.iterates():
         if iterate.bound is not None and iterate.is_safe:
-            assert_admissible(scene, iterate.bound.forces, iterate.bound.value, moments)
+            assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
 
 
 def triangle() -> Scene:
@@ -414,7 +414,7 @@ class TestRectangles:
         list(method.iterates())
         assert method.best is not None
         assert method.best.value > 0.3
-        assert_admissible(scene, method.best.forces, method.best.value, moments)
+        assert_admissible(scene, method.best.forces, method.best.load_factor, moments)
 
     def test_rectangles_stay_as_they_are(self, moments: str) -> None:
         contacts = builtin_scene("tuff-wall").contacts

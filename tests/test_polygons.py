@@ -65,9 +65,12 @@ class TestOverlap:
 
     @given(seed=st.integers(0, 2**32 - 1))
     @example(seed=6234)  # a sliver of rounding whose area is exactly 0
+    @example(
+        seed=9561
+    )  # in exact fractions 1e-16; GEOS says so in one order, and 1.23 in the other
     @settings(max_examples=200)
     def test_random_polygons_as_shapely(self, seed: int) -> None:
-        """Areas by another library; 1e-12 of the larger polygon's area is rounding."""
+        """Areas by another library, in either order: GEOS is wrong in one of them at times."""
         rng = np.random.default_rng(seed)
         polygons = [random_polygon(rng) for _ in range(2)]
         if rng.random() < 0.5:  # share a corner and an edge's direction, with or without rounding
@@ -77,12 +80,11 @@ class TestOverlap:
         padded = [np.vstack([p, np.repeat(p[-1:], 12 - len(p), axis=0)])[None] for p in polygons]
         (overlap,), (swapped,) = convex_overlap(*padded), convex_overlap(*padded[::-1])
         areas = [abs(area_and_centroid(p)[0]) if len(p) else 0.0 for p in (overlap, swapped)]
-        expected = max(
-            shapely.Polygon(polygons[i]).intersection(shapely.Polygon(polygons[1 - i])).area
-            for i in (0, 1)
-        )
+        a, b = (shapely.Polygon(p) for p in polygons)
         size = max(abs(area_and_centroid(p)[0]) for p in polygons)
-        np.testing.assert_allclose(areas, expected, atol=1e-9 * size)
+        assert areas[0] == pytest.approx(areas[1], abs=1e-9 * size)
+        expected = min((a & b).area, (b & a).area, key=lambda area: abs(area - areas[0]))
+        assert areas[0] == pytest.approx(expected, rel=1e-7, abs=1e-9 * size)
 
     def test_pairs_of_different_numbers_of_corners_at_once(self) -> None:
         triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0], [0.0, 1.0]])

@@ -97,8 +97,8 @@ def run_certified(
 ) -> Solution:
     """Bracket the load factor with interaction; see the module and :class:`Certified`.
 
-    ``load_factor`` and ``forces`` of the solution are those of the lower bound, ``mechanism`` that
-    of the upper one; the history has both bounds as they stood after every solve.
+    ``load_factor`` and ``forces`` of the solution are those behind the lower bound, ``mechanism``
+    that of the upper one; the history has both bounds as they stood after every solve.
 
     Raises
     ------
@@ -133,6 +133,7 @@ class _Bracket:
         self.scaling = Scaling.of(scene)
         self.history: list[Iterate] = []
         self.lower, self.upper = -np.inf, np.inf
+        self.load_factor = -np.inf
         self.lower_is_proved = self.upper_is_proved = False
         self.forces: FloatArray | None = None
         self.mechanism: FloatArray | None = None
@@ -220,7 +221,7 @@ class _Bracket:
         )
 
     def _raise(self, bound: LowerBound) -> None:
-        self.lower, self.forces = bound.value, bound.forces
+        self.lower, self.load_factor, self.forces = bound.value, bound.load_factor, bound.forces
         self.lower_is_proved = bound.is_proved
 
     def _branch(self) -> None:
@@ -289,7 +290,7 @@ class _Bracket:
             moments=self.moments,
             blocks=len(self.scene.free),
             contacts=len(self.contacts),
-            load_factor=self.lower if has_answer else None,
+            load_factor=self._known_factor() if has_answer else None,
             lower=self.lower if status.has_answer else -np.inf,
             upper=self.upper if status.has_answer else np.inf,
             status=status,
@@ -300,11 +301,17 @@ class _Bracket:
             note=self._basis() if status.has_answer else status.advice,
         )
 
+    def _known_factor(self) -> float:
+        """That of the forces; where bounds are lowered by an estimate it may miss the bracket."""
+        return float(np.clip(self.load_factor, self.lower, max(self.lower, self.upper)))
+
     def _basis(self) -> str:
         lower = (
             "lower bound proved: its forces satisfy Eq. 30 to rounding"
             if self.lower_is_proved
-            else "lower bound: its forces satisfy Eq. 30 to 1e-9 of the total load, and what "
+            else "no forces were found that satisfy Eq. 30"
+            if not np.isfinite(self.lower)
+            else "lower bound: its forces satisfy Eq. 30 to 1e-7 of the total load, and what "
             "that is worth is taken off if no rate exceeds ten times the lightest block's"
         )
         upper = (

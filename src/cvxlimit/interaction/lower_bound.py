@@ -11,16 +11,21 @@ from numpy.typing import NDArray
 from cvxlimit.certificate import REFERENCE
 from cvxlimit.contacts import COLUMN, Contacts
 from cvxlimit.interaction.pressure import interaction_excess
-from cvxlimit.scene import Scene
+from cvxlimit.problem import LimitProblem
+from cvxlimit.scene import Load, Scene
+from cvxlimit.solvers import default_ladder
 from cvxlimit.statics import DOF, Scaling, Statics, block_sizes
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 from cvxlimit.witnesses import Witnesses
 
 FloatArray = NDArray[np.float64]
 
-ACCEPTED = 1e-9
+ACCEPTED = 1e-7
 """Equilibrium residual and excess of Eq. 9 and 30, over the total load, beyond which forces are
 refused."""
+
+_CLOSE = 1e-9
+"""The same, up to which little of the load factor is spent on a proof."""
 
 _LOST = 0.1
 """Share of the load factor beyond which an estimate of what they are worth refuses forces too:
@@ -30,8 +35,8 @@ _SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
 """Shares of a dead-load state mixed in, smallest first, to be strictly admissible."""
 
 _PROOF = 1e-5
-"""Largest share spent on turning an accepted bound into a proved one; forces that would be
-refused may cost more."""
+"""Largest share spent on turning a bound from forces within :data:`_CLOSE` into a proved one; other
+forces may cost more."""
 
 _RESERVES = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
 """Shares of friction and of the contacts' size that dead-load states may use, most demanding
@@ -48,12 +53,13 @@ class LowerBound:
     value : float
         -inf if the forces were refused.
     forces : (n, 6) array
-        In equilibrium with ``value`` times the live load; user's units. Up to what ``value`` was
-        lowered by, unless it is proved.
+        In the user's units.
+    load_factor : float
+        The one with which they are in equilibrium; ``value`` if that is proved.
     is_proved : bool
         True if they satisfy Eq. 9 and 30 and equilibrium to rounding; otherwise they do so
-        within :data:`ACCEPTED` of the total load, and ``value`` is their load factor less what
-        that is worth if no rate of the exact mechanism exceeds ten times that of the block with
+        within :data:`ACCEPTED` of the total load, and ``value`` is ``load_factor`` less what that
+        is worth if no rate of the exact mechanism exceeds ten times that of the block with
         the least live load, moving alone.
     excess, residual : float
         Largest excess of Eq. 9 and 30 and largest equilibrium residual, over the total load.
@@ -61,6 +67,7 @@ class LowerBound:
 
     value: float
     forces: FloatArray
+    load_factor: float
     is_proved: bool
     excess: float
     residual: float
@@ -87,7 +94,7 @@ class LowerBounds:
     """
 
     def __init__(self, scene: Scene, moments: str) -> None:
-        self.moments = moments
+        self.scene, self.moments = scene, moments
         self.statics = Statics.of(scene)
         self.scaling = Scaling.of(scene)
         self.witnesses = Witnesses(self.statics, (Rocking(), TorsionShear()))
@@ -96,12 +103,13 @@ class LowerBounds:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
         given = np.asarray(forces, dtype=float)
         if not (np.isfinite(given).all() and np.isfinite(load_factor)):
-            return LowerBound(-np.inf, given, False, np.inf, np.inf)
+            return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
         balanced = self.witnesses.balanced(given, load_factor)
         plain = self._checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
-        most = _PROOF if plain.is_accepted else _SHARES[-1]
+        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= _CLOSE
+        most = _PROOF if is_close else _SHARES[-1]
         for share in (share for share in _SHARES if share <= most):
             for reserve in self.reserves:
                 mixed = (1.0 - share) * balanced + share * reserve
@@ -114,7 +122,24 @@ class LowerBounds:
     def reserves(self) -> tuple[FloatArray, ...]:
         """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
         states = [self._dead_state(friction, size) for friction, size in _RESERVES]
-        return tuple(state for state in states if state is not None)
+        found = tuple(state for state in states if state is not None)
+        return found or self._solved_state()
+
+    def _solved_state(self) -> tuple[FloatArray, ...]:
+        """What a solver finds where projections find nothing: the middle of all such forces."""
+        if not np.any(self.scene.dead_forces):
+            return ()
+        alone = self.scene.with_live(self.scene.dead).with_dead(Load())
+        state = LimitProblem(alone, most=1.0).solve(default_ladder()[0])
+        if state.forces is None or not state.load_factor or state.load_factor < 0.5:
+            return ()
+        balanced = self.witnesses.balanced(state.forces / state.load_factor, 0.0)
+        return (balanced,) if self._is_inside(balanced) else ()
+
+    def _is_inside(self, state: FloatArray) -> bool:
+        """True if forces carry the dead load strictly inside Eq. 9 and 30."""
+        finite = bool(np.isfinite(state).all())
+        return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
 
     def _dead_state(self, friction: float, size: float) -> FloatArray | None:
         whole = self.statics.contacts
@@ -126,13 +151,11 @@ class LowerBounds:
         )
         surfaces = (Rocking(), TorsionShear())
         state = Witnesses(replace(self.statics, contacts=smaller), surfaces).dead_state
-        if state is None or self._excess(state).max() >= 0.0 or not self._is_balanced(state, 0.0):
-            return None
-        return state
+        return state if state is not None and self._is_inside(state) else None
 
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not np.isfinite(forces).all():
-            return LowerBound(-np.inf, forces, False, np.inf, np.inf)
+            return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
         over = np.maximum(self._excess(forces), 0.0)
         rest = block_sizes(self.statics.residual(forces, load_factor), self.scaling.length)
         excess, residual = (float(v.max()) / self.scaling.force for v in (over, rest))
@@ -141,7 +164,7 @@ class LowerBounds:
         unit = self.scaling.unit(load_factor)
         accepted = proved or (max(excess, residual) <= ACCEPTED and lost <= _LOST * unit)
         value = float(load_factor) - lost if accepted else -np.inf
-        return LowerBound(value, forces, proved, excess, residual)
+        return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
     @cached_property
     def _largest_rate(self) -> float:
