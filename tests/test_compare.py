@@ -223,8 +223,14 @@ def test_surfaces_and_functions_that_no_module_holds():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Model("x", tolerance="1e-6"), "tolerance must be between 0 and 1, got '1e-6'"),
-        (lambda: Model("x", tolerance=-1.0), "tolerance must be between 0 and 1, got -1.0"),
+        (
+            lambda: Model("x", tolerance="1e-6"),
+            "tolerance must be a number between 0 and 1, got '1e-6'",
+        ),
+        (
+            lambda: Model("x", tolerance=-1.0),
+            "tolerance must be a number between 0 and 1, got -1.0",
+        ),
         (lambda: Model("x", formulation="resultants"), "formulation must be a function .*'resul"),
         (lambda: Model("x", solver="SCS"), r"got 'SCS': .*settings_for\('SCS', 1e-8\)"),
         (lambda: Model("x", surface=Rocking), "surface must be a name .*Rocking"),

@@ -90,7 +90,9 @@ class Comparison:
             raise ModelError('charts need Matplotlib: pip install "cvxlimit[plot]"') from error
         result = SceneFigure(figsize=(10.0, 5.2), layout="constrained")
         axes = result.add_subplot()
-        draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error")
+        left_out = sum(row.total is None or row.error is None for row in self.rows)
+        note = f"\n{left_out} of {len(self.rows)} models have no figure" if left_out else ""
+        draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error{note}")
         result.legend(*axes.get_legend_handles_labels(), loc="outside right upper", fontsize=8)
         return result
 
@@ -177,6 +179,8 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     if isinstance(models, (str, Method)):
         models = [models]
     known = [*registry().values(), *interaction_registry().values()]
+    if not isinstance(models, Sequence):
+        raise ModelError(f"models must be names or Model objects, got {models!r}")
     result: dict[str, Method] = {}
     for model in models:
         for method in choose([model], known) if isinstance(model, str) else [model]:

@@ -126,10 +126,16 @@ class Model(Method):
     solver : SolverSettings or None
         One run of one solver with its certificate; None is the package's own ladder of solvers,
         climbed until the bracket is within ``tolerance``.
-    tolerance : float
-        What is asked of the ladder; for one solver its options say it, and this is for the record.
+    tolerance : float or None
+        What is asked of the ladder; None is the package's default. For one solver its options say
+        it, and this is for the record.
     interaction, moments : str
         As for :func:`cvxlimit.solve`; with interaction the ladder is always the package's own.
+
+    Raises
+    ------
+    ModelError
+        For anything that is none of these, and a solver together with interaction.
 
     Example
     -------
@@ -145,11 +151,15 @@ class Model(Method):
     surface: str | Cone | Sequence[YieldSurface] = "conic"
     formulation: Formulation = corner_compressions
     solver: SolverSettings | None = None
-    tolerance: float = TOLERANCE
+    tolerance: float | None = None
     interaction: str = "none"
     moments: str = "independent"
 
     def __post_init__(self) -> None:
+        for what in ("name", "line"):
+            text = getattr(self, what)
+            if not isinstance(text, str) or not (text or what == "line"):
+                raise ModelError(f"{what} of a model must be a text, got {text!r}")
         surfaces_of(self.surface)
         if not callable(self.formulation):
             raise ModelError(
@@ -161,8 +171,14 @@ class Model(Method):
                 f"solver must be SolverSettings, got {self.solver!r}: "
                 "cvxlimit.comparison.settings.settings_for('SCS', 1e-8) makes them"
             )
-        if not (isinstance(self.tolerance, float) and 0.0 < self.tolerance < 1.0):
-            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
+        asked = self._asked
+        if not (isinstance(asked, float) and 0.0 < asked < 1.0):
+            raise ModelError(f"tolerance must be a number between 0 and 1, got {asked!r}")
+        if self.solver is not None and self.interaction != "none":
+            raise ModelError(
+                f"model {self.name!r} has a solver and interaction: leave out the solver, since "
+                "interaction always takes the package's own"
+            )
         check_choice("interaction", self.interaction, INTERACTIONS)
         check_choice("moments", self.moments, MOMENTS)
         if not self.line:
@@ -174,9 +190,13 @@ class Model(Method):
             "surface": surfaces_of(self.surface)[1],
             "formulation": self.formulation.__name__.replace("_", " "),
             "solver": "ladder" if self.solver is None else str(self.solver),
-            "tolerance": f"{self.tolerance:g}",
+            "tolerance": "" if self.solver and self.tolerance is None else f"{self._asked:g}",
             **super().axes(),
         }
+
+    @property
+    def _asked(self) -> float:
+        return TOLERANCE if self.tolerance is None else self.tolerance
 
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
@@ -189,11 +209,11 @@ class Model(Method):
     def _solved(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
         options: dict[str, Any] = {"interaction": self.interaction, "moments": self.moments}
-        return _measured(solve(scene, self.surface, tolerance=self.tolerance, **options), start)
+        return _measured(solve(scene, self.surface, tolerance=self._asked, **options), start)
 
     def _analysed(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        options: dict[str, Any] = {"tolerance": self.tolerance, "formulation": self.formulation}
+        options: dict[str, Any] = {"tolerance": self._asked, "formulation": self.formulation}
         return _measured(analyse(scene, self.surface, **options), start)
 
     def _run_once(self, scene: Scene, settings: SolverSettings) -> Measurement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Any
 
 import cvxpy as cp
@@ -36,9 +37,16 @@ def settings_for(
 ) -> SolverSettings:
     """Settings of ``solver`` (CVXPY's name) at ``tolerance``, whatever it calls its options.
 
+    Raises
+    ------
+    ModelError
+        If the tolerance is not a number between 0 and 1.
+
     >>> settings_for("SCS", 1e-4).options["eps_rel"]
     0.0001
     """
+    if not (isinstance(tolerance, float) and 0.0 < tolerance < 1.0):
+        raise ModelError(f"tolerance must be a number between 0 and 1, got {tolerance!r}")
     names = _TOLERANCE_OPTIONS.get(solver, ())
     own = {**_FIXED_OPTIONS.get(solver, {}), **dict.fromkeys(names, tolerance), **options}
     return SolverSettings(solver, own, label or solver)
@@ -47,7 +55,10 @@ def settings_for(
 def check_installed(settings: SolverSettings) -> None:
     """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed."""
     name, backend = settings.name, settings.options.get("backend", "")
-    if name not in cp.installed_solvers() and name not in PLUG_INS:
-        raise ModelError(f"solver {name} is not installed; CVXPY finds it once it is")
+    known = [*cp.installed_solvers(), *PLUG_INS]
+    if name not in known:
+        close = get_close_matches(name.upper(), known, 1, 0.8)
+        hint = f"did you mean {close[0]}?" if close else "CVXPY finds it once it is"
+        raise ModelError(f"solver {name} is not installed; {hint}")
     if backend == "cholmod" and best_backend() != backend:
         raise ModelError("CHOLMOD is not installed; it comes with the package cvxopt")

@@ -118,7 +118,7 @@ def limit_ladder(
     """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
     The blockwise solver comes first where it was measured to be faster (:data:`LOOPS`). Elsewhere
-    QOCO does, if it is installed: 1.4 to 2.2 times as fast as Clarabel on walls and panels to
+    QOCO does, if it is installed: 1.2 to 1.8 times as fast as Clarabel on walls and panels to
     2,000 contacts, with brackets of 1e-8 to 1e-7. The blockwise solver is third there.
 
     Parameters
