@@ -25,6 +25,14 @@ ACTIONS = {
     "headline": "the figures of the README, 10 minutes",
     "list": "the cases and methods",
 }
+TAKES = {
+    "run": {"cases", "sizes", "methods", "repeat", "limit", "memory", "quick", "out", "docs"},
+    "charts": {"out", "docs"},
+    "headline": {"repeat", "limit", "memory", "quick", "out"},
+    "list": {"cases"},
+}
+"""Options of each action."""
+
 _Number = TypeVar("_Number", int, float)
 
 
@@ -35,8 +43,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.action is None:
         parser.print_help()
         return 2
+    _refuse_unused(parser, options)
+    _make_folders(options)
     action = {"run": _run, "charts": _charts, "headline": _headline, "list": _list}[options.action]
-    return action(options)
+    try:
+        return action(options)
+    except KeyboardInterrupt:
+        kept = f"; sizes that were finished are in {options.out}" if options.action == "run" else ""
+        console.print(f"interrupted{kept}")
+        return 130
+
+
+def _refuse_unused(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    for name, value in vars(options).items():
+        given = name != "action" and value != parser.get_default(name)
+        if given and name not in TAKES[options.action]:
+            parser.error(f"{options.action} does not take --{name}")
+
+
+def _make_folders(options: argparse.Namespace) -> None:
+    """Before anything is measured: a folder that cannot be written to would lose it."""
+    for folder in (options.out, options.docs):
+        try:
+            if folder is not None and options.action != "list":
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SystemExit(f"{folder} cannot be made a folder: {error.strerror}") from error
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -142,11 +174,15 @@ def _charts(options: argparse.Namespace) -> int:
         raise SystemExit(f"charts need Matplotlib ({error}): pip install -e '.[dev]'") from error
     if not (options.out / "results.json").exists():
         raise SystemExit(f"there is no results.json in {options.out}: run writes one")
-    records, about = read(options.out)
+    try:
+        records, about = read(options.out)
+    except (ValueError, TypeError, AttributeError, KeyError) as error:
+        raise SystemExit(
+            f"results.json in {options.out} was not written by run: {error}"
+        ) from error
     for path in charts.draw_all(records, about, options.out):
         console.print(f"drawn: {path}")
         if options.docs is not None:
-            options.docs.mkdir(parents=True, exist_ok=True)
             (options.docs / path.name).write_bytes(path.read_bytes())
     return 0
 

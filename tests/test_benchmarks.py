@@ -249,6 +249,39 @@ def test_options_without_sense_are_refused(options, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["headline", "--cases", "panel"], "headline does not take --cases"),
+        (["charts", "--methods", "cvxlimit"], "charts does not take --methods"),
+        (["list", "--sizes", "50"], "list does not take --sizes"),
+    ],
+)
+def test_options_of_another_action_are_refused(options, message, capsys):
+    with pytest.raises(SystemExit):
+        main(options)
+    assert message in capsys.readouterr().err
+
+
+def test_folders_and_results_that_cannot_be_used_are_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SystemExit, match="file cannot be made a folder: File exists"):
+        main(["run", "--out", str(tmp_path / "file")])
+    for text in ("{", "{}", "[]"):
+        (tmp_path / "results.json").write_text(text)
+        with pytest.raises(SystemExit, match="was not written by run"):
+            main(["charts", "--out", str(tmp_path)])
+
+
+def test_interrupting_says_what_is_kept(tmp_path, capsys, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("benchmarks.__main__.run_case", interrupted)
+    assert main(["run", "--cases", "arch", "--out", str(tmp_path)]) == 130
+    assert f"interrupted; sizes that were finished are in {tmp_path}" in capsys.readouterr().out
+
+
 def test_nothing_runs_unasked(tmp_path, capsys):
     """The whole suite takes hours: it has to be named."""
     assert main([]) == 2
