@@ -66,7 +66,7 @@ def detect_contacts(
     ['ground-brick']
     """
     is_fixed = np.array([b.id in fixed for b in blocks])
-    sizes = np.array([b.size for b in blocks])
+    sizes = _sizes(blocks)
     near = nearby_pairs([b.vertices for b in blocks], tolerance * sizes)
     faces = _face_table(blocks, sizes)
     lower, upper = _facing_pairs(faces, *near, tolerance)
@@ -74,6 +74,14 @@ def detect_contacts(
     check_no_interpenetration(blocks, *near, contacts, sizes, tolerance)
     _check_every_block_touches(blocks, contacts, is_fixed)
     return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
+
+
+def _sizes(blocks: Sequence[Block]) -> FloatArray:
+    """``size`` of every block, all at once."""
+    count = np.array([len(b.vertices) for b in blocks])
+    points, begin = np.concatenate([b.vertices for b in blocks]), np.cumsum(count) - count
+    extents = np.maximum.reduceat(points, begin) - np.minimum.reduceat(points, begin)
+    return np.asarray(np.linalg.norm(extents, axis=1))
 
 
 def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:

@@ -25,7 +25,9 @@ def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntA
     grown by their margins, are apart.
     """
     levels = max(len(bodies) - 1, 0).bit_length()
-    order = _tree_order(np.array([body.mean(axis=0) for body in bodies]), levels)
+    count = np.array([len(body) for body in bodies])
+    begin = np.cumsum(count) - count
+    order = _tree_order(np.add.reduceat(np.concatenate(bodies), begin) / count[:, None], levels)
     points = np.concatenate([bodies[i] for i in order])
     points = points - points.mean(axis=0)
     start = np.cumsum([0, *(len(bodies[i]) for i in order[:-1])])
