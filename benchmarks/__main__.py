@@ -63,9 +63,10 @@ def _refuse_unused(parser: argparse.ArgumentParser, options: argparse.Namespace)
 
 def _make_folders(options: argparse.Namespace) -> None:
     """Before anything is measured: a folder that cannot be written to would lose it."""
-    for folder in (options.out, options.docs):
+    out = options.out if options.action in ("run", "headline") else None
+    for folder in (out, options.docs):
         try:
-            if folder is not None and options.action != "list":
+            if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise SystemExit(f"{folder} cannot be made a folder: {error.strerror}") from error

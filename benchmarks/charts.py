@@ -174,7 +174,9 @@ def _plain_ticks(axes: Axes) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_minor_formatter(FuncFormatter(sparse))
+    low, high = axes.get_ylim()
+    few = high < 5.0 * low  # a range that 1, 2 and 5 may miss altogether
+    axes.yaxis.set_minor_formatter(FuncFormatter(lambda v, _: f"{v:g}" if few else sparse(v)))
 
 
 def phases(family: str, grown: dict[str, list[Record]]) -> Figure:

@@ -18,7 +18,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.interaction.copies import box_copies
 from cvxlimit.interaction.hull import HullProblem
 from cvxlimit.interaction.inner import InnerIterate, InnerMethod, InnerSettings, safe_iterates
-from cvxlimit.interaction.lower_bound import ACCEPTED, LowerBounds, proved_lower_bound
+from cvxlimit.interaction.lower_bound import LowerBounds, proved_lower_bound
 from cvxlimit.interaction.pressure import effective_arm, interaction_excess
 from cvxlimit.interaction.rectangles import Rectangles
 from cvxlimit.interaction.safe_step import Forces, Plane, Point, Row, independent_rows, signed_rows
@@ -200,7 +200,7 @@ def test_accepted_iterates_pass_the_checker(moments: str) -> None:
     assert len(accepted) >= 4
     for iterate in accepted:
         assert iterate.bound is not None
-        assert iterate.bound.excess <= ACCEPTED
+        assert iterate.bound.excess <= 1e-9
         assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
 
 
@@ -336,7 +336,7 @@ def test_corrupted_forces_are_refused() -> None:
     scene, x, factor = good_forces()
     value, checked, _, excess = proved_lower_bound(scene, x, factor, "independent")
     assert value == pytest.approx(factor, rel=2e-5)
-    assert excess <= ACCEPTED
+    assert excess <= 1e-9
     assert_admissible(scene, checked, value, "independent")
     for bad in (1.05 * factor, np.nan, np.inf):
         assert proved_lower_bound(scene, x, bad, "independent")[0] == -np.inf

@@ -96,6 +96,7 @@ class TestCorners:
         solution = solve(cornered(1.0, live, width, height))
         assert solution.lower <= (1.0 + 1e-9) / push
         assert solution.upper >= (1.0 - 3e-5) / push
+        assert 0.9 / push < solution.lower <= solution.upper < 1.1 / push  # not useless either
 
     @pytest.mark.parametrize("live", [(-1, 0, 0), (0, 0, -1), (-1, 0, -1)])
     def test_loads_that_press_do_no_harm_without_friction(self, live: tuple[float, ...]) -> None:

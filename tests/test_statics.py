@@ -104,7 +104,7 @@ class TestScaling:
     def test_round_trip(self, scene: Scene, seed: int) -> None:
         """Scaled residuals, powers and factors are the unscaled ones in other units."""
         generator = np.random.default_rng(seed)
-        scaling = Scaling(*(10.0 ** generator.uniform(-6, 6, 3)))
+        scaling = Scaling(*(10.0 ** generator.uniform(-6, 6, 4)))
         plain = Statics.of(scene)
         scaled = scaling.apply(plain)
         x = generator.normal(size=(len(scene.contacts), DOF))

@@ -208,7 +208,8 @@ class Certifier:
         upper = (np.inf, False, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
         if x is not None and load_factor is not None and np.isfinite(load_factor):
-            lower = self._lower(x, load_factor, max(rate, self._rate_of_the_lightest))
+            rate = max(rate, self.statics.rate_of_the_lightest(self.size))
+            lower = self._lower(x, load_factor, rate)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
         return Certificate(lower[0], upper[0], lower[1], upper[1], lower[2], lower[3], upper[2])
@@ -314,16 +315,6 @@ class Certifier:
         relative = self.statics.relative_rates(mechanism)
         openings = np.abs(corner_openings(relative, self.statics.contacts)).max()
         return float(max(self._generalised_rate(mechanism).max(), openings)) / live
-
-    @cached_property
-    def _rate_of_the_lightest(self) -> float:
-        """Rate at which the free block with the least live load alone has live power 1.
-
-        A mechanism found by rounding may not move that block at all, where the exact one moves
-        nothing else: then its own rates say nothing about those that are possible.
-        """
-        size = self._generalised(self.statics.live.reshape(-1, DOF))
-        return float(1.0 / size[size > 0.0].min(initial=np.inf))
 
     def _generalised_rate(self, mechanism: FloatArray) -> FloatArray:
         turning = self.size * np.linalg.norm(mechanism[:, 3:], axis=1)

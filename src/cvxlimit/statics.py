@@ -140,6 +140,15 @@ class Statics:
         total += np.abs(self.dead) + np.abs(load_factor * self.live)
         return block_sizes(total.reshape(-1, DOF), length)
 
+    def rate_of_the_lightest(self, length: float) -> float:
+        """Rate at which the free block with the least live load alone has live power 1.
+
+        A mechanism found by rounding may not move that block at all, where the exact one moves
+        nothing else: then its own rates say nothing about those that are possible.
+        """
+        size = block_sizes(self.live.reshape(-1, DOF), length)
+        return float(1.0 / size[size > 0.0].min(initial=np.inf))
+
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
         return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
@@ -173,7 +182,7 @@ class Scaling:
     force: float
     length: float
     live: float
-    ratio: float = 1.0
+    ratio: float
 
     @classmethod
     def of(cls, scene: Scene) -> Scaling:

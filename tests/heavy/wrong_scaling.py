@@ -10,6 +10,7 @@ the same runs give 0.1120587. The smaller scene of this kind is in test_certific
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -42,7 +43,7 @@ def state(share: float) -> LimitState:
     """Force and live load in units of ``share`` block weights."""
     usual = Scaling.of(scene())
     unit = share / len(scene().free)
-    scaling = Scaling(usual.force * unit, usual.length, usual.live * unit)
+    scaling = replace(usual, force=usual.force * unit, live=usual.live * unit)
     return LimitProblem(scene(), scaling=scaling).solve(CLARABEL)
 
 

@@ -20,7 +20,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.interaction.branching import branch_and_bound
 from cvxlimit.interaction.hull import GlobalBound, global_upper_bound
 from cvxlimit.interaction.inner import InnerIterate, InnerMethod, InnerSettings
-from cvxlimit.interaction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.interaction.lower_bound import ACCEPTED, LowerBound, LowerBounds
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
@@ -306,14 +306,15 @@ class _Bracket:
         return float(np.clip(self.load_factor, self.lower, max(self.lower, self.upper)))
 
     def _basis(self) -> str:
-        lower = (
-            "lower bound proved: its forces satisfy Eq. 30 to rounding"
-            if self.lower_is_proved
-            else "no forces were found that satisfy Eq. 30"
-            if not np.isfinite(self.lower)
-            else "lower bound: its forces satisfy Eq. 30 to 1e-7 of the total load, and what "
-            "that is worth is taken off if no rate exceeds ten times the lightest block's"
-        )
+        if not np.isfinite(self.lower):
+            lower = "no forces were found that satisfy Eq. 30"
+        elif self.lower_is_proved:
+            lower = "lower bound proved: its forces satisfy Eq. 30 to rounding"
+        else:
+            lower = (
+                f"lower bound: its forces satisfy Eq. 30 to {ACCEPTED:.0e} of the total load, and "
+                "what that is worth is taken off if no rate exceeds ten times the lightest block's"
+            )
         upper = (
             "upper bound proved against the hull of all true states"
             if self.upper_is_proved

@@ -14,7 +14,7 @@ from cvxlimit.interaction.pressure import interaction_excess
 from cvxlimit.problem import LimitProblem
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solvers import default_ladder
-from cvxlimit.statics import DOF, Scaling, Statics, block_sizes
+from cvxlimit.statics import Scaling, Statics, block_sizes
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 from cvxlimit.witnesses import Witnesses
 
@@ -160,17 +160,12 @@ class LowerBounds:
         rest = block_sizes(self.statics.residual(forces, load_factor), self.scaling.length)
         excess, residual = (float(v.max()) / self.scaling.force for v in (over, rest))
         proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
-        lost = 0.0 if proved else float(over.sum() + rest.sum()) * REFERENCE * self._largest_rate
+        rate = REFERENCE * self.statics.rate_of_the_lightest(self.scaling.length)
+        lost = 0.0 if proved else float(over.sum() + rest.sum()) * rate
         unit = self.scaling.unit(load_factor)
         accepted = proved or (max(excess, residual) <= ACCEPTED and lost <= _LOST * unit)
         value = float(load_factor) - lost if accepted else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
-
-    @cached_property
-    def _largest_rate(self) -> float:
-        """Of the free block with the least live load, if it moves alone and live power is 1."""
-        size = block_sizes(self.statics.live.reshape(-1, DOF), self.scaling.length)
-        return float(1.0 / size[size > 0.0].min(initial=np.inf))
 
     def _excess(self, forces: FloatArray) -> FloatArray:
         contacts = self.statics.contacts
