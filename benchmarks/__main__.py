@@ -15,7 +15,7 @@ from benchmarks import headline
 from benchmarks.cases import Case, all_cases
 from benchmarks.results import Record, environment, read, write
 from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
-from cvxlimit.comparison.runs import Limits
+from cvxlimit.compare.runs import Limits
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
 HERE = Path(__file__).parent

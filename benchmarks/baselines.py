@@ -15,9 +15,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cvxlimit.comparison.models import Measurement, Method
-from cvxlimit.contacts import Contacts
+from cvxlimit.compare.models import Measurement, Method
 from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene, Units
 
 FloatArray = NDArray[np.float64]

@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from benchmarks.results import Record
-from cvxlimit.comparison.chart import (
+from cvxlimit.compare.chart import (
     draw_time_against_error,
     fitted_exponent,
     sparse,
     style,
 )
-from cvxlimit.comparison.models import PHASES
+from cvxlimit.compare.models import PHASES
 
 FIT_FROM = 400
 """Contacts from which growth is fitted: below, fixed costs hide it."""

@@ -10,12 +10,12 @@ from pathlib import Path
 from benchmarks.baselines import Literal, LiteralConic, ScipyLinprog
 from benchmarks.cases.panel import build as panel_of
 from benchmarks.results import environment
-from cvxlimit.comparison.chart import fitted_exponent
-from cvxlimit.comparison.models import Method, Model
-from cvxlimit.comparison.rows import Row, side_by_side
-from cvxlimit.comparison.runs import Limits
+from cvxlimit.compare.chart import fitted_exponent
+from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.rows import Row, side_by_side
+from cvxlimit.compare.runs import Limits
 from cvxlimit.masonry import builtin_scene
-from cvxlimit.sparse import best_backend
+from cvxlimit.solvers.sparse import best_backend
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
 OCTAGON = Model("cvxlimit/octagon/1e-6", "cvxlimit, octagon", surface="octagon", tolerance=1e-6)

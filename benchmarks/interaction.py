@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 
 from cvxlimit import Solution, builtin_scene, solve
-from cvxlimit.interaction.fixed_point import FixedPoint
+from cvxlimit.methods.fixed_point import FixedPoint
 
 matplotlib.use("Agg")
 from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cvxlimit.comparison.rows import Row
+from cvxlimit.compare.rows import Row
 from cvxlimit.files import write_file
 
 FORMAT = "cvxlimit-benchmark"

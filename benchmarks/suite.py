@@ -9,10 +9,10 @@ from fnmatch import fnmatchcase
 from benchmarks.baselines import baselines
 from benchmarks.cases import Case
 from benchmarks.results import Record
-from cvxlimit.comparison.models import Method
-from cvxlimit.comparison.registry import choose, interaction_registry, registry
-from cvxlimit.comparison.rows import Bracket, Row, row_of, side_by_side
-from cvxlimit.comparison.runs import Failure, Limits
+from cvxlimit.compare.models import Method
+from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.rows import Bracket, Row, row_of, side_by_side
+from cvxlimit.compare.runs import Failure, Limits
 
 GROWTH = (
     "cvxlimit",

@@ -17,9 +17,9 @@ from scipy.sparse import coo_array, csr_array, hstack
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Contacts, Load, Scene, Solution, Status
-from cvxlimit.contacts import Contact
+from cvxlimit.geometry.contacts import Contact
+from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
-from cvxlimit.polygons import mean_distance
 from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]

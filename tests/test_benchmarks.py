@@ -26,13 +26,13 @@ from benchmarks.suite import (
 )
 
 from cvxlimit import builtin_scene
-from cvxlimit.comparison.models import Measurement
-from cvxlimit.comparison.registry import registry
-from cvxlimit.comparison.rows import Bracket, Row, row_of
-from cvxlimit.comparison.runs import Failure, Limits
+from cvxlimit.compare.models import Measurement
+from cvxlimit.compare.registry import registry
+from cvxlimit.compare.rows import Bracket, Row, row_of
+from cvxlimit.compare.runs import Failure, Limits
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch
-from cvxlimit.statics import Statics
+from cvxlimit.model.statics import Statics
 
 TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
 S12_CONIC, S12_OCTAGON = 0.175819, 0.178313

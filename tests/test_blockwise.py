@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import SolverError
-from cvxlimit.formulations import resultants
-from cvxlimit.kinematics import KinematicProblem
 from cvxlimit.masonry import arch, panel, running_bond, wall
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.formulations import resultants
+from cvxlimit.model.kinematics import KinematicProblem
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, SolverSettings, default_ladder, limit_ladder
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
 from cvxlimit.solvers.blockwise.elimination import NewtonSystem
-from cvxlimit.sparse import BACKENDS
+from cvxlimit.solvers.sparse import BACKENDS
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import assert_certified, scenes
 

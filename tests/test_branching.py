@@ -10,11 +10,11 @@ import pytest
 from scipy.optimize import minimize
 
 from cvxlimit import Block, Load, Scene, builtin_scene
-from cvxlimit.interaction.branching import Bracket, branch_and_bound
-from cvxlimit.interaction.hull import global_upper_bound
-from cvxlimit.interaction.pressure import interaction_excess
+from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import single_block, stack
-from cvxlimit.polygons import torsion_arm
+from cvxlimit.methods.interaction.branching import Bracket, branch_and_bound
+from cvxlimit.methods.interaction.hull import global_upper_bound
+from cvxlimit.methods.interaction.pressure import interaction_excess
 from helpers import hand_equilibrium
 from test_hull import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons
 

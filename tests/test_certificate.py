@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from cvxlimit import Block, Certifier, Load, Scene, Status, Units, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.statics import Scaling
 from cvxlimit.surfaces import Facets, Rocking, TorsionShear
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import (

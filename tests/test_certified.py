@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Load, Scene, Solution, Units, builtin_scene, solve
-from cvxlimit.contacts import COLUMN
 from cvxlimit.errors import ModelError
-from cvxlimit.interaction.certified import Certified
-from cvxlimit.interaction.pressure import interaction_excess
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.interaction.pressure import interaction_excess
+from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
-from cvxlimit.statics import Statics
 
 MOMENTS = ("independent", "signed")
 

@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene, cli, report
+from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
+from cvxlimit.cli import main as cli
+from cvxlimit.cli import report
+from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.report import show
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]

@@ -15,15 +15,15 @@ import pytest
 
 from cvxlimit import builtin_scene, solve
 from cvxlimit.compare import Comparison, compare
-from cvxlimit.comparison.chart import fitted_exponent, pareto_front
-from cvxlimit.comparison.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
-from cvxlimit.comparison.reference import WIDTH, Reference
-from cvxlimit.comparison.registry import choose, interaction_registry, registry
-from cvxlimit.comparison.rows import Bracket, number_of_steps, side_by_side
-from cvxlimit.comparison.runs import Failure, Limits, run_apart
-from cvxlimit.comparison.settings import settings_for
+from cvxlimit.compare.chart import fitted_exponent, pareto_front
+from cvxlimit.compare.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
+from cvxlimit.compare.reference import WIDTH, Reference
+from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.rows import Bracket, number_of_steps, side_by_side
+from cvxlimit.compare.runs import Failure, Limits, run_apart
+from cvxlimit.compare.settings import settings_for
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.formulations import resultants
+from cvxlimit.model.formulations import resultants
 from cvxlimit.scene import Load
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 

@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.blocks import BOX_FACES, RELATIVE_TOLERANCE, Block
-from cvxlimit.contacts import Contacts
-from cvxlimit.detection import detect_contacts
 from cvxlimit.errors import InputError
-from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
-from cvxlimit.nearby import nearby_pairs
-from cvxlimit.penetration import penetration
-from cvxlimit.polygons import (
+from cvxlimit.geometry.blocks import BOX_FACES, RELATIVE_TOLERANCE, Block
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.nearby import nearby_pairs
+from cvxlimit.geometry.penetration import penetration
+from cvxlimit.geometry.polygons import (
     area_and_centroid,
 )
+from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
 from cvxlimit.scene import Scene
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))

@@ -8,8 +8,8 @@ import pytest
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
-from cvxlimit.interaction.fixed_point import FixedPoint, FrozenProblem, _cycles
-from cvxlimit.interaction.pressure import Pressure
+from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem, _cycles
+from cvxlimit.methods.interaction.pressure import Pressure
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Conic, Facets

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
-from cvxlimit.formulations import resultants
-from cvxlimit.statics import Statics
+from cvxlimit.model.formulations import resultants
+from cvxlimit.model.statics import Statics
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
 from cvxlimit.surfaces.flow import FlowRule, corner_openings
 from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations

@@ -13,13 +13,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Contacts, Load, Scene, builtin_scene
-from cvxlimit.contacts import COLUMN
-from cvxlimit.interaction.copies import Copies, box_copies, copy_forces, safe_copies
-from cvxlimit.interaction.hull import GlobalBound, HullProblem, global_upper_bound
-from cvxlimit.interaction.pressure import effective_arm, interaction_excess
-from cvxlimit.interaction.support import InteractionFlow, half_extent, whole_boxes
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import single_block, stack
-from cvxlimit.polygons import torsion_arm
+from cvxlimit.methods.interaction.copies import Copies, box_copies, copy_forces, safe_copies
+from cvxlimit.methods.interaction.hull import GlobalBound, HullProblem, global_upper_bound
+from cvxlimit.methods.interaction.pressure import effective_arm, interaction_excess
+from cvxlimit.methods.interaction.support import InteractionFlow, half_extent, whole_boxes
 from cvxlimit.scene import Units
 from helpers import hand_equilibrium
 

@@ -13,17 +13,29 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, builtin_scene
-from cvxlimit.contacts import COLUMN, Contacts
 from cvxlimit.errors import ModelError
-from cvxlimit.interaction.copies import box_copies
-from cvxlimit.interaction.hull import HullProblem
-from cvxlimit.interaction.inner import InnerIterate, InnerMethod, InnerSettings, safe_iterates
-from cvxlimit.interaction.lower_bound import LowerBounds, proved_lower_bound
-from cvxlimit.interaction.pressure import effective_arm, interaction_excess
-from cvxlimit.interaction.rectangles import Rectangles
-from cvxlimit.interaction.safe_step import Forces, Plane, Point, Row, independent_rows, signed_rows
-from cvxlimit.polygons import torsion_arm
-from cvxlimit.statics import Statics
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.polygons import torsion_arm
+from cvxlimit.methods.interaction.copies import box_copies
+from cvxlimit.methods.interaction.hull import HullProblem
+from cvxlimit.methods.interaction.inner import (
+    InnerIterate,
+    InnerMethod,
+    InnerSettings,
+    safe_iterates,
+)
+from cvxlimit.methods.interaction.lower_bound import LowerBounds, proved_lower_bound
+from cvxlimit.methods.interaction.pressure import effective_arm, interaction_excess
+from cvxlimit.methods.interaction.rectangles import Rectangles
+from cvxlimit.methods.interaction.safe_step import (
+    Forces,
+    Plane,
+    Point,
+    Row,
+    independent_rows,
+    signed_rows,
+)
+from cvxlimit.model.statics import Statics
 from helpers import piles
 
 FloatArray = NDArray[np.float64]

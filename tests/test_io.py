@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import (
     documents,
     read_result,

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 
 from cvxlimit import Scene, builtin_scene, solve
-from cvxlimit.kinematics import KinematicProblem
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.kinematics import KinematicProblem
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking

@@ -19,9 +19,9 @@ import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from cvxlimit import plotting
-from cvxlimit.blocks import Block
-from cvxlimit.contacts import COMPONENTS
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting import ContactKind, figure, motion, page, plot, title
 from cvxlimit.plotting.camera import camera_from, default_camera
 from cvxlimit.plotting.mesh import cropped, drawn_mesh

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.blocks import Block
-from cvxlimit.detection import detect_contacts
-from cvxlimit.polygons import (
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.polygons import (
     area_and_centroid,
     convex_overlap,
     effective_region,

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene
-from cvxlimit.contacts import Contacts
-from cvxlimit.interaction.lower_bound import rocking_excess
-from cvxlimit.interaction.pressure import Pressure, effective_arm, interaction_excess
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.interaction.lower_bound import rocking_excess
+from cvxlimit.methods.interaction.pressure import Pressure, effective_arm, interaction_excess
 
 FloatArray = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from hypothesis import assume, given, settings
 
 from cvxlimit import Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
-from cvxlimit.formulations import corner_compressions, resultants
 from cvxlimit.masonry import single_block
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.formulations import corner_compressions, resultants
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import (

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cvxlimit import Load, Status, builtin_scene, solve
+from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import arch
-from cvxlimit.polygons import torsion_arm
 from helpers import assert_certified
 
 PUBLISHED = {

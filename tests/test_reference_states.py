@@ -11,9 +11,9 @@ from hypothesis import given, settings
 
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, single_block
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.selfstress import SelfStressProblem
 from cvxlimit.scene import Units
-from cvxlimit.selfstress import SelfStressProblem
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking, Torsion, TorsionShear
 from helpers import assert_certified, missing_opening, scenes, yield_excess

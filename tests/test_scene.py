@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import CvxlimitError, InputError
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry import builtin_scene
 from cvxlimit.scene import GRAVITY, Load, Scene, Units
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
-from cvxlimit.sparse import BACKENDS, factorised, nested_dissection
+from cvxlimit.solvers.sparse import BACKENDS, factorised, nested_dissection
 
 
 def grid(width: int, height: int) -> sp.csr_array:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.errors import InputError
 from cvxlimit.masonry import single_block
-from cvxlimit.statics import DOF, Scaling, Statics, corner_map
+from cvxlimit.model.statics import DOF, Scaling, Statics, corner_map
 from helpers import hand_equilibrium, rotations, scenes
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from cvxlimit import Contacts, Load, builtin_scene, solve
 from cvxlimit.errors import ModelError
-from cvxlimit.formulations import corner_compressions, resultants
 from cvxlimit.masonry import single_block, stack
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.formulations import corner_compressions, resultants
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.surfaces import (
     Condition,
     Cone,

@@ -4,16 +4,17 @@ A scene goes in; a load factor with a bracket recomputed outside the solver, con
 collapse mechanism come out. Start with :func:`solve` and :func:`builtin_scene`.
 """
 
-from cvxlimit.analysis import analyse
-from cvxlimit.blocks import Block
-from cvxlimit.certificate import Certificate, Certifier
-from cvxlimit.compare import compare
-from cvxlimit.contacts import COMPONENTS, Contact, Contacts
-from cvxlimit.interaction import Certified, FixedPoint
+import cvxlimit.compare as compare
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.contacts import COMPONENTS, Contact, Contacts
 from cvxlimit.masonry import builtin_scene
+from cvxlimit.methods.analysis import analyse
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.solving import solve
+from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.scene import GRAVITY, Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solve import solve
 
 __all__ = [
     "COMPONENTS",

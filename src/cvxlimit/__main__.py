@@ -1,6 +1,6 @@
 """``python -m cvxlimit`` is ``cvxlimit``."""
 
-from cvxlimit.cli import main
+from cvxlimit.cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -10,11 +10,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.blocks import Block
 from cvxlimit.checks import finite_vector, not_negative
-from cvxlimit.contacts import Contacts
-from cvxlimit.detection import detect_contacts
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.detection import detect_contacts
 
 FloatArray = NDArray[np.float64]
 Vector = tuple[float, ...]

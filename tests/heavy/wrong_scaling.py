@@ -18,9 +18,9 @@ import pytest
 
 from cvxlimit import Certifier, Scene, solve
 from cvxlimit.masonry import panel
-from cvxlimit.problem import LimitProblem
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.statics import Scaling
 
 CLARABEL = SolverSettings("CLARABEL", {"direct_solve_method": "qdldl", "max_iter": 200})
 

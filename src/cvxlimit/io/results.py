@@ -8,9 +8,9 @@ from dataclasses import fields as dataclass_fields
 
 import numpy as np
 
-from cvxlimit.contacts import COMPONENTS
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
 from cvxlimit.io.fields import (
     ANY_FINITE,

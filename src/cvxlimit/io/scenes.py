@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
 from cvxlimit.io.fields import (
     LARGEST,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import count, positive
 from cvxlimit.scene import Load, Scene
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import (
     Size,
     count,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.blocks import RELATIVE_TOLERANCE, Block
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
 
 Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cvxlimit.blocks import Block
 from cvxlimit.checks import finite_vector
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import Size, count, ground_below, positive, size_of
 from cvxlimit.scene import Load, Scene
 

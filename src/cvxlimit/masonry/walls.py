@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from cvxlimit.blocks import Block
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import Size, count, ground_below, positive, size_of
 from cvxlimit.scene import Load, Scene
 

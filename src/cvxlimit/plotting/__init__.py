@@ -53,7 +53,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     Example
     -------
     >>> import numpy as np, tempfile
-    >>> from cvxlimit.blocks import Block
+    >>> from cvxlimit.geometry.blocks import Block
     >>> from cvxlimit.scene import Load, Scene
     >>> from cvxlimit.solution import Solution, Status
     >>> ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.contacts import COMPONENTS
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.movement import Motion, contact_forces, motion, velocity_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.contacts import COMPONENTS
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.camera import default_camera, upright
 from cvxlimit.plotting.look import (
     KIND_COLOURS,

@@ -10,7 +10,7 @@ from typing import Any
 
 import cvxpy as cp
 
-from cvxlimit.sparse import best_backend
+from cvxlimit.solvers.sparse import best_backend
 
 _CLARABEL = {"direct_solve_method": "qdldl"}
 """Clarabel's own LDL: on block assemblages 2 to 8 times faster than its default (faer)."""

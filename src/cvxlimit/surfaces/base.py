@@ -15,8 +15,8 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.contacts import COLUMN, Contacts
 from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cvxlimit.contacts import Contacts
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
 
 

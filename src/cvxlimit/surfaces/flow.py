@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.surfaces.base import (
     Coefficient,
     Condition,

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
-from cvxlimit.sparse import BACKENDS, nested_dissection
+from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

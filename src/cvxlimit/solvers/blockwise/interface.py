@@ -21,7 +21,7 @@ from cvxlimit.solvers.blockwise.iteration import (
     UNBOUNDED,
     minimise,
 )
-from cvxlimit.sparse import BACKENDS, best_backend
+from cvxlimit.solvers.sparse import BACKENDS, best_backend
 
 _STATUS = {
     SOLVED: "Solved",

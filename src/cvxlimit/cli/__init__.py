@@ -1,0 +1,1 @@
+"""The command line: :mod:`main` parses and runs, :mod:`report` shows."""

@@ -1,0 +1,162 @@
+"""Time against true error, with the Pareto front: Matplotlib, imported when it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cvxlimit.compare.rows import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MARKERS = "os^Dv<>phXPd8"
+COLOURS = (
+    "#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0",
+    "#6b7280", "#9aad00", "#3b5bdb", "#b45309",
+)  # fmt: skip
+FRONT_COLOURS = ("#4aa3a8", "#c77dba", "#c9a227")
+OWN = "cvxlimit"
+"""Lines whose names begin like this are drawn larger: the package's default."""
+
+LEAST = 1e-12
+"""Errors below this are drawn there: a logarithmic axis has no zero."""
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points that no other one beats in both coordinates, by the first one.
+
+    >>> pareto_front([(1, 5), (2, 6), (3, 1), (3, 2), (4, 1)])
+    [0, 2]
+    """
+    front: list[int] = []
+    best = np.inf
+    for i in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[i][1] < best:
+            front.append(i)
+            best = points[i][1]
+    return front
+
+
+def fitted_exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """p of the least-squares fit of value = constant x size^p; NaN for fewer than two sizes.
+
+    >>> round(fitted_exponent([10, 100, 1000], [3, 300, 30000]), 6)
+    2.0
+    """
+    if len(set(sizes)) < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+
+
+def on_front(rows: Sequence[Row]) -> set[str]:
+    """Names of the methods on the Pareto front of total time against true error.
+
+    Methods with and without interaction, or with other moments, have fronts of their own: their
+    truths differ.
+    """
+    groups = _by_truth(_timed(rows)).values()
+    return {row.method for group in groups for row in _front(group)}
+
+
+def _by_truth(timed: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows that are measured against the same reference, by its description."""
+    groups: dict[str, list[Row]] = {}
+    for row in timed:
+        truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
+        groups.setdefault(truth, []).append(row)
+    return groups
+
+
+def _front(alike: Sequence[Row]) -> list[Row]:
+    return [alike[i] for i in pareto_front([_point(row) for row in alike])]
+
+
+def draw_time_against_error(
+    axes: Axes, rows: Sequence[Row], title: str = "", styles: Mapping[str, int] | None = None
+) -> None:
+    """One line per method family, the Pareto front shaded behind them, into ``axes``.
+
+    ``styles`` numbers the lines' markers and colours, for several plots with one legend.
+    """
+    timed = _timed(rows)
+    lines: dict[str, list[Row]] = {}
+    for row in timed:
+        lines.setdefault(row.line, []).append(row)
+    for order, (label, members) in enumerate(lines.items()):
+        number = order if styles is None else styles[label]
+        times, errors = zip(*(_point(row) for row in members), strict=True)
+        own = label.startswith(OWN)
+        axes.plot(
+            times,
+            errors,
+            **style(number, label),
+            markersize=10 if own else 6,
+            markeredgecolor="black" if own else "white",
+            markeredgewidth=0.8,
+            linewidth=1.2,
+            label=label,
+            zorder=4 if own else 3,
+        )
+    groups = _by_truth(timed)
+    for colour, (truth, group) in zip(cycle(FRONT_COLOURS), groups.items(), strict=False):
+        of_which = f", {truth}" if len(groups) > 1 else ""
+        _draw_front(axes, [_point(row) for row in _front(group)], colour, of_which)
+        _draw_floor(axes, group, colour if of_which else "#888888", of_which)
+    axes.set(xscale="log", yscale="log", title=title)
+    axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
+    axes.set_ylabel("true relative error of the load factor")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(sparse)
+    axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def style(number: int, label: str) -> dict[str, Any]:
+    """Marker and colour of a line; the first colour is kept for the package's own."""
+    others = COLOURS[1:]
+    colour = COLOURS[0] if label.startswith(OWN) else others[number % len(others)]
+    return {"marker": MARKERS[number % len(MARKERS)], "color": colour}
+
+
+def sparse(value: float, position: float | None = None) -> str:
+    """Labels of minor ticks: 2 and 5 of every decade."""
+    digit = round(value / 10.0 ** np.floor(np.log10(value)))
+    return f"{value:g}" if digit in (2, 5) else ""
+
+
+def _draw_front(
+    axes: Axes, front: Sequence[tuple[float, float]], colour: str, of_which: str
+) -> None:
+    times, errors = zip(*front, strict=True)
+    axes.step(
+        times, errors, where="post", color=colour, linewidth=6, alpha=0.35,
+        label=f"Pareto front{of_which}", zorder=1,
+    )  # fmt: skip
+
+
+def _draw_floor(axes: Axes, rows: Sequence[Row], colour: str, of_which: str) -> None:
+    """Below the reference's own width nothing can be told apart."""
+    floors = [_floor(row) for row in rows]
+    if floors and max(floors) > LEAST:
+        axes.axhline(max(floors), color=colour, linestyle=":", linewidth=1.0, zorder=1,
+                     label=f"resolution of the reference{of_which}")  # fmt: skip
+
+
+def _floor(row: Row) -> float:
+    """The reference's relative width: load factors inside it cannot be told apart."""
+    if row.reference_lower is None or row.reference_upper is None:
+        return LEAST
+    scale = max(abs(row.reference_upper), abs(row.reference_lower), 1e-300)
+    return max(LEAST, (row.reference_upper - row.reference_lower) / scale)
+
+
+def _timed(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row.total is not None and row.error is not None]
+
+
+def _point(row: Row) -> tuple[float, float]:
+    return row.total or 0.0, max(row.error or 0.0, _floor(row))

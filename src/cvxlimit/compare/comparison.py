@@ -1,0 +1,241 @@
+"""Speed against accuracy on the user's own scene, in one call."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from cvxlimit.compare.chart import draw_time_against_error, on_front
+from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.rows import Row, number_of_steps, side_by_side
+from cvxlimit.compare.runs import Limits, check_portable
+from cvxlimit.errors import ModelError
+from cvxlimit.files import write_file
+from cvxlimit.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["DEFAULT_MODELS", "Comparison", "Limits", "Model", "Row", "compare"]
+
+DEFAULT_MODELS = (
+    "cvxlimit",
+    "cvxlimit/1e-8",
+    "conic/corners/clarabel-qdldl/*",
+    "conic/corners/clarabel-faer/*",
+    "conic/resultants/*",
+    "octagon*/corners/clarabel-qdldl/*",
+    "??-gon*/corners/clarabel-qdldl/*",
+    "octagon/corners/highs-ipm/*",
+)
+"""What is compared unless asked otherwise: all of it comes with the package's dependencies."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Rows of one comparison, in the order of the models.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> result = compare(builtin_scene("single-block"), ["cvxlimit"], repeat=1, progress=False)
+    >>> result.rows[0].method, result.rows[0].error < 1e-5
+    ('cvxlimit', True)
+    """
+
+    scene: str
+    rows: tuple[Row, ...]
+
+    @property
+    def front(self) -> tuple[str, ...]:
+        """Names of the models that no other one beats in both time and error."""
+        best = on_front(self.rows)
+        return tuple(row.method for row in self.rows if row.method in best)
+
+    def table(self) -> str:
+        """Plain text: one line per model, ``*`` for those on the Pareto front."""
+        head = ("", "model", "load factor", "true error", "seconds", "of it solver", "MB", "status")
+        best = set(self.front)
+        lines = [head, *(("*" if row.method in best else "", *_cells(row)) for row in self.rows)]
+        notes = dict.fromkeys(_reference_note(row) for row in self.rows)
+        return "\n".join([*_aligned(lines), *notes])
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Time against true error with the Pareto front, into ``ax`` or a figure of its own.
+
+        Raises
+        ------
+        ModelError
+            If Matplotlib is not installed, or no model has both a time and an error.
+        """
+        if not any(row.total is not None and row.error is not None for row in self.rows):
+            raise ModelError("there is nothing to draw: no model has a time and a true error")
+        if ax is not None:
+            draw_time_against_error(ax, self.rows)
+            return ax.get_figure(root=True)  # type: ignore[return-value]
+        try:
+            from cvxlimit.plotting.drawing import SceneFigure
+        except ImportError as error:
+            raise ModelError('charts need Matplotlib: pip install "cvxlimit[plot]"') from error
+        result = SceneFigure(figsize=(10.0, 5.2), layout="constrained")
+        axes = result.add_subplot()
+        left_out = sum(row.total is None or row.error is None for row in self.rows)
+        note = f"\n{left_out} of {len(self.rows)} models have no figure" if left_out else ""
+        draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error{note}")
+        result.legend(*axes.get_legend_handles_labels(), loc="outside right upper", fontsize=8)
+        return result
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write all columns of all rows; returns the file's path.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, [column.name for column in fields(Row)])
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in self.rows)
+        write_file(path, text.getvalue().encode("utf-8"))
+        return Path(path)
+
+
+def compare(
+    scene: Scene,
+    models: str | Method | Sequence[str | Method] | None = None,
+    *,
+    repeat: int = 3,
+    progress: bool = True,
+    limits: Limits | None = None,
+) -> Comparison:
+    """Time, memory and true error of several models on one scene.
+
+    Every run is a process of its own; models take turns, and figures are medians. Errors are
+    relative to a reference certified to 1e-8 where that can be had (``row.reference`` says),
+    never to a model's own claim; with interaction to the certified bracket.
+
+    Parameters
+    ----------
+    scene : Scene
+    models : (sequence of) str or Model, or None
+        Names from :func:`cvxlimit.compare.registry.registry`, with ``*`` and ``?``, or your
+        own :class:`~cvxlimit.compare.models.Model`, with surfaces of your own if you like.
+        None is :data:`DEFAULT_MODELS`.
+    repeat : int
+        Runs per model.
+    progress : bool
+        Show a bar on stderr.
+    limits : Limits or None
+        Seconds, memory and threads for every run.
+
+    Returns
+    -------
+    Comparison
+        Models that fail are rows with a reason.
+
+    Raises
+    ------
+    ModelError
+        For an unknown name, two models of one name, no model, or a repeat below 1.
+    InputError
+        If the scene's geometry is not valid.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.compare.settings import settings_for
+    >>> loose = Model("loose", surface="octagon", solver=settings_for("CLARABEL", 1e-3))
+    >>> result = compare(builtin_scene("single-block"), [loose], repeat=1, progress=False)
+    >>> result.rows[0].failed
+    False
+    """
+    if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
+        raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
+    if not isinstance(scene, Scene):
+        raise ModelError(f"scene must be a Scene, got {scene!r}: builtin_scene('arch') makes one")
+    if limits is not None and not isinstance(limits, Limits):
+        raise ModelError(f"limits must be Limits, got {limits!r}: Limits(seconds=30) makes them")
+    methods = _methods(DEFAULT_MODELS if models is None else models)
+    len(scene.contacts)  # faults of the geometry show here, once
+    with _bar(progress, number_of_steps(methods, repeat)) as advance:
+        rows = side_by_side(methods, scene, repeat, limits or Limits(), advance)
+    return Comparison(scene.name, tuple(rows))
+
+
+def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
+    """Names looked up, patterns spread, each model once."""
+    if isinstance(models, (str, Method)):
+        models = [models]
+    known = [*registry().values(), *interaction_registry().values()]
+    if not isinstance(models, Sequence):
+        raise ModelError(f"models must be names or Model objects, got {models!r}")
+    result: dict[str, Method] = {}
+    for model in models:
+        for method in choose([model], known) if isinstance(model, str) else [model]:
+            if not isinstance(method, Method):
+                raise ModelError(f"models must be names or Model objects, got {method!r}")
+            check_portable(method)
+            if result.setdefault(method.name, method) != method:
+                raise ModelError(f"two models are called {method.name!r}: rename one")
+    if not result:
+        raise ModelError("there is nothing to compare: give at least one model")
+    return list(result.values())
+
+
+@contextmanager
+def _bar(shown: bool, steps: int) -> Iterator[Callable[[str], None]]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not shown) as bar:
+        task = bar.add_task("comparing", total=steps)
+        yield lambda done: bar.update(task, advance=1, description=f"done: {done:.40}")
+
+
+def _reference_note(row: Row) -> str:
+    kind = "" if row.interaction == "none" else f" with {row.moments} moments"
+    if row.reference_lower is None or row.reference_upper is None:
+        return f"reference{kind}: {row.reference}"
+    return (
+        f"reference{kind}: [{row.reference_lower:.10g}, {row.reference_upper:.10g}], "
+        f"{row.reference}"
+    )
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        row.method,
+        _figure(row.load_factor, "{:.7g}"),
+        _figure(row.error, "{:.1e}"),
+        _figure(row.total, "{:.3f}"),
+        _figure(row.solve, "{:.3f}"),
+        _figure(row.memory, "{:.0f}"),
+        row.reason or row.status,
+    )
+
+
+def _figure(value: float | None, style: str) -> str:
+    return "" if value is None else style.format(value)
+
+
+def _aligned(lines: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
+    numbers = {2, 3, 4, 5, 6}
+    return [
+        "  ".join(
+            cell.rjust(width) if i in numbers else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]

@@ -1,0 +1,186 @@
+"""Rows of results: medians of runs side by side, each with its error against a reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+from cvxlimit.compare.models import PHASES, Measurement, Method
+from cvxlimit.compare.reference import Reference
+from cvxlimit.compare.runs import Failure, Limits, run_apart
+from cvxlimit.scene import Scene
+
+Advance = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """What a load factor is measured against; ``note`` says how it was found, or why it was not."""
+
+    lower: float | None
+    upper: float | None
+    note: str
+
+    def error(self, load_factor: float | None) -> float | None:
+        """Largest relative error that ``load_factor`` may have, the truth being inside.
+
+        >>> Bracket(0.99, 1.0, "").error(1.01)
+        0.02
+        """
+        if load_factor is None or self.lower is None or self.upper is None:
+            return None
+        worst = max(abs(load_factor - self.lower), abs(load_factor - self.upper))
+        return round(worst, 15) / max(abs(self.lower), abs(self.upper), 1e-300)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one scene: medians over its runs; None where it has no figure.
+
+    ``error`` is relative to the reference, so that what a linearisation loses counts. Seconds by
+    phase, and in ``total`` from the scene to the answer, contact detection included; memory in
+    MB. ``reason`` says why there is no answer, and is empty otherwise.
+    """
+
+    scene: str
+    blocks: int
+    contacts: int
+    method: str
+    line: str
+    surface: str
+    formulation: str
+    solver: str
+    tolerance: str
+    interaction: str
+    moments: str
+    parameters: str
+    status: str
+    reason: str
+    runs: int
+    load_factor: float | None
+    lower: float | None
+    upper: float | None
+    error: float | None
+    reference_lower: float | None
+    reference_upper: float | None
+    reference: str
+    detect: float | None
+    compile: float | None
+    reparametrise: float | None
+    solve: float | None
+    certify: float | None
+    total: float | None
+    total_min: float | None
+    total_max: float | None
+    memory: float | None
+
+    @property
+    def failed(self) -> bool:
+        """True if there is no answer."""
+        return bool(self.reason)
+
+
+def find_bracket(method: Method, scene: Scene, limits: Limits) -> Bracket:
+    """The reference that fits the method's interaction, in a process of its own."""
+    reference = Reference(interaction=method.interaction, moments=method.moments)
+    found = run_apart(reference, scene, limits)
+    if isinstance(found, Failure):
+        return Bracket(None, None, f"no reference: {found.reason}")
+    return Bracket(found.lower, found.upper, found.status)
+
+
+def side_by_side(
+    methods: Sequence[Method],
+    scene: Scene,
+    repeat: int,
+    limits: Limits,
+    advance: Advance = lambda done: None,
+    reference_limits: Limits | None = None,
+) -> list[Row]:
+    """Measure all methods on one scene in turns, so that a busy machine hits them alike.
+
+    A method that fails is not run again. ``advance`` is told after every run.
+    """
+    brackets: dict[tuple[str, str], Bracket] = {}
+    for method in methods:
+        key = (method.interaction, method.moments)
+        if key not in brackets:
+            brackets[key] = find_bracket(method, scene, reference_limits or limits)
+            advance("reference")
+    found: dict[str, list[Measurement]] = {method.name: [] for method in methods}
+    failures: dict[str, Failure] = {}
+    for _ in range(repeat):
+        for method in methods:
+            if method.name not in failures:
+                result = run_apart(method, scene, limits)
+                if isinstance(result, Failure):
+                    failures[method.name] = result
+                else:
+                    found[method.name].append(result)
+            advance(method.name)
+    return [
+        row_of(m, scene, found[m.name], failures.get(m.name), brackets[m.interaction, m.moments])
+        for m in methods
+    ]
+
+
+def number_of_steps(methods: Sequence[Method], repeat: int) -> int:
+    """How often :func:`side_by_side` will call ``advance``."""
+    return len({(m.interaction, m.moments) for m in methods}) + repeat * len(methods)
+
+
+def row_of(
+    method: Method,
+    scene: Scene,
+    runs: Sequence[Measurement],
+    failure: Failure | None,
+    bracket: Bracket,
+) -> Row:
+    """Medians of ``runs``, or the failure with its reason."""
+    axes: dict[str, Any] = dict.fromkeys(
+        ("surface", "formulation", "solver", "tolerance", "parameters"), ""
+    )
+    figures = ("load_factor", "lower", "upper", "error", "total", "total_min", "total_max")
+    nothing: dict[str, Any] = dict.fromkeys((*figures, *PHASES, "memory"))
+    row = Row(
+        scene=scene.name,
+        blocks=len(scene.free),
+        contacts=len(scene.contacts),
+        method=method.name,
+        line=method.line,
+        **{**axes, **method.axes()},
+        status="failed",
+        reason=failure.reason if failure else "",
+        runs=len(runs),
+        **nothing,
+        reference_lower=bracket.lower,
+        reference_upper=bracket.upper,
+        reference=bracket.note,
+    )
+    return row if failure or not runs else _with_figures(row, runs, bracket)
+
+
+def _with_figures(row: Row, runs: Sequence[Measurement], bracket: Bracket) -> Row:
+    totals = [run.total for run in runs]
+    middle = sorted(runs, key=lambda run: run.total)[len(runs) // 2]
+    phases: dict[str, Any] = {p: _median(run.seconds.get(p) for run in runs) for p in PHASES}
+    return replace(
+        row,
+        status=middle.status,
+        load_factor=middle.load_factor,
+        lower=middle.lower,
+        upper=middle.upper,
+        error=bracket.error(middle.load_factor),
+        **phases,
+        total=median(totals),
+        total_min=min(totals),
+        total_max=max(totals),
+        memory=_median(run.memory for run in runs),
+    )
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return median(known) if known else None

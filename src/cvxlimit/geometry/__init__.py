@@ -1,0 +1,1 @@
+"""Shapes: blocks, the polygons they touch in, and how contacts are found."""

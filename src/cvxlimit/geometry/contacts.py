@@ -1,0 +1,171 @@
+"""Contacts between blocks: one array per property for code, one record per contact for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.polygons import mean_distance, torsion_arm
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
+"""Contact force components (Eq. 1), in the column order of every force array."""
+
+COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """One contact, for people to read; made by indexing :class:`Contacts`.
+
+    ``corners`` (k, 3) are the polygon's corners, counter-clockwise about ``normal``, which
+    points from block ``a`` into block ``b``. ``sides`` are (l1, l2) of a rectangle along t1 and
+    t2, or None. Lengths in the scene's unit.
+    """
+
+    name: str
+    a: str
+    b: str
+    origin: FloatArray
+    t1: FloatArray
+    t2: FloatArray
+    normal: FloatArray
+    corners: FloatArray
+    sides: tuple[float, float] | None
+    area: float
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """All contacts of a scene, n of them with m corners in all, as read-only arrays.
+
+    Attributes
+    ----------
+    names : tuple of str
+        ``"a-b"``, with ``#2``, ``#3`` ... where a pair of blocks has several contacts.
+    block_ids : tuple of str
+        Names of all blocks; ``a`` and ``b`` (n,) index it. Forces act on b, opposites on a.
+    origin : (n, 3), axes : (n, 3, 3)
+        Contact frame: centre (centroid of the polygon) and rows t1, t2, n (right-handed).
+    corner_start : (n + 1,), corner_xy : (m, 2)
+        Corners of contact j are rows ``corner_start[j]:corner_start[j + 1]``, counter-clockwise
+        in the plane (t1, t2) about the origin.
+    sides : (n, 2)
+        l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
+    area : (n,), friction : (n,)
+    """
+
+    names: tuple[str, ...]
+    block_ids: tuple[str, ...]
+    a: IntArray
+    b: IntArray
+    origin: FloatArray
+    axes: FloatArray
+    corner_start: IntArray
+    corner_xy: FloatArray
+    sides: FloatArray
+    area: FloatArray
+    friction: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[Contact]:
+        return (self[j] for j in range(len(self)))
+
+    def __getitem__(self, j: int) -> Contact:
+        if not -len(self) <= j < len(self):
+            raise IndexError(f"contact {j} of {len(self)}")
+        j %= len(self)
+        t1, t2, normal = self.axes[j]
+        xy = self.corners_of(j)
+        l1, l2 = self.sides[j]
+        return Contact(
+            name=self.names[j],
+            a=self.block_ids[self.a[j]],
+            b=self.block_ids[self.b[j]],
+            origin=self.origin[j],
+            t1=t1,
+            t2=t2,
+            normal=normal,
+            corners=self.origin[j] + xy @ self.axes[j, :2],
+            sides=(float(l1), float(l2)) if self.is_rectangle[j] else None,
+            area=float(self.area[j]),
+            friction=float(self.friction[j]),
+        )
+
+    def corners_of(self, j: int) -> FloatArray:
+        """Corners (k, 2) of contact j in its plane (t1, t2)."""
+        return self.corner_xy[self.corner_start[j] : self.corner_start[j + 1]]
+
+    @cached_property
+    def corner_contact(self) -> IntArray:
+        """Contact index of every corner, (m,)."""
+        return np.repeat(np.arange(len(self)), np.diff(self.corner_start))
+
+    @cached_property
+    def corner_points(self) -> FloatArray:
+        """Corners in space, (m, 3)."""
+        j = self.corner_contact
+        result: FloatArray = self.origin[j] + np.einsum(
+            "mi,mik->mk", self.corner_xy, self.axes[j, :2]
+        )
+        return result
+
+    @cached_property
+    def is_rectangle(self) -> NDArray[np.bool_]:
+        """True for rectangles, (n,)."""
+        return np.asarray(np.isfinite(self.sides).all(axis=1))
+
+    @cached_property
+    def torsion_arm(self) -> FloatArray:
+        """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre."""
+        arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
+        for j in np.flatnonzero(~self.is_rectangle).tolist():
+            arm[j] = mean_distance(self.corners_of(j), (0.0, 0.0))
+        return arm
+
+    @cached_property
+    def edges(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Inner sides of all polygon edges: contact (m,), unit inward normal (m, 2), offset (m,).
+
+        A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges.
+        """
+        last = self.corner_start[1:] - 1
+        following = np.arange(1, len(self.corner_xy) + 1)
+        following[last] = self.corner_start[:-1]
+        along = self.corner_xy[following] - self.corner_xy
+        inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        inward /= np.linalg.norm(inward, axis=1)[:, None]
+        return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
+
+    def with_friction(self, friction: FloatArray) -> Contacts:
+        """The same contacts with friction coefficients (n,)."""
+        return replace(self, friction=friction)
+
+    def corner_sums(self, values: FloatArray) -> FloatArray:
+        """Sum of corner values (m, ...) over each contact, (n, ...)."""
+        result: FloatArray = np.add.reduceat(values, self.corner_start[:-1], axis=0)
+        return result
+
+    def corner_minimum(self, values: FloatArray) -> FloatArray:
+        """Minimum of corner values (m,) over each contact, (n,)."""
+        result: FloatArray = np.minimum.reduceat(values, self.corner_start[:-1])
+        return result
+
+    def scaled(self, length: float) -> Contacts:
+        """The same contacts with all lengths multiplied: a change of units."""
+        return replace(
+            self,
+            origin=self.origin * length,
+            corner_xy=self.corner_xy * length,
+            sides=self.sides * length,
+            area=self.area * length**2,
+        )

@@ -1,0 +1,138 @@
+"""Outlines of contacts: where two faces on a common plane overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.polygons import area_and_centroid, convex_overlap
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+"""Signs of a rectangle's corners, counter-clockwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Overlaps of face pairs, centred, and turned along their own sides.
+
+    ``corners`` of overlap i begin at ``start[i]``; ``sides`` are NaN if it is no rectangle.
+    """
+
+    pair: IntArray  # (k,)
+    middle: FloatArray  # (k, 2), centroids in the pairs' planes
+    turn: FloatArray  # (k, 2, 2), from plane axes to own ones
+    area: FloatArray  # (k,)
+    width: FloatArray  # (k,), about the mean width
+    sides: FloatArray  # (k, 2)
+    start: IntArray  # (k,)
+    corners: FloatArray  # (m, 2)
+
+    def take(self, rows: IntArray) -> Outlines:
+        """Some of them, in the order of ``rows`` (j,)."""
+        place, corner = members_of(self.start, len(self.corners), rows)
+        return Outlines(
+            self.pair[rows], self.middle[rows], self.turn[rows], self.area[rows], self.width[rows],
+            self.sides[rows], np.searchsorted(place, np.arange(len(rows))), self.corners[corner],
+        )  # fmt: skip
+
+
+def outlines(first: FloatArray, second: FloatArray, is_box: BoolArray) -> Outlines:
+    """Overlaps of pairs of convex polygons (p, k, 2), (p, m, 2), in the order of the pairs.
+
+    Corners are repeated where polygons have fewer. Where ``is_box`` both must be rectangles along
+    the axes.
+    """
+    boxes, other = np.flatnonzero(is_box), np.flatnonzero(~is_box)
+    found = _joined(
+        _rectangles(boxes, first[boxes], second[boxes]),
+        _polygons(other, convex_overlap(first[other], second[other])),
+    )
+    return found.take(np.argsort(found.pair, kind="stable"))
+
+
+def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlines:
+    """Overlaps of aligned rectangles (k, 4, 2): interval products, without rounding."""
+    low = np.maximum(first.min(axis=1), second.min(axis=1))
+    high = np.maximum(np.minimum(first.max(axis=1), second.max(axis=1)), low)
+    extent = high - low
+    k = len(pair)
+    return Outlines(
+        pair=pair,
+        middle=0.5 * (low + high),
+        turn=np.broadcast_to(np.eye(2), (k, 2, 2)),
+        area=extent.prod(axis=1),
+        width=extent.min(axis=1),
+        sides=extent,
+        start=4 * np.arange(k),
+        corners=(0.5 * extent[:, None] * _AROUND).reshape(-1, 2),
+    )
+
+
+def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
+    """Overlaps (m, 2) of any other shape; those without area are left out."""
+    found: list[tuple[Any, ...]] = []
+    corners = [np.empty((0, 2))]
+    for j, polygon in zip(pair.tolist(), overlaps, strict=True):
+        if len(polygon) < 3:
+            continue
+        surface, centroid = area_and_centroid(polygon)
+        perimeter = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
+        local, extent, rotation = _along_own_sides(polygon - centroid)
+        found.append((j, centroid, rotation, surface, 2.0 * surface / float(perimeter), extent))
+        corners.append(local)
+    columns = zip(*found, strict=True) if found else [()] * 6
+    j, middle, turn, area, width, sides = (np.array(column) for column in columns)
+    return Outlines(
+        j.astype(np.int64),
+        middle.reshape(-1, 2),
+        turn.reshape(-1, 2, 2),
+        area,
+        width,
+        sides.reshape(-1, 2),
+        np.cumsum([len(c) for c in corners])[:-1],
+        np.concatenate(corners),
+    )
+
+
+def _joined(first: Outlines, second: Outlines) -> Outlines:
+    names = [field.name for field in fields(Outlines)]
+    parts = {n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names}
+    parts["start"] = np.concatenate([first.start, second.start + len(first.corners)])
+    return Outlines(**parts)
+
+
+def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Turn a centred polygon so that t1 runs along its longest edge.
+
+    Returns the turned corners, (l1, l2) if it is a rectangle to 1e-9 of its size else NaN,
+    and the rotation (2, 2) that maps old to new plane axes.
+    """
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    longest = edges[int(np.flatnonzero(lengths >= (1.0 - 1e-9) * lengths.max())[0])]
+    c, s = longest / np.linalg.norm(longest)
+    turn = np.array([[c, s], [-s, c]])
+    turned = corners @ turn.T
+    extent = np.ptp(turned, axis=0)
+    steps = np.roll(turned, -1, axis=0) - turned
+    square = len(corners) == 4 and np.abs(steps).min(axis=1).max() <= 1e-9 * extent.max()
+    return turned, extent if square else np.full(2, np.nan), turn
+
+
+def members_of(start: IntArray, end: int, groups: IntArray) -> tuple[IntArray, IntArray]:
+    """For each of ``groups`` all its rows: places in ``groups``, and rows.
+
+    Group i has the rows from ``start[i]`` to the next start, the last one to ``end``.
+    """
+    count = np.diff(start, append=end)[groups]
+    place = np.repeat(np.arange(len(groups)), count)
+    within = np.arange(len(place)) - (np.cumsum(count) - count)[place]
+    return place, start[groups][place] + within

@@ -1,0 +1,1 @@
+"""Ways from a scene to a solution: one convex problem, or an outer loop around many."""

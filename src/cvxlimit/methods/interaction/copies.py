@@ -1,0 +1,270 @@
+"""Copies of contacts with frozen pressure centres, and contact forces as sums over them.
+
+A contact's true states are a union over its pressure centre e of cones that are convex for fixed
+e. Their convex hull is the sum of *copies*: parts (N_k, V_k) of the contact's force, each with its
+own frozen pressure centre (Balas' perspective form). With c_k = c(e_k), kappa = (eps2, eps1) / c,
+
+    abs(V_k) + kappa . (abs(V1_k), abs(V2_k)) + tau_k <= mu N_k,   tau_k >= 0,
+    abs(MT) <= sum c_k tau_k,   abs(M2) <= sum eps1_k N_k,   abs(M1) <= sum eps2_k N_k
+
+for independent signs, and for signed moments abs(V_k) + tau_k <= mu N_k, M = sum N_k e_k and
+abs(MT - sum e_k x V_k) <= sum c_k tau_k. A copy with c = 0 carries no shear with independent
+signs, and abs(V_k) <= mu N_k at its corner with signed moments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.geometry.polygons import effective_region, mean_distance
+from cvxlimit.methods.interaction.support import free_sign, half_extent, rectangle_arm, whole_boxes
+from cvxlimit.model.formulations import ForceModel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_POINT = 1e-9
+"""Arms below this share of the half extent count as zero: the pressure centre is a corner."""
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """Copies of contacts with frozen pressure centres, k of them.
+
+    Attributes
+    ----------
+    contact : (k,)
+    centre, spread : (k, 2)
+        Pressure centre as fractions of :func:`half_extent`; with spread it may lie anywhere in
+        centre +- spread, and the copy is that of eps = abs(centre) + spread.
+    signed : (k,) bool
+        True where the torsion is taken about ``centre``; spread then costs torsion.
+    """
+
+    contact: IntArray
+    centre: FloatArray
+    spread: FloatArray
+    signed: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.contact)
+
+    def joined(self, other: Copies) -> Copies:
+        """These and ``other``."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Copies(*(np.concatenate(pair) for pair in pairs))
+
+    def without(self, contacts: IntArray) -> Copies:
+        """Those of all other contacts."""
+        kept = ~np.isin(self.contact, contacts)
+        return Copies(*(values[kept] for values in vars(self).values()))
+
+    @classmethod
+    def none(cls) -> Copies:
+        """No copies."""
+        empty = np.zeros((0, 2))
+        return cls(np.zeros(0, dtype=int), empty, empty, np.zeros(0, dtype=bool))
+
+    @classmethod
+    def at(cls, rows: IntArray, centre: FloatArray, boxes: FloatArray, moments: str) -> Copies:
+        """Copies of contacts ``rows`` at ``centre`` (k, 2); spread where boxes allow both signs."""
+        free = free_sign(boxes[rows]) & (moments == "independent")
+        return cls(
+            rows,
+            np.where(free, 0.0, centre),
+            np.where(free, np.abs(centre), 0.0),
+            np.full(len(rows), moments == "signed"),
+        )
+
+
+def box_copies(contacts: Contacts, moments: str, boxes: FloatArray | None = None) -> Copies:
+    """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
+    boxes = whole_boxes(contacts) if boxes is None else boxes
+    whole = (np.abs(boxes) >= 1.0).all(axis=(1, 2))
+    cornered = ~contacts.is_rectangle | (whole & (moments == "signed"))
+    return _corner_copies(contacts, cornered).joined(_level_copies(~cornered, boxes, moments))
+
+
+def _corner_copies(contacts: Contacts, chosen: NDArray[np.bool_]) -> Copies:
+    """Friction at the corners of polygons."""
+    k = np.flatnonzero(chosen[contacts.corner_contact])
+    j = contacts.corner_contact[k]
+    centre = contacts.corner_xy[k] / half_extent(contacts)[j]
+    return Copies(j, centre, np.zeros_like(centre), np.ones(len(k), dtype=bool))
+
+
+def _level_copies(chosen: NDArray[np.bool_], boxes: FloatArray, moments: str) -> Copies:
+    """All pairs of a box's levels: its ends, and zero where it lies between them."""
+    free = free_sign(boxes)
+    top = np.abs(boxes).max(axis=2)
+    symmetric = free & (moments == "independent")
+    levels = [
+        (np.where(symmetric, top, boxes[..., 1]), np.ones_like(free)),
+        (boxes[..., 0], ~symmetric & (boxes[..., 1] > boxes[..., 0])),
+        (np.zeros_like(top), free),
+    ]
+    result = Copies.none()
+    for first, has_first in levels:
+        for second, has_second in levels:
+            rows = np.flatnonzero(chosen & has_first[:, 0] & has_second[:, 1])
+            centre = np.stack([first[rows, 0], second[rows, 1]], axis=1)
+            result = result.joined(Copies.at(rows, centre, boxes, moments))
+    return result
+
+
+def safe_copies(contacts: Contacts, moments: str, centre: FloatArray, reach: float = 0.0) -> Copies:
+    """One copy per contact whose states are all admissible, about ``centre`` (n, 2) in fractions.
+
+    Independent signs on rectangles: anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the
+    true arm is no smaller and the true eccentricities no larger than the frozen ones. Signed
+    moments on rectangles: up to ``reach`` from ``centre``, with the least arm there and with the
+    torsion about any such point, abs(MT - centre x V) + reach2 abs(V1) + reach1 abs(V2), bounded.
+    Other polygons: pressed exactly at ``centre``.
+    """
+    rectangle, signed = contacts.is_rectangle[:, None], moments == "signed"
+    centre = np.clip(centre, -1.0, 1.0)
+    around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) if signed else np.abs(centre)
+    return Copies(
+        np.arange(len(contacts)),
+        centre if signed else np.where(rectangle, 0.0, centre),
+        np.where(rectangle, around, 0.0),
+        np.full(len(contacts), signed),
+    )
+
+
+def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
+    """c (k,) of the copies, in the unit of ``contacts``; exactly zero in corners."""
+    half = half_extent(contacts)[copies.contact]
+    arm = rectangle_arm(half, half * (np.abs(copies.centre) + copies.spread))
+    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact]):
+        e = half[k] * copies.centre[k]
+        arm[k] = mean_distance(effective_region(contacts.corners_of(copies.contact[k]), e), e)
+    return np.where(arm > _POINT * half.min(axis=1), arm, 0.0)
+
+
+def copy_forces(copies: Copies, contacts: Contacts) -> ForceModel:
+    """Variables and constraints of all copies; contact forces are sums over them."""
+    return _CopyForces(copies, contacts).model()
+
+
+class _CopyForces:
+    """Builds the model of :func:`copy_forces`, variable by variable."""
+
+    def __init__(self, copies: Copies, contacts: Contacts) -> None:
+        self.copies, self.contacts = copies, contacts
+        self.half = half_extent(contacts)[copies.contact]
+        self.arm = copy_arms(copies, contacts)
+        self.friction = contacts.friction[copies.contact]
+        self.shears = np.flatnonzero(copies.signed | (self.arm > 0.0))
+        self.twists = np.flatnonzero(self.arm > 0.0)
+        self.compression = cp.Variable(len(copies), name="N")
+        self.maps: list[tuple[cp.Variable, sp.csr_array]] = []
+        self.constraints: list[cp.Constraint] = []
+
+    def model(self) -> ForceModel:
+        """The forces of all contacts as sums over their copies."""
+        self._add_compression()
+        for axis, moment in enumerate(("M2", "M1")):
+            self._add_spread(axis, moment)
+        self._add_tangential()
+        return ForceModel(self.maps, {}, self.constraints)
+
+    def _add_compression(self) -> None:
+        k = np.arange(len(self.copies))
+        e1, e2 = (self.half * self.copies.centre).T
+        self._map(self.compression, [("N", k, k, np.ones(len(k))), ("M1", k, k, e2),
+                                     ("M2", k, k, -e1)])  # fmt: skip
+        implied = np.zeros(len(k), dtype=bool)
+        implied[self.shears] = self.friction[self.shears] > 0.0
+        if not implied.all():
+            self.constraints.append(self.compression[np.flatnonzero(~implied)] >= 0.0)
+
+    def _add_spread(self, axis: int, moment: str) -> None:
+        """abs(moment) <= sum of spread N, for contacts with spread along ``axis``."""
+        reach = (self.half * self.copies.spread)[:, axis]
+        k = np.flatnonzero(reach > 0.0)
+        self._add_bounded(moment, k, reach[k], self.compression[k] if len(k) else None)
+
+    def _add_tangential(self) -> None:
+        k = self.shears
+        shear = cp.Variable((len(k), 2), name="V") if len(k) else None
+        if shear is None:
+            return
+        along, arms = np.arange(len(k)), (self.half * self.copies.centre)[k]
+        arms = np.where(self.copies.signed[k][:, None], arms, 0.0)
+        self._map(shear, [
+            ("V1", k, along, np.ones(len(k))), ("V2", k, along + len(k), np.ones(len(k))),
+            ("MT", k, along, -arms[:, 1]), ("MT", k, along + len(k), arms[:, 0]),
+        ])  # fmt: skip
+        remaining = cp.multiply(self.friction[k], self.compression[k])
+        remaining -= self._torsion(len(k)) + self._drag(shear)
+        self.constraints.append(cp.SOC(remaining, shear, axis=1))
+
+    def _torsion(self, rows: int) -> cp.Expression:
+        """tau of the copies that shear, and the contacts' torsion bounded by it."""
+        if not len(self.twists):
+            return cp.Constant(np.zeros(rows))
+        share = cp.Variable(len(self.twists), nonneg=True, name="tau")
+        self._add_bounded("MT", self.twists, self.arm[self.twists], share)
+        return _places(np.searchsorted(self.shears, self.twists), rows) @ share
+
+    def _drag(self, shear: cp.Variable) -> cp.Expression:
+        """kappa . (abs(V1), abs(V2)): torsion whose sign or pressure centre is free, (rows,)."""
+        k = self.shears
+        fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
+        eps = self.half[k] * (fixed + self.copies.spread[k])
+        total = cp.Constant(np.zeros(len(k)))
+        for column in (0, 1):
+            weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+            rows = np.flatnonzero(weight > 0.0)
+            if len(rows):
+                size = cp.Variable(len(rows))
+                part = shear[rows, column]
+                self.constraints += [part <= size, -part <= size]
+                total = total + _places(rows, len(k), weight[rows]) @ size
+        return total
+
+    def _add_bounded(
+        self, component: str, k: IntArray, reach: FloatArray, size: cp.Expression | None
+    ) -> None:
+        """A free part of a force component, between +- sums of reach * size over the copies k."""
+        if size is None:
+            return
+        rows, place = np.unique(self.copies.contact[k], return_inverse=True)
+        part = cp.Variable(len(rows))
+        each = np.arange(len(rows))
+        self.maps.append(
+            (part, self._columns([(component, rows, each, np.ones(len(rows)))], len(rows)))
+        )
+        bound = sp.csr_array((reach, (place, np.arange(len(k)))), (len(rows), len(k))) @ size
+        self.constraints += [part <= bound, -part <= bound]
+
+    def _map(self, variable: cp.Variable, entries: list[_Entry]) -> None:
+        by_contact = [(c, self.copies.contact[k], column, v) for c, k, column, v in entries]
+        self.maps.append((variable, self._columns(by_contact, variable.size)))
+
+    def _columns(self, entries: list[_Entry], size: int) -> sp.csr_array:
+        rows = np.concatenate([len(COMPONENTS) * j + COLUMN[c] for c, j, _, _ in entries])
+        columns = np.concatenate([column for _, _, column, _ in entries])
+        values = np.concatenate([v for _, _, _, v in entries])
+        matrix = sp.csr_array(
+            (values, (rows, columns)), (len(COMPONENTS) * len(self.contacts), size)
+        )
+        matrix.eliminate_zeros()
+        return matrix
+
+
+_Entry = tuple[str, IntArray, IntArray, FloatArray]
+"""Component, copies (or contacts), columns of the variable, coefficients."""
+
+
+def _places(at: IntArray, rows: int, values: FloatArray | float = 1.0) -> sp.csr_array:
+    """Matrix (rows, len(at)) that puts entry i, times its value, into row ``at[i]``."""
+    entries = np.broadcast_to(np.asarray(values, dtype=float), at.shape)
+    return sp.csr_array((entries, (at, np.arange(len(at)))), (rows, len(at)))

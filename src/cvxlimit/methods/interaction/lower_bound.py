@@ -1,0 +1,196 @@
+"""What forces prove: the lower bound that the independent checker accepts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.pressure import interaction_excess
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statics import Scaling, Statics, block_sizes
+from cvxlimit.proof.certificate import REFERENCE
+from cvxlimit.proof.witnesses import Witnesses
+from cvxlimit.scene import Load, Scene
+from cvxlimit.solvers import default_ladder
+from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+
+FloatArray = NDArray[np.float64]
+
+ACCEPTED = 1e-7
+"""Equilibrium residual and excess of Eq. 9 and 30, over the total load, beyond which forces are
+refused."""
+
+_CLOSE = 1e-9
+"""The same, up to which little of the load factor is spent on a proof."""
+
+_LOST = 0.1
+"""Share of the load factor beyond which an estimate of what they are worth refuses forces too:
+beside a block of a million times its weight, a pebble would stand on 1e-9 of the total load."""
+
+_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
+"""Shares of a dead-load state mixed in, smallest first, to be strictly admissible."""
+
+_PROOF = 1e-5
+"""Largest share spent on turning a bound from forces within :data:`_CLOSE` into a proved one; other
+forces may cost more."""
+
+_RESERVES = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
+"""Shares of friction and of the contacts' size that dead-load states may use, most demanding
+first. Eq. 30 is not convex: what is inside may lead outside when mixed in, unless its shear is
+small and its pressure central (then it never does)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LowerBound:
+    """A lower bound on the load factor with interaction, and the forces that show it.
+
+    Attributes
+    ----------
+    value : float
+        -inf if the forces were refused.
+    forces : (n, 6) array
+        In the user's units.
+    load_factor : float
+        The one with which they are in equilibrium; ``value`` if that is proved.
+    is_proved : bool
+        True if they satisfy Eq. 9 and 30 and equilibrium to rounding; otherwise they do so
+        within :data:`ACCEPTED` of the total load, and ``value`` is ``load_factor`` less what that
+        is worth if no rate of the exact mechanism exceeds ten times that of the block with
+        the least live load, moving alone.
+    excess, residual : float
+        Largest excess of Eq. 9 and 30 and largest equilibrium residual, over the total load.
+    """
+
+    value: float
+    forces: FloatArray
+    load_factor: float
+    is_proved: bool
+    excess: float
+    residual: float
+
+    @property
+    def is_accepted(self) -> bool:
+        """True if the forces passed the checker, exactly or within its tolerance."""
+        return bool(np.isfinite(self.value))
+
+
+class LowerBounds:
+    """The checker of one scene in one moment convention.
+
+    The forces are brought into equilibrium (the least change). Where they do not pass exactly,
+    they are mixed with a share t of a state that carries the dead load alone strictly inside
+    Eq. 30: the mixture is in equilibrium with (1 - t) alpha, and is checked itself, since Eq. 30
+    is not convex. Nothing of this asks where the forces came from.
+
+    Parameters
+    ----------
+    scene : Scene
+    moments : str
+        ``"independent"`` or ``"signed"``.
+    """
+
+    def __init__(self, scene: Scene, moments: str) -> None:
+        self.scene, self.moments = scene, moments
+        self.statics = Statics.of(scene)
+        self.scaling = Scaling.of(scene)
+        self.witnesses = Witnesses(self.statics, (Rocking(), TorsionShear()))
+
+    def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
+        """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
+        given = np.asarray(forces, dtype=float)
+        if not (np.isfinite(given).all() and np.isfinite(load_factor)):
+            return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
+        balanced = self.witnesses.balanced(given, load_factor)
+        plain = self._checked(balanced, load_factor)
+        if plain.is_proved or not np.isfinite(plain.excess):
+            return plain
+        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= _CLOSE
+        most = _PROOF if is_close else _SHARES[-1]
+        for share in (share for share in _SHARES if share <= most):
+            for reserve in self.reserves:
+                mixed = (1.0 - share) * balanced + share * reserve
+                bound = self._checked(mixed, (1.0 - share) * load_factor)
+                if bound.is_proved:
+                    return bound
+        return plain
+
+    @cached_property
+    def reserves(self) -> tuple[FloatArray, ...]:
+        """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
+        states = [self._dead_state(friction, size) for friction, size in _RESERVES]
+        found = tuple(state for state in states if state is not None)
+        return found or self._solved_state()
+
+    def _solved_state(self) -> tuple[FloatArray, ...]:
+        """What a solver finds where projections find nothing: the middle of all such forces."""
+        if not np.any(self.scene.dead_forces):
+            return ()
+        alone = self.scene.with_live(self.scene.dead).with_dead(Load())
+        state = LimitProblem(alone, most=1.0).solve(default_ladder()[0])
+        if state.forces is None or not state.load_factor or state.load_factor < 0.5:
+            return ()
+        balanced = self.witnesses.balanced(state.forces / state.load_factor, 0.0)
+        return (balanced,) if self._is_inside(balanced) else ()
+
+    def _is_inside(self, state: FloatArray) -> bool:
+        """True if forces carry the dead load strictly inside Eq. 9 and 30."""
+        finite = bool(np.isfinite(state).all())
+        return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
+
+    def _dead_state(self, friction: float, size: float) -> FloatArray | None:
+        whole = self.statics.contacts
+        smaller = replace(
+            whole.with_friction(friction * whole.friction),
+            corner_xy=size * whole.corner_xy,
+            sides=size * whole.sides,
+            area=size**2 * whole.area,
+        )
+        surfaces = (Rocking(), TorsionShear())
+        state = Witnesses(replace(self.statics, contacts=smaller), surfaces).dead_state
+        return state if state is not None and self._is_inside(state) else None
+
+    def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
+        if not np.isfinite(forces).all():
+            return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
+        over = np.maximum(self._excess(forces), 0.0)
+        rest = block_sizes(self.statics.residual(forces, load_factor), self.scaling.length)
+        excess, residual = (float(v.max()) / self.scaling.force for v in (over, rest))
+        proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
+        rate = REFERENCE * self.statics.rate_of_the_lightest(self.scaling.length)
+        lost = 0.0 if proved else float(over.sum() + rest.sum()) * rate
+        unit = self.scaling.unit(load_factor)
+        accepted = proved or (max(excess, residual) <= ACCEPTED and lost <= _LOST * unit)
+        value = float(load_factor) - lost if accepted else -np.inf
+        return LowerBound(value, forces, float(load_factor), proved, excess, residual)
+
+    def _excess(self, forces: FloatArray) -> FloatArray:
+        contacts = self.statics.contacts
+        return np.maximum(
+            rocking_excess(forces, contacts), interaction_excess(forces, contacts, self.moments)
+        )
+
+    def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
+        return self.statics.is_balanced(forces, load_factor, self.scaling.length)
+
+
+def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
+    """Eq. 9 in force units (n,): how far pressure is outside the contact; tension counts too."""
+    _, _, offset = contacts.edges
+    moments = Rocking().excess(forces, contacts)[0] / offset
+    outside: FloatArray = -contacts.corner_minimum(-moments)
+    return np.maximum(outside, -forces[:, COLUMN["N"]])
+
+
+def proved_lower_bound(
+    scene: Scene, forces: FloatArray, load_factor: float, moments: str
+) -> tuple[float, FloatArray, bool, float]:
+    """Bound, checked forces (n, 6), whether it is proved to rounding, and the excess left.
+
+    See :class:`LowerBounds`, which keeps its factorisation for the next forces.
+    """
+    bound = LowerBounds(scene, moments).of(forces, load_factor)
+    return bound.value, bound.forces, bound.is_proved, bound.excess

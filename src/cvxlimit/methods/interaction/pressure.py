@@ -1,0 +1,75 @@
+"""Where contacts press, and the true condition of Eq. 30: the independent checker.
+
+Plain NumPy on forces in the user's units. Whatever method produced them, forces that are in
+equilibrium and pass :func:`interaction_excess` prove a lower bound on the load factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.polygons import effective_region, mean_distance, torsion_arm
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """Pressure centres and effective torsion arms of all contacts (Eq. 26 and 31).
+
+    ``e1``, ``e2``, ``arm`` have shape (n,), in the unit of length; contacts without compression
+    count as pressed at their centre, where they carry nothing anyway.
+    """
+
+    e1: FloatArray
+    e2: FloatArray
+    arm: FloatArray
+
+    @classmethod
+    def of(cls, forces: FloatArray, contacts: Contacts) -> Pressure:
+        """From forces (n, 6). Centres outside the contact are taken to its nearest edge."""
+        normal, m1, m2 = (forces[:, COLUMN[c]] for c in ("N", "M1", "M2"))
+        pressed = normal > 0.0
+        safe = np.where(pressed, normal, 1.0)
+        e1 = np.where(pressed, -m2 / safe, 0.0)
+        e2 = np.where(pressed, m1 / safe, 0.0)
+        return cls(e1, e2, effective_arm(e1, e2, contacts))
+
+
+def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatArray:
+    """c_T (n,) of the effective regions around pressure centres (e1, e2).
+
+    For a rectangle the effective area of Eq. 26; for other convex polygons P the region
+    P ∩ (2 e - P), which is the same for a rectangle, and the mean distance from e over it.
+    """
+    l1, l2 = contacts.sides.T
+    with np.errstate(invalid="ignore"):
+        arm = torsion_arm(
+            np.maximum(l1 - 2.0 * np.abs(e1), 0.0), np.maximum(l2 - 2.0 * np.abs(e2), 0.0)
+        )
+    for j in np.flatnonzero(~contacts.is_rectangle).tolist():
+        centre = np.array([e1[j], e2[j]])
+        arm[j] = mean_distance(effective_region(contacts.corners_of(j), centre), centre)
+    return arm
+
+
+def interaction_excess(forces: FloatArray, contacts: Contacts, moments: str) -> FloatArray:
+    """Eq. 30 with its own eccentricities, not linearised: excess (n,) in force units.
+
+    Independent signs: (abs(V1 e2) + abs(V2 e1) + abs(MT) - c (mu N - abs(V))) / c_T; signed:
+    (abs(MT - e1 V2 + e2 V1) - c (mu N - abs(V))) / c_T, with c_T of the whole contact. Zero or
+    less is admissible. Sliding is part of it; tension and rocking are checked elsewhere.
+    """
+    at = Pressure.of(forces, contacts)
+    v1, v2, normal, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N", "MT"))
+    spare = contacts.friction * normal - np.hypot(v1, v2)
+    if moments == "signed":
+        torque = np.abs(mt - at.e1 * v2 + at.e2 * v1)
+    else:
+        torque = np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
+    eq_30 = (torque - at.arm * spare) / contacts.torsion_arm
+    return np.maximum(eq_30, -spare)

@@ -1,0 +1,111 @@
+"""The front door: one call from a scene to a certified solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.analysis import TOLERANCE, Progress, analyse
+from cvxlimit.methods.certified import Certified, run_certified
+from cvxlimit.methods.fixed_point import FixedPoint, run_fixed_point
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.solvers import SolverSettings
+from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
+
+INTERACTIONS = ("none", "fixed-point", "certified")
+MOMENTS = ("independent", "signed")
+
+
+def solve(
+    scene: Scene,
+    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    *,
+    interaction: str | FixedPoint | Certified = "none",
+    moments: str = "independent",
+    tolerance: float | None = None,
+    ladder: Sequence[SolverSettings] | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """Collapse load factor of a scene, with a bracket recomputed outside the solver.
+
+    Parameters
+    ----------
+    scene : Scene
+    surface : str, Cone or sequence of YieldSurface
+        ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
+        ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
+    interaction : {"none", "fixed-point", "certified"}, FixedPoint or Certified
+        Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
+        the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
+        as :class:`FixedPoint` or :class:`Certified`.
+    moments : {"independent", "signed"}
+        How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
+        centre.
+    tolerance : float or None
+        Asked relative width of the bracket; for the fixed point, the change that counts as
+        converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
+        for the certified method as narrow as its budget allows, where 5 % counts as good.
+    ladder : sequence of SolverSettings or None
+        Solvers to try in turn; None is the tested order.
+    progress : callable or None
+        Called with one line of text at every step of long work.
+
+    Returns
+    -------
+    Solution
+        ``solution.status`` says whether the bracket closed, the iteration converged, or no
+        answer exists.
+
+    Raises
+    ------
+    InputError
+        If the scene's geometry is not valid.
+    ModelError
+        If an option is not one of those above.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> solution = solve(builtin_scene("tuff-wall"))
+    >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
+    (0.42306, True)
+    """
+    check_choice("moments", moments, MOMENTS)
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
+    if isinstance(interaction, str):
+        check_choice("interaction", interaction, INTERACTIONS)
+        if interaction == "none":
+            asked = TOLERANCE if tolerance is None else tolerance
+            return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
+        interaction = FixedPoint() if interaction == "fixed-point" else Certified()
+    if tolerance is not None:
+        interaction = replace(interaction, tolerance=tolerance)
+    cone = _single_cone(surface)
+    if isinstance(interaction, FixedPoint):
+        return run_fixed_point(scene, cone, moments, interaction, ladder, progress)
+    return run_certified(scene, cone, moments, interaction, ladder, progress)
+
+
+def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:
+    if isinstance(surface, str):
+        return parse_cone(surface)
+    if isinstance(surface, Cone):
+        return surface
+    raise ModelError(
+        "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
+        "'K-gon' or a Cone, not as a list of surfaces"
+    )
+
+
+def check_choice(what: str, value: str, allowed: Sequence[str]) -> None:
+    """Refuse a value that is not one of those allowed; ``what`` names it.
+
+    Raises
+    ------
+    ModelError
+    """
+    if value not in allowed:
+        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")

@@ -1,0 +1,1 @@
+"""The mechanical model: equilibrium, its scaling, force variables, the convex problems."""

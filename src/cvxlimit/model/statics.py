@@ -1,0 +1,247 @@
+"""Equilibrium of the free blocks (Eq. 6 and 7), and the scaling of the whole problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.scene import Scene
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_BALANCED = 1e-11
+"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
+
+_SMALLEST = 1e-100
+"""Smallest total load: squares of smaller ones underflow."""
+
+_ZERO = 1e-6
+"""Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
+
+DOF = 6
+"""Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
+
+
+def equilibrium_matrix(
+    contacts: Contacts, centroids: FloatArray, row_of_block: IntArray
+) -> sp.csr_array:
+    """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for contact forces x and loads f.
+
+    ``centroids`` (blocks, 3) of all blocks; ``row_of_block`` (blocks,) numbers the free ones
+    from 0 and is -1 for supports. Contact forces act on block b, their opposites on block a.
+    """
+    free = int(row_of_block.max()) + 1
+    sides = [
+        _side(contacts, contacts.b, +1.0, centroids, row_of_block),
+        _side(contacts, contacts.a, -1.0, centroids, row_of_block),
+    ]
+    rows, columns, blocks = (np.concatenate([side[i] for side in sides]) for i in range(3))
+    order = np.lexsort((columns, rows))
+    start = np.searchsorted(rows[order], np.arange(free + 1))
+    shape = (DOF * free, len(COMPONENTS) * len(contacts))
+    matrix = sp.bsr_array((blocks[order], columns[order], start), shape=shape).tocsr()
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _side(
+    contacts: Contacts, block: IntArray, sign: float, centroids: FloatArray, number: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Free blocks (k,) on one side of contacts (k,), and their entries (k, 6, 6)."""
+    held = np.flatnonzero(number[block] >= 0)
+    frame = sign * np.swapaxes(contacts.axes[held], 1, 2)
+    arm = contacts.origin[held] - centroids[block[held]]
+    entries = np.zeros((len(held), DOF, len(COMPONENTS)))
+    entries[:, :3, :3] = entries[:, 3:, 3:] = frame
+    entries[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
+    return number[block[held]], held, entries
+
+
+def corner_map(contacts: Contacts) -> sp.csr_array:
+    """Contact forces (6 n,) from z = (corner compressions (m,), V1 (n,), V2 (n,), MT (n,)).
+
+    N is the sum of the compressions at a contact's corners and M1, M2 are linear in them, so
+    z with compressions >= 0 satisfies rocking (Eq. 9) for any convex polygon. Its transpose
+    gives the work-conjugate rates: openings at the corners, slips, twist.
+    """
+    n, m = len(contacts), len(contacts.corner_xy)
+    x, y = contacts.corner_xy.T
+    corner, each = np.arange(m), np.arange(n)
+    entries = [
+        ("N", contacts.corner_contact, corner, np.ones(m)),
+        ("M1", contacts.corner_contact, corner, y),
+        ("M2", contacts.corner_contact, corner, -x),
+        ("V1", each, m + each, np.ones(n)),
+        ("V2", each, m + n + each, np.ones(n)),
+        ("MT", each, m + 2 * n + each, np.ones(n)),
+    ]
+    rows = np.concatenate([len(COMPONENTS) * j + COLUMN[c] for c, j, _, _ in entries])
+    columns = np.concatenate([k for _, _, k, _ in entries])
+    values = np.concatenate([v for _, _, _, v in entries])
+    return sp.csr_array((values, (rows, columns)), shape=(len(COMPONENTS) * n, m + 3 * n))
+
+
+@dataclass(frozen=True, eq=False)
+class Statics:
+    """Equilibrium data of a scene in one consistent set of units.
+
+    ``matrix`` is A; ``dead`` and ``live`` are load vectors (6 free blocks,); see
+    :func:`equilibrium_matrix`.
+    """
+
+    contacts: Contacts
+    centroids: FloatArray
+    row_of_block: IntArray
+    dead: FloatArray
+    live: FloatArray
+
+    @classmethod
+    def of(cls, scene: Scene) -> Statics:
+        """Equilibrium in the scene's own units."""
+        number = np.full(len(scene.blocks), -1)
+        number[scene.free] = np.arange(len(scene.free))
+        return cls(
+            contacts=scene.contacts,
+            centroids=np.array([b.centroid for b in scene.blocks]),
+            row_of_block=number,
+            dead=scene.dead_forces.ravel(),
+            live=scene.live_forces.ravel(),
+        )
+
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """A of Eq. 7."""
+        return equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
+
+    def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        """A x + f_dead + alpha f_live, (free blocks, 6)."""
+        result = self.matrix @ forces.ravel() + self.dead + load_factor * self.live
+        return np.asarray(result).reshape(-1, DOF)
+
+    def is_balanced(self, forces: FloatArray, load_factor: float, length: float) -> bool:
+        """True if no block's residual exceeds rounding of the forces that act on it.
+
+        Not of the total load: that would let a block of a millionth of the weight go unbalanced.
+        """
+        rest = block_sizes(self.residual(forces, load_factor), length)
+        size = self.acting(forces, load_factor, length)
+        return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
+
+    def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
+        """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
+        total = abs(self.matrix) @ np.abs(forces).ravel()
+        total += np.abs(self.dead) + np.abs(load_factor * self.live)
+        return block_sizes(total.reshape(-1, DOF), length)
+
+    def rate_of_the_lightest(self, length: float) -> float:
+        """Rate at which the free block with the least live load alone has live power 1.
+
+        A mechanism found by rounding may not move that block at all, where the exact one moves
+        nothing else: then its own rates say nothing about those that are possible.
+        """
+        size = block_sizes(self.live.reshape(-1, DOF), length)
+        return float(1.0 / size[size > 0.0].min(initial=np.inf))
+
+    def relative_rates(self, mechanism: FloatArray) -> FloatArray:
+        """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
+        return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+
+
+def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
+    """Size (blocks,) of generalised forces (blocks, 6), moments over ``length``."""
+    moments = np.linalg.norm(generalised[:, 3:], axis=1)
+    result: FloatArray = np.linalg.norm(generalised[:, :3], axis=1) + moments / length
+    return result
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Units inside the solver, and the way back: everything that scales does it here.
+
+    The force unit is the total dead load, not a block's weight: with the mean weight as unit,
+    solvers returned load factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at
+    "optimal" status, small residuals and no duality gap. The live load has its own unit, so
+    that the scaled load factor does not depend on how the user normalised it.
+
+    Attributes
+    ----------
+    force, length, live : float
+        One unit of the scaled problem, in the user's units.
+    ratio : float
+        Dead load of the blocks that carry live load, over the live load: a natural size of load
+        factors. With all blocks' dead load a pebble beside a boulder would have a huge one.
+    """
+
+    force: float
+    length: float
+    live: float
+    ratio: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> Scaling:
+        """Total dead load, typical contact size, total live load.
+
+        Raises
+        ------
+        InputError
+            If a load is so small that its square is lost in rounding.
+        """
+        length = float(np.median(np.sqrt(scene.contacts.area)))
+        live = _total(scene.live_forces, length)
+        dead = _total(scene.dead_forces, length)
+        for what, total, forces in (
+            ("live", live, scene.live_forces),
+            ("dead", dead, scene.dead_forces),
+        ):
+            if np.any(forces) and not total > _SMALLEST:
+                raise InputError(
+                    f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
+                    "choose smaller units of force or a larger density"
+                )
+        force = dead if dead > 0.0 else live
+        loaded = _total(scene.dead_forces[np.any(scene.live_forces, axis=1)], length)
+        return cls(force, length, live, (loaded or force) / live if live > 0.0 else 1.0)
+
+    def apply(self, statics: Statics) -> Statics:
+        """The scaled copy; forces, lengths and load factor of order one."""
+        rows = np.tile([1.0, 1.0, 1.0] + [self.length] * 3, len(statics.dead) // DOF)
+        return Statics(
+            contacts=statics.contacts.scaled(1.0 / self.length),
+            centroids=statics.centroids / self.length,
+            row_of_block=statics.row_of_block,
+            dead=statics.dead / (self.force * rows),
+            live=statics.live / (self.live * rows),
+        )
+
+    def load_factor(self, scaled: float) -> float:
+        """Load factor in the user's sense."""
+        return scaled * self.force / self.live
+
+    def unit(self, *load_factors: float) -> float:
+        """What errors of load factors are measured by: the largest, or a millionth of the ratio.
+
+        >>> Scaling(force=100.0, length=1.0, live=10.0, ratio=10.0).unit(-0.5, 0.2)
+        0.5
+        """
+        return max(*map(abs, load_factors), _ZERO * self.ratio)
+
+    def forces(self, scaled: FloatArray) -> FloatArray:
+        """Contact forces (contacts, 6) in the user's units."""
+        return scaled * self.force * np.array([1.0, 1.0, 1.0] + [self.length] * 3)
+
+    def mechanism(self, scaled: FloatArray) -> FloatArray:
+        """Block rates (free, 6); live power 1 stays 1."""
+        return scaled / (self.live * np.array([1.0, 1.0, 1.0] + [self.length] * 3))
+
+
+def _total(loads: FloatArray, length: float) -> float:
+    forces = np.linalg.norm(loads[:, :3], axis=1).sum()
+    moments = np.linalg.norm(loads[:, 3:], axis=1).sum()
+    return float(forces + moments / length)

@@ -1,0 +1,1 @@
+"""Bounds recomputed outside the solver, and the reference states that prove them."""

@@ -1,0 +1,340 @@
+"""The bracket of a load factor, recomputed in NumPy from the unscaled scene.
+
+Nothing a solver says enters here: only forces and mechanism do, and the bounds hold whatever they
+are. Solvers have returned load factors wrong by 5 % with small residuals and no duality gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.errors import ModelError
+from cvxlimit.model.statics import DOF, Statics, block_sizes
+from cvxlimit.proof.witnesses import Flow, Witnesses
+from cvxlimit.scene import Scene
+from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.flow import corner_openings
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE = 10.0
+"""Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
+this multiple of the total load or of the largest force given, and no rate this multiple of the
+given mechanism's largest."""
+
+_BORNE = 1e-8
+"""Yield excess, as a share of the forces on the less loaded block of the contact, that is put down
+to the solver where forces are on the boundary of a surface and cannot be anywhere else."""
+
+_HUGE = 1e100
+"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
+
+_EPSILON = 8.0 * float(np.finfo(float).eps)
+"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Bounds on the load factor and what they were computed from.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Static and kinematic bound; infinite where nothing could be concluded.
+    lower_is_proved, upper_is_proved : bool
+        True if the bound needs no assumption (see :class:`Certifier`), up to rounding.
+    equilibrium_residual, yield_excess : float
+        Largest over blocks and contacts, in units of the total load (moments over the typical
+        contact size).
+    flow_violation : float
+        Largest missing opening at a contact over the mechanism's largest rate.
+    """
+
+    lower: float
+    upper: float
+    lower_is_proved: bool
+    upper_is_proved: bool
+    equilibrium_residual: float
+    yield_excess: float
+    flow_violation: float
+
+    @property
+    def gap(self) -> float:
+        """Width of the bracket relative to the larger bound; infinite without a bracket."""
+        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
+            return float("inf")
+        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound needs an assumption."""
+        return self.lower_is_proved and self.upper_is_proved
+
+
+class Certifier:
+    """Certifies forces and mechanisms of one scene under given surfaces.
+
+    *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium (the
+    least change). If they then exceed a yield function by y, and the dead-load state x_d (exactly
+    in equilibrium, strictly inside) keeps a reserve m there, the mixture (1 - t) x + t x_d with
+    t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound.
+
+    *Upper bound.* The mechanism u, scaled to live power 1, misses openings s at contacts. If a
+    field u_0 opens every contact with r to spare, u + t u_0 with t = max s / r is admissible,
+    and the ratio of dead to live power bounds the load factor.
+
+    Where x_d or u_0 do not exist (a dead load about to fall; blocks wedged between supports),
+    the violations are weighted by :data:`REFERENCE` forces and rates, and the certificate says
+    that the bound rests on that assumption. Where they do exist the proof is never given up for
+    a tighter bound with the assumption, which a pebble on a boulder breaks.
+
+    ``flow`` replaces the flow rule of the surfaces in upper bounds; any sublinear shortfall does.
+    """
+
+    def __init__(
+        self, scene: Scene, surfaces: Sequence[YieldSurface], flow: Flow | None = None
+    ) -> None:
+        self.statics = Statics.of(scene)
+        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != "rocking"))
+        self.witnesses = Witnesses(self.statics, self.surfaces, flow)
+        self.size = float(np.median(np.sqrt(scene.contacts.area)))
+
+    def with_flow(self, flow: Flow) -> Certifier:
+        """The same under another flow rule; reference states are kept, not sought again."""
+        result = copy(self)
+        result.witnesses = copy(self.witnesses)
+        result.witnesses.flow = flow
+        return result
+
+    def offer_dead_state(self, forces: ArrayLike) -> bool:
+        """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
+
+        Nothing is believed: they are put into equilibrium, and must be inside after that.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per contact.
+        """
+        balanced = self._balanced(forces)
+        if balanced is None:
+            return False
+        reserve, present = self._reserve(balanced), self.witnesses.easy_dead_state
+        if reserve > (0.0 if present is None else self._reserve(present)):
+            self.witnesses.dead_state = balanced
+        return reserve > 0.0
+
+    def _balanced(self, forces: ArrayLike) -> FloatArray | None:
+        """Forces (n, 6) put into equilibrium with the dead load, or None."""
+        given = _finite(forces, len(self.statics.contacts), "contact")
+        if given is None:
+            return None
+        balanced = self.witnesses.balanced(given, 0.0)
+        good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
+        return balanced if good else None
+
+    def bears(self, forces: ArrayLike) -> bool:
+        """True if forces (n, 6), put into equilibrium, carry the dead load.
+
+        Inside all surfaces, up to rounding of the forces that act on the less loaded one of a
+        contact's blocks: a share of the total load could be all that a small block is loaded with.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per contact.
+        """
+        balanced = self._balanced(forces)
+        if balanced is None:
+            return False
+        contacts = self.statics.contacts
+        number = self.statics.row_of_block
+        acting = np.append(self.statics.acting(balanced, 0.0, self.size), np.inf)
+        size = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
+        edge_contact, _, _ = contacts.edges
+        return all(
+            (y <= _BORNE * size[edge_contact if len(y) == len(edge_contact) else ...]).all()
+            for y in self._excess(balanced)
+        )
+
+    def offer_opening_field(self, rates: ArrayLike) -> None:
+        """Take block rates (free, 6) that may open every contact, if they really do.
+
+        Raises
+        ------
+        ModelError
+            If there is not one row per free block.
+        """
+        given = _finite(rates, len(self.statics.dead) // DOF, "free block")
+        if given is not None and self._spare_opening(given).min() > 0.0:
+            self.witnesses.opening_field = given
+
+    def _spare_opening(self, rates: FloatArray) -> FloatArray:
+        """What rates open contacts more than the flow rule asks for, (n,), less rounding.
+
+        Nothing is spare where no surface resists some of the slip.
+        """
+        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(rates))
+        spare: FloatArray = -missing - self._rounding(rates)
+        return np.where(_is_resisted(leftover, rates), spare, -np.inf)
+
+    def _reserve(self, forces: FloatArray) -> float:
+        """Least distance from yield, as a force; negative outside."""
+        return -max(float(y.max()) for y in self._excess(forces))
+
+    def certificate(
+        self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
+    ) -> Certificate:
+        """The bracket from forces (n, 6) at ``load_factor`` and a mechanism (free blocks, 6).
+
+        Either side may be None: its bound is then infinite. Numbers that are not finite give
+        infinite bounds as well.
+
+        Raises
+        ------
+        ModelError
+            If an array does not have the scene's number of contacts or free blocks.
+        """
+        x = _finite(forces, len(self.statics.contacts), "contact")
+        u = _finite(mechanism, len(self.statics.dead) // DOF, "free block")
+        lower = (-np.inf, False, np.nan, np.nan)
+        upper = (np.inf, False, np.nan)
+        rate = self._largest_rate(u) if u is not None else np.inf
+        if x is not None and load_factor is not None and np.isfinite(load_factor):
+            rate = max(rate, self.statics.rate_of_the_lightest(self.size))
+            lower = self._lower(x, load_factor, rate)
+        if u is not None:
+            upper = self._upper(u, self._largest_force(x))
+        return Certificate(lower[0], upper[0], lower[1], upper[1], lower[2], lower[3], upper[2])
+
+    def _lower(self, x: FloatArray, alpha: float, rate: float) -> tuple[float, bool, float, float]:
+        load = self._total_load(alpha)
+        residual = float((self._generalised(self.statics.residual(x, alpha)) / load).max())
+        excess = max(0.0, *(float(y.max()) for y in self._excess(x))) / load
+        x = self.witnesses.balanced(x, alpha)
+        if not np.isfinite(x).all():
+            return -np.inf, False, residual, excess
+        rest = self._generalised(self.statics.residual(x, alpha)).sum()
+        over = sum(float(np.maximum(y, 0.0).sum()) for y in self._excess(x))
+        error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
+        assumed = alpha - error if np.isfinite(error) else -np.inf
+        reserve = self.witnesses.dead_state
+        if reserve is None or not (self._is_balanced(x, alpha) and self._is_balanced(reserve, 0.0)):
+            return assumed, False, residual, excess
+        return (1.0 - self._mixing_share(x, reserve)) * alpha, True, residual, excess
+
+    def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
+        share = 0.0
+        for y, inside in zip(self._excess(forces), self._excess(reserve), strict=True):
+            over = np.maximum(y, 0.0)
+            share = max(share, float((over / (over - inside)).max()))
+        return share
+
+    def _largest_force(self, x: FloatArray | None) -> float:
+        """Blocks that wedge each other may press with far more than the loads, and it shows."""
+        return 0.0 if x is None else float(block_sizes(x, self.size).max(initial=0.0))
+
+    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float]:
+        live = float(self.statics.live @ u.ravel())
+        largest = self._largest_rate(u)
+        if not live > 0.0:
+            return np.inf, False, np.nan
+        u = u / live
+        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(u))
+        missing = missing + self._rounding(u)
+        violation = max(float(missing.max()), 0.0) / largest
+        field = self.witnesses.opening_field
+        if field is not None and _is_resisted(leftover, u):
+            return *self._opened(u, field, missing), violation
+        bound = -float(self.statics.dead @ u.ravel())
+        force = REFERENCE * max(self._total_load(bound), force)
+        error = float(np.maximum(missing, 0.0).sum())
+        error += float(np.abs(leftover[:, :2]).sum() + self.size * np.abs(leftover[:, 2]).sum())
+        return bound + error * force, False, violation
+
+    def _opened(self, u: FloatArray, field: FloatArray, missing: FloatArray) -> tuple[float, bool]:
+        spare = self._spare_opening(field)
+        if not spare.min() > 0.0:
+            return np.inf, False
+        u = u + max(float((missing / spare).max()), 0.0) * field
+        rates = np.abs(u).ravel()
+        live = float(self.statics.live @ u.ravel())
+        live_error, dead_error = (
+            _EPSILON * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
+        )
+        if not live > 2.0 * live_error:
+            return np.inf, False
+        bound = -float(self.statics.dead @ u.ravel()) / live
+        return bound + (dead_error + abs(bound) * live_error) / live, True
+
+    def _rounding(self, u: FloatArray) -> FloatArray:
+        """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
+        size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
+        return np.asarray(_EPSILON * size.reshape(-1, DOF) @ self._opening_sizes)
+
+    @cached_property
+    def _opening_sizes(self) -> FloatArray:
+        """Weights (6,) of slip, opening and rotation rates in a contact's opening."""
+        reach = float(np.abs(self.statics.contacts.corner_xy).max())
+        mu = float(self.statics.contacts.friction.max())
+        return np.array([mu, mu, 1.0, reach, reach, mu * reach])
+
+    def _excess(self, forces: FloatArray) -> list[FloatArray]:
+        """Yield functions as forces: rocking rows (moments) over the distance to their edge."""
+        contacts = self.statics.contacts
+        _, _, offset = contacts.edges
+        result = [self.surfaces[0].excess(forces, contacts)[0] / offset]
+        return result + [y for s in self.surfaces[1:] for y in s.excess(forces, contacts)]
+
+    def _is_balanced(self, forces: FloatArray, alpha: float) -> bool:
+        return self.statics.is_balanced(forces, alpha, self.size)
+
+    def _generalised(self, residual: FloatArray) -> FloatArray:
+        return block_sizes(residual, self.size)
+
+    def _total_load(self, alpha: float) -> float:
+        """Dead and live load; without dead load all load factors are alike, and 1 is meant."""
+        dead, live = (
+            float(self._generalised(f.reshape(-1, DOF)).sum())
+            for f in (self.statics.dead, self.statics.live)
+        )
+        return dead + abs(alpha) * live or live
+
+    def _largest_rate(self, mechanism: FloatArray) -> float:
+        """Largest velocity of a block or opening of a corner, for live power 1."""
+        live = float(self.statics.live @ mechanism.ravel())
+        if not live > 0.0:
+            return np.inf
+        relative = self.statics.relative_rates(mechanism)
+        openings = np.abs(corner_openings(relative, self.statics.contacts)).max()
+        return float(max(self._generalised_rate(mechanism).max(), openings)) / live
+
+    def _generalised_rate(self, mechanism: FloatArray) -> FloatArray:
+        turning = self.size * np.linalg.norm(mechanism[:, 3:], axis=1)
+        result: FloatArray = np.linalg.norm(mechanism[:, :3], axis=1) + turning
+        return result
+
+
+def _is_resisted(leftover: FloatArray, rates: FloatArray) -> bool:
+    """True if yield surfaces take up all slip and twist of block ``rates``, up to rounding."""
+    return not np.abs(leftover).max() > 1e-15 * np.abs(rates).max()
+
+
+def _finite(array: ArrayLike | None, rows: int, what: str) -> FloatArray | None:
+    if array is None:
+        return None
+    values = np.asarray(array, dtype=float)
+    if values.size != rows * DOF:
+        raise ModelError(
+            f"the scene has {rows} {what}(s), so an array ({rows}, {DOF}) is needed, "
+            f"got shape {values.shape}: does it belong to another scene?"
+        )
+    values = values.reshape(rows, DOF)
+    return values if np.abs(values).max(initial=0.0) < _HUGE else None

@@ -1,0 +1,260 @@
+"""Reference states that turn nearly exact answers into bounds which need no assumption.
+
+A force state strictly inside all yield surfaces, in equilibrium with the dead load alone, proves
+that the dead load stands, and absorbs small yield excess. A velocity field that strictly opens
+every contact absorbs small violations of the flow rule. Both are found by alternating projections
+with one sparse factorisation, and checked by whoever uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.model.statics import DOF, Statics, corner_map
+from cvxlimit.solvers.sparse import Solve, factorised, nested_dissection
+from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.flow import FlowRule
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_OVERSHOOT = 1.5
+"""Relaxation of the alternating projections, between 1 and 2."""
+
+_SPARE = 0.1
+"""Share of the yield function's range that a dead-load state keeps in reserve."""
+
+_OPENING_RESERVE = 0.2
+_OPENING_OVERSHOOT = 1.9
+_OPENING_ITERATIONS = 50
+"""Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
+iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On propped
+walls of 1,000 contacts and more they do not end at all: a solver does
+(:class:`~cvxlimit.model.selfstress.SelfStressProblem`)."""
+
+_ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
+"""Least corner compression, as a share of what the lighter of the two blocks would give if its
+load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
+
+
+class Flow(Protocol):
+    """What is asked of a flow rule here: see :class:`FlowRule`, whose methods these are."""
+
+    def shortfall(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Missing opening (n,) of rates (n, 6), sublinear in them; and leftovers (n, 3)."""
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """A cheap upper bound (n,) on the missing opening."""
+
+
+class Witnesses:
+    """Reference states of one assembly under its dead load.
+
+    Parameters
+    ----------
+    statics : Statics
+        Unscaled equilibrium data.
+    surfaces : sequence of YieldSurface
+    flow : Flow or None
+        Flow rule of the mechanisms; None is that of the surfaces.
+    """
+
+    def __init__(
+        self, statics: Statics, surfaces: Sequence[YieldSurface], flow: Flow | None = None
+    ) -> None:
+        self.statics = statics
+        self.surfaces = tuple(s for s in surfaces if s.name != "rocking")
+        self.flow = FlowRule(surfaces, statics.contacts) if flow is None else flow
+        self.map = corner_map(statics.contacts)
+        self._matrix = (statics.matrix @ self.map).tocsr()
+        n = len(statics.contacts)
+        arm = np.asarray(statics.contacts.torsion_arm)
+        self._weights = np.concatenate([np.ones(self.map.shape[1] - n), arm**2])
+        self._dead_state: FloatArray | None = None
+        self._attempted = 0
+
+    @cached_property
+    def is_supported(self) -> bool:
+        """True when every block is linked to a support through contacts."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        count = int(number.max()) + 1
+        ends = np.stack([number[contacts.a], number[contacts.b]])
+        ends = np.where(ends < 0, count, ends)
+        graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), (count + 1, count + 1))
+        return int(connected_components(graph, directed=False)[0]) == 1
+
+    @cached_property
+    def _solve(self) -> Solve:
+        """Solver of B W B' for the equilibrium matrix B of corner forces and their weights W."""
+        order = self._elimination_order()
+        ordered = self._matrix[order]
+        solve = factorised((ordered @ sp.diags_array(self._weights) @ ordered.T).tocsc())
+
+        def unordered(right: FloatArray) -> FloatArray:
+            result = np.empty_like(right)
+            result[order] = solve(right[order])
+            return result
+
+        return unordered
+
+    def _elimination_order(self) -> IntArray:
+        """Rows (6 free blocks,) in nested dissection of the blocks."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        a, b = number[contacts.a], number[contacts.b]
+        free = (a >= 0) & (b >= 0)
+        count = int(number.max()) + 1
+        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
+        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
+        blocks = nested_dissection(graph.tocsr())
+        return (DOF * blocks[:, None] + np.arange(DOF)).ravel()
+
+    def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        """Forces (n, 6) with the least change that brings them into exact equilibrium."""
+        if not self.is_supported:
+            return forces
+        for _ in range(2):
+            residual = self.statics.residual(forces, load_factor).ravel()
+            change = self._weights * (self._matrix.T @ self._solve(residual))
+            forces = forces - (self.map @ change).reshape(-1, len(COMPONENTS))
+        return forces
+
+    @property
+    def dead_state(self) -> FloatArray | None:
+        """Forces (n, 6) that carry the dead load strictly inside all surfaces, or None."""
+        return self._sought(len(_ATTEMPTS))
+
+    @dead_state.setter
+    def dead_state(self, forces: FloatArray) -> None:
+        self._dead_state = forces
+
+    @property
+    def easy_dead_state(self) -> FloatArray | None:
+        """The same, if a few projections find it; a solver may be quicker where they do not."""
+        return self._sought(1)
+
+    def _sought(self, attempts: int) -> FloatArray | None:
+        possible = self.is_supported and np.any(self.statics.dead)
+        while possible and self._dead_state is None and self._attempted < attempts:
+            share, iterations = _ATTEMPTS[self._attempted]
+            self._attempted += 1
+            self._dead_state = self._find_dead_state(share * self._fair_compression(), iterations)
+        return self._dead_state
+
+    def _fair_compression(self) -> FloatArray:
+        """Dead load of each corner's lighter block over that block's number of corners, (m,).
+
+        Not a share of the total load: a pebble on a boulder could not give that.
+        """
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
+        force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
+        corners = np.diff(contacts.corner_start)
+        around = np.zeros(len(force) + 1)
+        for side in (contacts.a, contacts.b):
+            np.add.at(around, number[side], corners)
+        spread = np.append(force / around[:-1], np.inf)
+        lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
+        return lighter[contacts.corner_contact]
+
+    def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
+        z = self._carried(np.zeros(self.map.shape[1]))
+        for _ in range(iterations):
+            if self._is_inside(z, 0.1 * compression):
+                z = self._carried(self._carried(z))  # to rounding of each block's own forces
+                if self._is_inside(z, 0.1 * compression):
+                    return np.asarray(self.map @ z).reshape(-1, len(COMPONENTS))
+            z = self._carried(z + _OVERSHOOT * (self._pushed_inside(z, compression) - z))
+        return None
+
+    def _carried(self, z: FloatArray) -> FloatArray:
+        """The nearest state in equilibrium with the dead load."""
+        residual = self._matrix @ z + self.statics.dead
+        nearest: FloatArray = z - self._weights * (self._matrix.T @ self._solve(residual))
+        return nearest
+
+    def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
+        contacts = self.statics.contacts
+        forces = (self.map @ z).reshape(-1, len(COMPONENTS))
+        if (z[: len(contacts.corner_xy)] < compression).any():
+            return False
+        return all(y.max() < 0.0 for s in self.surfaces for y in s.excess(forces, contacts))
+
+    def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
+        """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
+        contacts = self.statics.contacts
+        corners = len(contacts.corner_xy)
+        pushed = z.copy()
+        pushed[:corners] = np.maximum(z[:corners], compression)
+        plain = pushed.copy()
+        plain[corners:] = 0.0
+        pushed = self._blended(pushed, plain)
+        centred = plain.copy()
+        mean = contacts.corner_sums(plain[:corners]) / np.diff(contacts.corner_start)
+        centred[:corners] = mean[contacts.corner_contact]
+        return self._blended(pushed, centred)
+
+    def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
+        """Move each contact from z towards ``inner`` until its yield functions keep a reserve."""
+        contacts = self.statics.contacts
+        share = np.zeros(len(contacts))
+        at, goal = self._excess(z), self._excess(inner)
+        for y, y_inner in zip(at, goal, strict=True):
+            beyond = (y_inner < 0.0) & (y > _SPARE * y_inner)
+            needed = np.where(beyond, y - _SPARE * y_inner, 0.0) / np.where(
+                beyond, y - y_inner, 1.0
+            )
+            share = np.maximum(share, needed)
+        spread = np.concatenate([share[contacts.corner_contact], np.tile(share, 3)])
+        return z + spread * (inner - z)
+
+    def _excess(self, z: FloatArray) -> list[FloatArray]:
+        """Yield functions with one row per contact; rocking is the compressions' business."""
+        forces = (self.map @ z).reshape(-1, len(COMPONENTS))
+        rows = [y for s in self.surfaces for y in s.excess(forces, self.statics.contacts)]
+        return [y for y in rows if len(y) == len(self.statics.contacts)]
+
+    @cached_property
+    def opening_field(self) -> FloatArray | None:
+        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None.
+
+        None also when contacts hold each other in self-stress: no such field exists then. May be
+        set from outside.
+        """
+        if not self.is_supported:
+            return None
+        target = np.zeros(self.map.shape[1])
+        target[: len(self.statics.contacts.corner_xy)] = 1.0
+        for _ in range(_OPENING_ITERATIONS):
+            rates = self._solve(self._matrix @ (self._weights * target))
+            missing = self.flow.shortfall_bound(self.statics.relative_rates(rates))
+            if missing.max() < 0.0:
+                return np.asarray(rates).reshape(-1, DOF)
+            if not np.isfinite(missing).all():
+                return None
+            target = self._opened(np.asarray(self._matrix.T @ rates), missing)
+        return None
+
+    def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
+        """Rates of corners, slips and twists, moved towards the flow rule: more opening, less slip.
+
+        For plain Coulomb friction it is the nearest point of the cone, overshot.
+        """
+        contacts = self.statics.contacts
+        mu = contacts.friction
+        lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
+        corners = len(contacts.corner_xy)
+        opened = rates.copy()
+        opened[:corners] += lack[contacts.corner_contact]
+        slips = opened[corners:].reshape(3, -1)
+        arms = np.stack([np.ones_like(mu), np.ones_like(mu), contacts.torsion_arm])
+        size = np.linalg.norm(arms * slips, axis=0)
+        slips *= np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
+        return opened
