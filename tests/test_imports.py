@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},
-    {"checks", "files"},
+    {"checks", "files", "bracket"},
     {"geometry"},
     {"scene", "solution", "solvers"},
     {"masonry"},
@@ -28,7 +28,7 @@ LAYERS = (
 )
 """Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
 
-OUTSIDE = {"scene", "solution", "geometry", "errors", "checks", "files"}
+OUTSIDE = {"bracket", "scene", "solution", "geometry", "errors", "checks", "files"}
 """All that input, output and plotting may see besides themselves."""
 
 

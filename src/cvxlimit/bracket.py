@@ -1,0 +1,110 @@
+"""The bracket of a load factor: two bounds, what they rest on, and the arithmetic of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import Self
+
+import numpy as np
+
+ROUNDING = 1e-9
+"""Relative disagreement of two bounds that is put down to rounding."""
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Bounds on one load factor; every method, report and picture uses this one.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Static and kinematic bound; infinite where there is none.
+    lower_is_proved, upper_is_proved : bool
+        True if the bound needs no assumption, up to rounding.
+    least : float
+        Smallest size by which widths are measured: a bracket that holds zero has no relative
+        width of its own. See :attr:`cvxlimit.model.statics.Scaling.least`.
+
+    Example
+    -------
+    >>> bracket = Bracket().raised(0.3999999, True).lowered(0.4000001, True)
+    >>> bracket.is_within(1e-6), bracket.is_within(1e-7), str(bracket)
+    (True, False, '[0.3999999, 0.4000001]')
+    """
+
+    lower: float = -np.inf
+    upper: float = np.inf
+    lower_is_proved: bool = False
+    upper_is_proved: bool = False
+    least: float = 0.0
+
+    def raised(self, lower: float, is_proved: bool) -> Self:
+        """With a better lower bound; a lower one changes nothing."""
+        if not lower > self.lower:
+            return self
+        return replace(self, lower=float(lower), lower_is_proved=is_proved)
+
+    def lowered(self, upper: float, is_proved: bool) -> Self:
+        """With a better upper bound; a higher one changes nothing."""
+        if not upper < self.upper:
+            return self
+        return replace(self, upper=float(upper), upper_is_proved=is_proved)
+
+    @property
+    def has_both(self) -> bool:
+        """True if both bounds are finite."""
+        return bool(np.isfinite(self.lower) and np.isfinite(self.upper))
+
+    @property
+    def unit(self) -> float:
+        """What widths are relative to: the larger bound, and no less than :attr:`least`."""
+        finite = [abs(x) for x in (self.lower, self.upper) if np.isfinite(x)]
+        return max([*finite, self.least, 1e-300])
+
+    @property
+    def width(self) -> float:
+        """Upper less lower bound over :attr:`unit`; infinite without both."""
+        return (self.upper - self.lower) / self.unit if self.has_both else float("inf")
+
+    @property
+    def contradicts(self) -> bool:
+        """True if the lower bound exceeds the upper one by more than rounding."""
+        return self.width < -ROUNDING
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound needs an assumption."""
+        return self.lower_is_proved and self.upper_is_proved
+
+    def is_within(self, tolerance: float) -> bool:
+        """True if the bracket is no wider than ``tolerance`` and does not contradict itself."""
+        return abs(self.width) <= tolerance and not self.contradicts
+
+    def clipped(self, load_factor: float) -> float:
+        """The nearest load factor inside."""
+        return float(np.clip(load_factor, self.lower, max(self.lower, self.upper)))
+
+    def __str__(self) -> str:
+        return f"[{rounded_down(self.lower)}, {rounded_up(self.upper)}]"
+
+
+def rounded_down(value: float, digits: int = 7) -> str:
+    """A lower bound as text that is no larger; ``?`` where there is none.
+
+    >>> rounded_down(0.123456789, 3), rounded_up(0.123456789, 3)
+    ('0.123', '0.124')
+    """
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def rounded_up(value: float, digits: int = 7) -> str:
+    """An upper bound as text that is no smaller; ``?`` where there is none."""
+    return _rounded(value, digits, ROUND_CEILING)
+
+
+def _rounded(value: float, digits: int, rounding: str) -> str:
+    if not np.isfinite(value):
+        return "?"
+    exact = float(value) + 0.0  # no minus zero
+    return f"{Context(prec=digits, rounding=rounding).create_decimal_from_float(exact):g}"
