@@ -28,9 +28,9 @@ class Bracket:
 
     Example
     -------
-    >>> bracket = Bracket().raised(0.3999999, True).lowered(0.4000001, True)
-    >>> bracket.is_within(1e-6), bracket.is_within(1e-7), str(bracket)
-    (True, False, '[0.3999999, 0.4000001]')
+    >>> bracket = Bracket().raised(0.375, True).lowered(0.5, True)
+    >>> bracket.is_within(0.3), bracket.is_within(0.2), str(bracket)
+    (True, False, '[0.375, 0.5]')
     """
 
     lower: float = -np.inf
