@@ -8,6 +8,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from cvxlimit.model.kinematics import KinematicProblem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -16,8 +17,7 @@ from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import SolverError
 from cvxlimit.masonry import arch, panel, running_bond, wall
 from cvxlimit.model.formulations import resultants
-from cvxlimit.model.kinematics import KinematicProblem
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import Blockwise, SolverSettings, default_ladder, limit_ladder
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
 from cvxlimit.solvers.blockwise.elimination import NewtonSystem
@@ -273,7 +273,9 @@ class TestNoAnswer:
 
     def test_bounded_load_factor(self) -> None:
         """`most` gives the load factor a cone of its own: 0.2 of the possible 0.423."""
-        state = LimitProblem(builtin_scene("tuff-wall"), most=0.2).solve(OWN)
+        state = LimitProblem(builtin_scene("tuff-wall"), objective=LargestFactor(most=0.2)).solve(
+            OWN
+        )
         assert state.load_factor == pytest.approx(0.2, rel=1e-8)
 
 

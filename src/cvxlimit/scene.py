@@ -108,6 +108,10 @@ class Scene:
         Coulomb coefficient of all contacts without their own.
     contact_friction : mapping of (id, id) to float
         Coefficient of the contacts between two blocks, in either order.
+    cohesion : float
+        Force per area that every contact without its own resists in shear besides friction;
+        none by default.
+    contact_cohesion : mapping of (id, id) to float
     units : Units
     name : str
 
@@ -135,31 +139,30 @@ class Scene:
     contact_friction: Mapping[tuple[str, str], float] = field(default_factory=dict)
     units: Units = Units()
     name: str = "scene"
+    cohesion: float = 0.0
+    contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "blocks", tuple(self.blocks))
         object.__setattr__(self, "supports", tuple(self.supports))
-        object.__setattr__(self, "friction", not_negative(self.friction, "friction of the scene"))
-        overrides = {
-            tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]!r}-{pair[1]!r}")
-            for pair, mu in self.contact_friction.items()
-        }
-        if len(overrides) < len(self.contact_friction):
-            twice = next(p for p in self.contact_friction if p[::-1] in self.contact_friction)
-            raise InputError(f"friction of contact {twice[0]!r}-{twice[1]!r} is given twice")
-        object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
+        for what in _BY_CONTACT:
+            value = not_negative(getattr(self, what), f"{what} of the scene")
+            object.__setattr__(self, what, value)
+            overrides = _overrides(what, getattr(self, f"contact_{what}"))
+            object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
         _check_ids(self)
         _check_loads(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
-        return Scene, (*fields, dict(self.contact_friction), self.units, self.name)
+        own = dict(self.contact_friction), self.units, self.name
+        return Scene, (*fields, *own, self.cohesion, dict(self.contact_cohesion))
 
     @cached_property
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect_contacts`."""
         found = detect_contacts(self.blocks, self.supports, self.friction)
-        return self._with_own_friction(found)
+        return self._with_own(found)
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -197,6 +200,10 @@ class Scene:
         kept = self.contact_friction if contact_friction is None else contact_friction
         return self._copy(friction=friction, contact_friction=kept)
 
+    def with_cohesion(self, cohesion: float) -> Scene:
+        """The same scene with other cohesion (force per area); overrides are kept."""
+        return self._copy(cohesion=cohesion)
+
     def with_name(self, name: str) -> Scene:
         """The same scene under another name."""
         return self._copy(name=name)
@@ -227,30 +234,56 @@ class Scene:
             dead=loads[0],
             live=loads[1],
             units=units,
+            cohesion=self.cohesion * force / length**2,
+            contact_cohesion={
+                pair: c * force / length**2 for pair, c in self.contact_cohesion.items()
+            },
         )
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
         if "contacts" in self.__dict__:
-            copy.__dict__["contacts"] = copy._with_own_friction(self.contacts)
+            copy.__dict__["contacts"] = copy._with_own(self.contacts)
         return copy
 
-    def _with_own_friction(self, contacts: Contacts) -> Contacts:
-        friction = np.full(len(contacts), self.friction)
+    def _with_own(self, contacts: Contacts) -> Contacts:
+        """Contacts with the scene's friction and cohesion, or the pair's own."""
+        return contacts.with_friction(self._by_contact("friction", contacts)).with_cohesion(
+            self._by_contact("cohesion", contacts)
+        )
+
+    def _by_contact(self, what: str, contacts: Contacts) -> FloatArray:
+        default, own = getattr(self, what), getattr(self, f"contact_{what}")
+        result = np.full(len(contacts), default)
+        if not own:
+            return result
         ids = contacts.block_ids
         pairs = [
             tuple(sorted((ids[a], ids[b]))) for a, b in zip(contacts.a, contacts.b, strict=True)
-        ] if self.contact_friction else []  # fmt: skip
-        unknown = set(self.contact_friction) - set(pairs)
+        ]
+        unknown = set(own) - set(pairs)
         if unknown:
             a, b = sorted(unknown)[0]
             raise InputError(
-                f"friction is given for contact {a!r}-{b!r}, but these blocks do not touch: "
+                f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
                 "remove the entry or move the blocks"
             )
-        for j, pair in enumerate(pairs):
-            friction[j] = self.contact_friction.get(pair, self.friction)
-        return contacts.with_friction(friction)
+        return np.array([own.get(pair, default) for pair in pairs])
+
+
+_BY_CONTACT = ("friction", "cohesion")
+"""What contacts have from the scene, or of their own."""
+
+
+def _overrides(what: str, given: Mapping[tuple[str, str], float]) -> dict[tuple[str, ...], float]:
+    checked = {
+        tuple(sorted(pair)): not_negative(value, f"{what} of contact {pair[0]!r}-{pair[1]!r}")
+        for pair, value in given.items()
+    }
+    if len(checked) < len(given):
+        twice = next(p for p in given if p[::-1] in given)
+        raise InputError(f"{what} of contact {twice[0]!r}-{twice[1]!r} is given twice")
+    return checked
 
 
 def _check_ids(scene: Scene) -> None:
@@ -265,13 +298,14 @@ def _check_ids(scene: Scene) -> None:
     if len(set(scene.supports)) < len(scene.supports):
         twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
         raise InputError(f"support {twice!r} is listed twice")
-    for pair in scene.contact_friction:
-        for key in pair:
-            if key not in known:
-                raise InputError(
-                    f"friction is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
-                    f"block {key!r}"
-                )
+    for what in _BY_CONTACT:
+        for pair in getattr(scene, f"contact_{what}"):
+            for key in pair:
+                if key not in known:
+                    raise InputError(
+                        f"{what} is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
+                        f"block {key!r}"
+                    )
     if not len(scene.free):
         raise InputError(
             f"scene {scene.name!r} has no free block: at least one block must not be a support"

@@ -59,7 +59,8 @@ class Contacts:
         in the plane (t1, t2) about the origin.
     sides : (n, 2)
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
-    area : (n,), friction : (n,)
+    area : (n,), friction : (n,), cohesion : (n,)
+        Cohesion is a force per area, zero unless the scene has one.
     """
 
     names: tuple[str, ...]
@@ -73,6 +74,7 @@ class Contacts:
     sides: FloatArray
     area: FloatArray
     friction: FloatArray
+    cohesion: FloatArray
 
     def __len__(self) -> int:
         return len(self.names)
@@ -149,6 +151,10 @@ class Contacts:
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""
         return replace(self, friction=friction)
+
+    def with_cohesion(self, cohesion: FloatArray) -> Contacts:
+        """The same contacts with cohesion (n,), force per area."""
+        return replace(self, cohesion=cohesion)
 
     def corner_sums(self, values: FloatArray) -> FloatArray:
         """Sum of corner values (m, ...) over each contact, (n, ...)."""

@@ -9,6 +9,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, Progress, analyse
 from cvxlimit.methods.certified import Certified, run_certified
 from cvxlimit.methods.fixed_point import FixedPoint, run_fixed_point
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
@@ -25,6 +26,7 @@ def solve(
     interaction: str | FixedPoint | Certified = "none",
     moments: str = "independent",
     tolerance: float | None = None,
+    formulation: Formulation = corner_compressions,
     ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
@@ -47,6 +49,10 @@ def solve(
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
         for the certified method as narrow as its budget allows, where 5 % counts as good.
+    formulation : callable
+        Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
+        :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
+        Without interaction only.
     ladder : sequence of SolverSettings or None
         Solvers to try in turn; None is the tested order.
     progress : callable or None
@@ -79,8 +85,17 @@ def solve(
         check_choice("interaction", interaction, INTERACTIONS)
         if interaction == "none":
             asked = TOLERANCE if tolerance is None else tolerance
-            return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
+            return analyse(
+                scene,
+                surface,
+                tolerance=asked,
+                ladder=ladder,
+                formulation=formulation,
+                progress=progress,
+            )
         interaction = FixedPoint() if interaction == "fixed-point" else Certified()
+    if formulation is not corner_compressions:
+        raise ModelError("interaction brings its own formulation: leave formulation out")
     if tolerance is not None:
         interaction = replace(interaction, tolerance=tolerance)
     cone = _single_cone(surface)
