@@ -244,7 +244,7 @@ def test_surfaces_and_functions_that_no_module_holds():
     ],
 )
 def test_refused_before_anything_runs(make, message):
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises((InputError, ModelError), match=message):
         make()
 
 

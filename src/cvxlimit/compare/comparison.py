@@ -21,7 +21,7 @@ from cvxlimit.compare.rows import Row, number_of_steps, side_by_side
 from cvxlimit.compare.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
 from cvxlimit.files import write_file
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, check_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -163,8 +163,7 @@ def compare(
     """
     if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
         raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
-    if not isinstance(scene, Scene):
-        raise ModelError(f"scene must be a Scene, got {scene!r}: builtin_scene('arch') makes one")
+    check_scene(scene)
     if limits is not None and not isinstance(limits, Limits):
         raise ModelError(f"limits must be Limits, got {limits!r}: Limits(seconds=30) makes them")
     methods = _methods(DEFAULT_MODELS if models is None else models)

@@ -8,6 +8,7 @@ from dataclasses import fields as dataclass_fields
 
 import numpy as np
 
+from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -112,6 +113,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
     >>> document["lower"], document["history"]
     (None, [{'load_factor': 0.25, 'seconds': 0.01, 'solver': 'CLARABEL', 'status': 'optimal'}])
     """
+    of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
     with refusals():
         factor = solution.load_factor
         document: JsonObject = {
