@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},
-    {"checks", "files", "bracket"},
+    {"checks", "files", "bracket", "versions"},
     {"geometry"},
     {"scene", "solution", "solvers"},
     {"masonry"},

@@ -14,6 +14,7 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
+from cvxlimit.versions import versions
 
 INTERACTIONS = ("none", "fixed-point", "certified")
 MOMENTS = ("independent", "signed")
@@ -74,10 +75,33 @@ def solve(
     (0.42306, True)
     """
     check_scene(scene)
+    ladder = _checked_ladder(ladder)
+    solution = _solved(scene, surface, interaction, moments, tolerance, ladder, progress)
+    return replace(solution, versions=versions(_solvers(solution, ladder or ())))
+
+
+def _solvers(solution: Solution, ladder: Sequence[SolverSettings]) -> set[str]:
+    """Solvers that ran, as CVXPY calls them; our own labels begin with that name."""
+
+    def name(label: str) -> str:
+        own = [rung.name for rung in ladder if label.startswith(str(rung))]
+        return own[0] if own else label.replace(",", " ").split()[0]
+
+    return {name(iterate.solver) for iterate in solution.history}
+
+
+def _solved(
+    scene: Scene,
+    surface: str | Cone | Sequence[YieldSurface],
+    interaction: str | FixedPoint | Certified | None,
+    moments: str,
+    tolerance: float | None,
+    ladder: Sequence[SolverSettings] | None,
+    progress: Progress | None,
+) -> Solution:
     check_choice("moments", moments, MOMENTS)
     if tolerance is not None:
         ratio(tolerance, "tolerance")
-    ladder = _checked_ladder(ladder)
     interaction = "none" if interaction is None else interaction
     if isinstance(interaction, str):
         check_choice("interaction", interaction, INTERACTIONS)
