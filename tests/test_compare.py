@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import signal
+import subprocess
 import sys
 import threading
 from dataclasses import dataclass, replace
@@ -227,6 +228,46 @@ def test_an_interrupt_after_the_last_run_does_not_exist(monkeypatch):
     found = compare(builtin_scene("stack"), models, repeat=2, progress=False)
     assert not found.is_interrupted
     assert "interrupted" not in found.table()
+
+
+STUCK = """
+import signal
+from pathlib import Path
+from cvxlimit.compare import compare
+from cvxlimit.compare.models import Method
+from cvxlimit import builtin_scene
+
+class Stuck(Method):
+    name = line = "stuck"
+
+    def measure(self, scene):
+        if len(scene.contacts) > 1:
+            Path("UNDER WAY").write_text("x")
+            signal.pause()
+
+found = compare(builtin_scene("stack"), ["cvxlimit", Stuck()], repeat=1, progress=False)
+print([row.method for row in found.rows], found.is_interrupted)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_in_a_script_of_ones_own(tmp_path):
+    """To the whole group of processes, as a terminal sends it, once the second model runs."""
+    os.mkfifo(tmp_path / "under way")
+    script = tmp_path / "script.py"
+    script.write_text(STUCK.replace("UNDER WAY", str(tmp_path / "under way")))
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    assert (tmp_path / "under way").read_text() == "x"  # opens when the writer is there
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=LIMITS.seconds)
+    assert (process.returncode, out, err) == (0, "['cvxlimit'] True\n", "")
 
 
 @pytest.mark.parametrize("run", [0, 1])
