@@ -14,9 +14,16 @@ from cvxlimit.versions import __version__ as __version__
 
 if TYPE_CHECKING:
     from cvxlimit import compare as compare
+    from cvxlimit import errors as errors
+    from cvxlimit import geometry as geometry
     from cvxlimit import io as io
     from cvxlimit import masonry as masonry
+    from cvxlimit import methods as methods
+    from cvxlimit import model as model
     from cvxlimit import plotting as plotting
+    from cvxlimit import proof as proof
+    from cvxlimit import scene as scene
+    from cvxlimit import solution as solution
     from cvxlimit import solvers as solvers
     from cvxlimit import surfaces as surfaces
     from cvxlimit.geometry.blocks import Block as Block
@@ -38,7 +45,10 @@ if TYPE_CHECKING:
     from cvxlimit.solution import Solution as Solution
     from cvxlimit.solution import Status as Status
 
-_PACKAGES = ("compare", "io", "masonry", "plotting", "solvers", "surfaces")
+_MODULES = (
+    "compare", "errors", "geometry", "io", "masonry", "methods", "model",
+    "plotting", "proof", "scene", "solution", "solvers", "surfaces",
+)  # fmt: skip
 
 _HOME = {
     "COMPONENTS": "geometry.contacts",
@@ -62,13 +72,13 @@ _HOME = {
 }
 """The module of every public name; above once more, for type checkers."""
 
-__all__ = ["__version__", *_PACKAGES, *_HOME]
+__all__ = ["__version__", *_MODULES, *_HOME]
 
 
 if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
 
     def __getattr__(name: str) -> Any:
-        if name in _PACKAGES:
+        if name in _MODULES:
             return import_module(f"cvxlimit.{name}")
         if name not in _HOME:
             raise AttributeError(f"module 'cvxlimit' has no attribute {name!r}")
