@@ -447,9 +447,27 @@ def test_gap_is_relative_to_the_larger_bound() -> None:
     assert c.is_proved
 
 
-def test_arches_near_their_least_thickness_say_what_they_assume() -> None:
-    """No state strictly inside exists at the limit: a bound names its assumption, or is proved."""
-    solution = solve(arch(20, 0.11, friction=10.0, live=Load(forces={"v10": (0, 0, -1, 0, 0, 0)})))
-    assert solution.status in (Status.CERTIFIED, Status.DEAD_LOAD_UNSTABLE)
-    if solution.status is Status.CERTIFIED:
-        assert "proved" in solution.note or "the bracket holds if" in solution.note
+def _arch_pressed_at_its_crown(thickness: float) -> Scene:
+    """Friction 10: it cannot slide, and rocks on its thrust line; least thickness 0.107."""
+    return arch(20, thickness, friction=10.0, live=Load(forces={"v10": (0, 0, -1, 0, 0, 0)}))
+
+
+@pytest.mark.parametrize("thickness", [0.108, 0.11])
+def test_arches_near_their_least_thickness_are_proved(thickness: float) -> None:
+    """Hardly any state lies strictly inside, and yet neither bound needs an assumption."""
+    scene = _arch_pressed_at_its_crown(thickness)
+    solution = solve(scene)
+    assert_certified(solution, scene)
+    answer = linear_load_factor(scene)
+    assert solution.load_factor == pytest.approx(answer.load_factor, abs=1e-7)  # linprog's error
+
+
+def test_a_thinner_arch_falls() -> None:
+    """linprog: it stands if its crown is pulled up by 0.015, so not on its own."""
+    scene = _arch_pressed_at_its_crown(0.105)
+    factor = linear_load_factor(scene).load_factor
+    assert factor is not None
+    assert factor < 0.0
+    solution = solve(scene)
+    assert solution.status is Status.DEAD_LOAD_UNSTABLE
+    assert "it would stand" not in solution.note

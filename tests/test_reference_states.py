@@ -264,8 +264,8 @@ class TestAssumptions:
         assert state.forces is not None
         certifier = Certifier(scene, SURFACES)
         c = certifier.certificate(factor * state.forces, 5.0, None)
-        assert not (c.lower_is_proved and c.lower > 0.4230558)
-        assert not certifier.bears(factor * state.forces) or c.lower <= 0.4230558
+        assert (c.lower, c.lower_is_proved) == (-np.inf, False)
+        assert not certifier.bears(factor * state.forces)
 
     def test_a_wedge_that_needs_huge_thrust_falls_on_an_assumption(self) -> None:
         """Its taper is 1e-7 steeper than friction: it would stand on 5e7 times its weight."""

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import finite_vector, not_negative
+from cvxlimit.checks import finite_vector, not_negative, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -27,6 +28,10 @@ class Units:
     length: str = "m"
     force: str = "kN"
 
+    def __post_init__(self) -> None:
+        for name in ("length", "force"):
+            of_type(getattr(self, name), str, f"unit of {name} must be a text")
+
 
 @dataclass(frozen=True)
 class Load:
@@ -39,7 +44,7 @@ class Load:
     acceleration : (3,) or None
         In multiples of gravity: the force on each free block is its weight times this vector.
     forces : mapping of block id to (6,)
-        fx, fy, fz, mx, my, mz at the block's centroid, in the scene's units.
+        fx, fy, fz, mx, my, mz at the block's centroid, in the scene's units; None is no force.
 
     Example
     -------
@@ -63,9 +68,12 @@ class Load:
                 f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
                 "weight per volume; use acceleration for multiples of the weight"
             )
+        given = {} if self.forces is None else self.forces
+        cure = "write {'b1': (fx, fy, fz, mx, my, mz)}"
+        of_type(given, Mapping, "forces must be a mapping", cure)
         checked = {
             key: tuple(finite_vector(f, 6, f"force on block {key!r}").tolist())
-            for key, f in self.forces.items()
+            for key, f in given.items()
         }
         object.__setattr__(self, "forces", MappingProxyType(checked))
 
@@ -99,7 +107,7 @@ class Scene:
     blocks : tuple of Block
         Free and fixed blocks; order gives the rows of mechanisms.
     supports : tuple of str
-        Ids of fixed blocks (the ground is one).
+        Ids of fixed blocks (the ground is one); a single id may stand alone.
     live : Load
         Multiplied by the unknown load factor.
     dead : Load
@@ -107,11 +115,12 @@ class Scene:
     friction : float
         Coulomb coefficient of all contacts without their own.
     contact_friction : mapping of (id, id) to float
-        Coefficient of the contacts between two blocks, in either order.
+        Coefficient of the contacts between two blocks, in either order; None is no exception.
     cohesion : float
         Force per area that every contact without its own resists in shear besides friction;
         none by default.
     contact_cohesion : mapping of (id, id) to float
+        Likewise.
     units : Units
     name : str
 
@@ -119,8 +128,8 @@ class Scene:
     ------
     InputError
         For duplicate or unknown ids, a free block without density, no free block, a live load
-        that is zero everywhere, friction that is negative or not finite. Geometric faults
-        (overlap, loose blocks) are found with the contacts.
+        that is zero everywhere, friction that is negative or not finite, anything that is not of
+        its kind. Geometric faults (overlap, loose blocks) are found with the contacts.
 
     Example
     -------
@@ -143,12 +152,15 @@ class Scene:
     contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "blocks", tuple(self.blocks))
-        object.__setattr__(self, "supports", tuple(self.supports))
+        blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
+        supports = _members(self.supports, str, "supports must be ids", "write ['ground']")
+        object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "supports", supports)
+        _check_kinds(self)
         for what in _BY_CONTACT:
             value = not_negative(getattr(self, what), f"{what} of the scene")
             object.__setattr__(self, what, value)
-            overrides = _overrides(what, getattr(self, f"contact_{what}"))
+            overrides = _overrides(what, getattr(self, f"contact_{what}") or {})
             object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
         _check_ids(self)
         _check_loads(self)
@@ -222,7 +234,15 @@ class Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.
 
         From m and kN to mm and N: ``scene.in_units(Units("mm", "N"), 1e3, 1e3)``.
+
+        Raises
+        ------
+        InputError
+            If a factor is not a finite number above 0.
         """
+        of_type(units, Units, "units must be Units", 'write Units("mm", "N")')
+        length = positive(length, "length, how many new units one old unit of length is,")
+        force = positive(force, "force, how many new units one old unit of force is,")
         factor = np.array([force] * 3 + [force * length] * 3)
         loads = [
             replace(load, forces={key: tuple(factor * f) for key, f in load.forces.items()})
@@ -284,6 +304,44 @@ def _overrides(what: str, given: Mapping[tuple[str, str], float]) -> dict[tuple[
         twice = next(p for p in given if p[::-1] in given)
         raise InputError(f"{what} of contact {twice[0]!r}-{twice[1]!r} is given twice")
     return checked
+
+
+def check_scene(value: Any) -> None:
+    """Refuse anything but a scene, and say how to make one.
+
+    >>> check_scene("arch")
+    Traceback (most recent call last):
+    cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
+or read_scene('arch') if it is a file
+    """
+    name = repr(value)
+    cure = "builtin_scene('arch') makes one"
+    if isinstance(value, str):
+        cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
+    of_type(value, Scene, "scene must be a Scene", cure)
+
+
+def _members(value: Any, kind: type, what: str, cure: str) -> tuple[Any, ...]:
+    """``value`` as a tuple; one that stands alone counts as a list of one."""
+    if isinstance(value, kind):
+        return (value,)
+    return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
+
+
+def _check_kinds(scene: Scene) -> None:
+    of_type(scene.name, str, "name of the scene must be a text")
+    of_type(scene.units, Units, "units of the scene must be Units", 'write Units("mm", "N")')
+    for case in ("live", "dead"):
+        cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
+        of_type(getattr(scene, case), Load, f"the {case} load must be a Load", cure)
+    for what in _BY_CONTACT:
+        given = getattr(scene, f"contact_{what}")
+        kind = f"contact_{what} must be a mapping of two ids to a number"
+        cure = "write {('b1', 'b2'): 0.5}"
+        for pair in of_type({} if given is None else given, Mapping, kind, cure):
+            two = isinstance(pair, tuple) and len(pair) == 2
+            if not (two and all(isinstance(key, str) for key in pair)):
+                raise InputError(f"{kind}, got {pair!r}: {cure}")
 
 
 def _check_ids(scene: Scene) -> None:

@@ -10,12 +10,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import ratio
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certificate, Certifier
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Load, Scene, check_scene
 from cvxlimit.solution import PROVED, Iterate, Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.surfaces import Cone, YieldSurface
@@ -75,6 +76,8 @@ def analyse(
     >>> str(solution.status), solution.gap < 1e-5
     ('certified', True)
     """
+    check_scene(scene)
+    ratio(tolerance, "tolerance")
     tell = progress or (lambda message: None)
     surfaces, name = surfaces_of(surface)
     clock = Clock()
