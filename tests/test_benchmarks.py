@@ -120,8 +120,8 @@ def test_baselines_find_the_published_factors(name):
     assert sum(found.seconds.values()) == pytest.approx(found.total)
 
 
-def test_the_octagon_is_one_point_four_per_cent_off_on_the_s12_panel():
-    found = registry()["octagon/corners/clarabel-qdldl/1e-8"].measure(builtin_scene("s12-panel"))
+def test_the_octagon_is_one_point_four_per_cent_off_on_the_s12_class_panel():
+    found = registry()["octagon/corners/clarabel-qdldl/1e-8"].measure(CASES["s12-class"].build(886))
     assert found.load_factor == pytest.approx(S12_OCTAGON, rel=1e-5)
     assert found.load_factor / S12_CONIC - 1.0 == pytest.approx(0.0142, abs=2e-4)
 
@@ -153,8 +153,8 @@ def test_every_method_is_listed_once_and_growth_names_exist():
 
 
 def test_sizes_of_cases_with_one_size():
-    assert sizes_of(CASES["s12-panel"], Plan()) == [886]
-    assert sizes_of(CASES["s12-panel"], Plan(sizes=(50, 150))) == []
+    assert sizes_of(CASES["s12-class"], Plan()) == [886]
+    assert sizes_of(CASES["s12-class"], Plan(sizes=(50, 150))) == []
     assert sizes_of(CASES["arch"], Plan(sizes=(150, 50))) == [50, 150]
 
 
@@ -297,7 +297,7 @@ def test_list_names_cases_and_methods(capsys):
 
 
 def test_headline_checks_say_what_holds_and_what_does_not():
-    scene = builtin_scene("stack").with_name("s12-panel")
+    scene = builtin_scene("stack").with_name("s12-class")
     ours = made_up(headline.OURS, scene, 1.0, 886)
     slow = made_up(headline.AGAINST[0], scene, 6.5, 886)
     quick = made_up(headline.AGAINST[1], scene, 5.9, 886)

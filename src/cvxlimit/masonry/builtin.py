@@ -88,12 +88,12 @@ _SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
     ),
     "tuff-wall": ("tuff wall held at one end, pushed out of its plane", _tuff_wall),
     "s12-panel": (
-        "S12-class brick panel with one return, pushed out of its plane",
-        lambda: panel(0.80, 19, left_return=0.52),
+        "brick panel S12 of Portioli et al. 2013, one return, pushed out of its plane",
+        lambda: panel(0.76, 19, left_return=0.56),
     ),
     "s10-panel": (
-        "S10-class brick panel with two returns, pushed out of its plane",
-        lambda: panel(0.88, 34, left_return=0.36, right_return=0.36),
+        "brick panel S10 of Portioli et al. 2013, two returns, pushed out of its plane",
+        lambda: panel(0.96, 27, left_return=0.52, right_return=0.52),
     ),
 }
 
