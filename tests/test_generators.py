@@ -112,7 +112,9 @@ class TestFacades:
         """Two storeys have two windows in each wall, and octagon factors as by matrices of ours."""
         two = house_corner()
         assert sum("lintel" in block.id for block in two.blocks) == 4
-        one = house_corner(1.6, 1.4, storeys=1, storey_courses=5, window=(0.4, 1, 2))
+        one = house_corner(
+            1.6, 1.4, storeys=1, storey_courses=5, window_width=0.4, window_courses=2, sill=1
+        )
         by_hand = linear_load_factor(one).load_factor
         assert load_factor(one, "octagon") == pytest.approx(by_hand, rel=AGREE)
 
@@ -341,7 +343,14 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
         "storey_courses must be at least 6 for sill, window and lintel, got 5",
     ),
     "no storey": (lambda: house_corner(storeys=0), "storeys must be a whole number.*got 0"),
-    "broad windows": (lambda: house_corner(2.4, 0.5), "start of an opening must be a positive"),
+    "broad windows": (
+        lambda: house_corner(2.4, 0.5),
+        "side must be longer than window_width, 0.6, got 0.5",
+    ),
+    "no Opening": (
+        lambda: facade(2.4, 6, [(0.8, 0.8, 1, 2)]),  # type: ignore[list-item]
+        r"opening 1 of the front must be an Opening, got \(0.8, 0.8, 1, 2\)",
+    ),
     "slim piers": (
         lambda: arch_on_piers(10, 0.2, pier_width=0.1),
         "pier_width must be no less than the arch's thickness, 0.2, got 0.1",
@@ -358,7 +367,10 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: dome(springing=60.0, oculus=30.0),
         "springing and oculus must leave a shell.*springing at 60 and an oculus of 30",
     ),
-    "hanging dome": (lambda: dome(springing=-5.0), "springing and oculus must leave.*-5"),
+    "hanging dome": (
+        lambda: dome(springing=-5.0),
+        "springing must be finite and not negative, got -5",
+    ),
     "quarter circle": (lambda: flying_buttress(embrace=90.0), "embrace must be below 90.*got 90"),
     "foot in the ground": (
         lambda: flying_buttress(head=1.0, embrace=60.0),

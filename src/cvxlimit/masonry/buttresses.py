@@ -43,15 +43,18 @@ def flying_buttress(
 ) -> Scene:
     r"""A flyer in the plane (x, z) between a pier and a wall that is pushed against it::
 
-           pinnacle            +---+ wall_height
-           +---+          _ . -|   |
-           |   |     _ . '   _.|   | <== thrust (live load)
-           |   | _ '    _ . '  |   |
-           |   /\   _ .  ------+---+ head
-           |  /  \'            |   |      flyer: a circular ring over ``embrace``, its upper
-           +-+----+            |   |      joint upright on the wall, its lower one on the
-           | pier |<-- span -->|   |      inclined face of the pier's skewback
-         ==+======+============+===+== ground, top at z = 0
+                               +---+  wall_height
+                               |   |
+        +--+ pinnacle    _ - ~ |   |
+        |  |        _ - '   _-~|   |  <== thrust (live load)
+        |  |    _ -'    _ -'   |   |
+        |  |_.-'    _ -'       |---|- - head
+        |    \   .-'           |   |
+        |     \-'   flyer      |   |      the flyer is a ring over ``embrace``: its upper
+        +------+               |   |      joint stands upright on the wall, its lower one
+        |      |<--- span ---->|   |      lies on the inclined face of the skewback
+        | pier |               |   |
+      ==+======+===============+===+==  ground, top at z = 0
 
     The ring's inner side starts from the pier's inner face and is level where it meets the wall:
     its inner radius is ``span / sin(embrace)``. The wall stands on its own. Blocks are named

@@ -159,7 +159,9 @@ def house_corner(
     *,
     storeys: int = 2,
     storey_courses: int = 7,
-    window: tuple[float, int, int] = (0.6, 2, 3),
+    window_width: float = 0.6,
+    window_courses: int = 3,
+    sill: int = 2,
     unit: Size = (0.4, 0.2, 0.2),
     density: float = 20.0,
     friction: float = 0.7,
@@ -168,14 +170,18 @@ def house_corner(
 ) -> Scene:
     """Two walls of a house that meet in a corner, one window in each of them on every storey::
 
-         __________
-        /         /\\ __
-       /_________/  \\_  |      front along x (pushed along -y), side along y from x = 0;
-       | _    _ |    _  |      every storey of ``storey_courses`` courses, windows centred
-       ||_|  |_||   |_| |      in the walls, a lintel over each
-       | _    _ |    _  |
-       ||_|  |_||   |_| |
-       |________|_______|
+           front (x)              plan
+
+        +---------------+        +---+
+        |     +--+      |        |   |
+        |     |  |      |        |   window    side, along y from x = 0
+        |     +--+      |        |   |
+        |---------------|        |   +-------------+
+        |     +--+      |        |          front  |
+        |     |  |      |        +------window-----+   pushed along -y
+        |     +--+      |
+        +---------------+   ``storeys`` of ``storey_courses`` courses, windows in the
+                            middle of both walls, a lintel over each
 
     A :func:`facade` with one return; parameters not named here are as there.
 
@@ -187,8 +193,10 @@ def house_corner(
         Number of storeys.
     storey_courses : int
         Courses in each.
-    window : (float, int, int)
-        Width in m, courses below the sill, and height in courses, in every storey.
+    window_width : float
+        Clear width of every window, m.
+    window_courses, sill : int
+        Height of the windows, and of the wall below them in every storey, in courses.
 
     Returns
     -------
@@ -206,19 +214,18 @@ def house_corner(
     ['f.lintel1', 'l.lintel1']
     """
     floors, high = count(storeys, "storeys"), count(storey_courses, "storey_courses")
-    width, sill, tall = window
-    clear = positive(width, "width of the windows")
-    if sill + tall + 1 > high:
+    below, tall = count(sill, "sill", least=0), count(window_courses, "window_courses")
+    if below + tall + 1 > high:
         raise InputError(
-            f"storey_courses must be at least {sill + tall + 1} for sill, window and lintel, "
+            f"storey_courses must be at least {below + tall + 1} for sill, window and lintel, "
             f"got {high}"
         )
     front_windows, side_windows = (
-        [
-            Opening((positive(length, what) - clear) / 2.0, clear, floor * high + sill, tall)
-            for floor in range(floors)
-        ]
-        for length, what in ((front, "front"), (side, "side"))
+        [Opening(start, clear, floor * high + below, tall) for floor in range(floors)]
+        for start, clear in (
+            _centred(window_width, front, "front"),
+            _centred(window_width, side, "side"),
+        )
     )
     return facade(
         front,
@@ -232,6 +239,14 @@ def house_corner(
         live=live,
         name=name,
     )
+
+
+def _centred(width: float, length: float, what: str) -> Span:
+    """Start and width of a window in the middle of a wall."""
+    clear, whole = positive(width, "window_width"), positive(length, what)
+    if is_negligible(whole - clear, whole):
+        raise InputError(f"{what} must be longer than window_width, {clear:g}, got {whole:g}")
+    return (whole - clear) / 2.0, clear
 
 
 @dataclass(frozen=True)
@@ -275,6 +290,10 @@ class _Wall:
         """Openings fit with their lintels, and none overlaps another."""
         slack = 1e-9 * self.length  # rounding of sums of sizes, far below any joint
         for number, opening in enumerate(self.openings, start=1):
+            if not isinstance(opening, Opening):
+                raise InputError(
+                    f"opening {number} of the {self.what} must be an Opening, got {opening!r}"
+                )
             low, high = lintel.over(opening)
             if low < self.clear[0] - slack or high > self.clear[1] + slack:
                 raise InputError(

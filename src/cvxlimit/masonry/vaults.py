@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import not_negative
 from cvxlimit.errors import InputError
 from cvxlimit.masonry.arches import check_ring
 from cvxlimit.masonry.rings import abutment, between, radial_joints
@@ -33,13 +34,13 @@ def barrel_vault(
 ) -> Scene:
     r"""A circular vault along y, laid in running bond on two fixed abutments::
 
-               . - - - - - - - - - - - .
-             .'    /       /       /   |      rows of voussoirs along y,
-            / -.--/- - - -/- - - -/- - |      head joints of every other row
-           / /   \   /       /       / |      moved by half a unit
-          | |     |-/- - - -/- - - -/- |
-          | |     | |                     z
-          |_|     |_|   length (y)        |__ x
+        section (x, z)            from above, unrolled
+
+            . - ~ - .             +---+-------+---+     row 4, on the right abutment
+          /  . - .   \            +-------+-------+
+         |  /     \   |           +---+-------+---+
+         |_|       |_|            +-------+-------+     row 1, on the left abutment
+        ======   ======             length (y)
 
     Its cross-section is that of :func:`~cvxlimit.masonry.arch`: bed joints are radial, voussoirs
     straight between them, and a load that does not vary along y is carried as by an arch. Blocks
@@ -125,12 +126,14 @@ def dome(
 ) -> Scene:
     r"""A spherical dome of flat-sided blocks on a fixed ring, open at the crown::
 
-        elevation      _  oculus  _              plan     ___
-                  . ' /__|       |__\ ' .              / \ | / \
-                .___/                 \___.           |---( )---|   lunes between
-               /___/                   \___\           \_/_|_\_/    vertical planes
-              /___/                     \___\
-        springing                              courses between the springing and the oculus
+          elevation (x, z)                  plan (x, y)
+
+            .-|oculus|-.                      . - | - .
+         .'/__|      |__\'.                 .'\   |   /'.
+        /__/            \__\   courses     |    ( _ )    |   lunes between upright
+       |__|              |__|              |---(     )---|   planes through the axis
+       |__|              |__|               '. / '|' \ .'
+      ======            ======  ring          ' - | - '
 
     All corners lie on two spheres about the origin, on vertical planes through the axis z and at
     equal steps of latitude. The bed joint at a latitude, a cone in a round dome, is a flat
@@ -170,7 +173,7 @@ def dome(
     ------
     InputError
         For sizes and counts that are not positive, fewer than 3 lunes, a ratio of 2 or more, or
-        latitudes that do not ascend from 0 over springing and oculus to 90 degrees.
+        a springing that is negative or not below the oculus.
 
     Notes
     -----
@@ -217,13 +220,13 @@ def dome(
 
 def _latitudes(springing: float, oculus: float) -> tuple[float, float]:
     """Of the lowest and the highest joint, radians."""
-    top = 90.0 - oculus
-    if not 0.0 <= springing < top:
+    low, top = not_negative(springing, "springing"), 90.0 - oculus
+    if low >= top:
         raise InputError(
-            f"springing and oculus must leave a shell between latitudes 0 and 90 degrees, got a "
-            f"springing at {springing:g} and an oculus of {oculus:g} from the axis"
+            "springing and oculus must leave a shell between latitudes 0 and 90 degrees, got a "
+            f"springing at {low:g} and an oculus of {oculus:g} from the axis"
         )
-    return float(np.radians(springing)), float(np.radians(top))
+    return float(np.radians(low)), float(np.radians(top))
 
 
 def _course(
