@@ -13,6 +13,7 @@ from benchmarks.baselines import ROWS, baselines, octagon_rows, program, rocking
 from benchmarks.baselines import torsion_arms as printed_torsion_arms
 from benchmarks.cases import SIZES, all_cases
 from benchmarks.charts import exponent
+from benchmarks.dome import least_thickness
 from benchmarks.results import Record, environment, read, write
 from benchmarks.suite import (
     GROWTH,
@@ -294,6 +295,15 @@ def test_list_names_cases_and_methods(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in (*CASES, *BASELINES, "frozen/dpp"))
+
+
+def test_the_dome_is_bisected_between_what_falls_and_what_stands():
+    """published.json: 12 x 12 blocks stand at 0.04207 of the radius and not at 0.04187."""
+    low, high = least_thickness(12, 12, 4.0, 1.5e-4, low=0.04187, high=0.04207)
+    assert 0.04187 <= low < high <= 0.04207
+    assert high - low < 1.5e-4
+    with pytest.raises(ModelError, match=r"does not lie between 0.043 and 0.05"):
+        least_thickness(6, 6, 4.0, 1e-3, low=0.043)
 
 
 def test_headline_checks_say_what_holds_and_what_does_not():
