@@ -28,6 +28,7 @@ from helpers import (
     hand_equilibrium,
     linear_load_factor,
     missing_opening,
+    named_scene,
     piles,
     scenes,
     yield_excess,
@@ -386,7 +387,7 @@ class TestWronglyScaledRuns:
         bracket's tolerance (by 95 % with the smaller unit). Kept to what such runs do reliably:
         the certificate is wide, and true.
         """
-        scene = builtin_scene("s10-panel")
+        scene = named_scene("s10-class")
         usual = Scaling.of(scene)
         unit = share / len(scene.free)
         scaling = replace(usual, force=usual.force * unit, live=usual.live * unit)
@@ -405,7 +406,7 @@ class TestWronglyScaledRuns:
         assert c.width > 1e-3
 
     def test_total_weight_as_unit_is_certified(self) -> None:
-        assert_certified(solve(builtin_scene("s10-panel")))
+        assert_certified(solve(named_scene("s10-class")))
 
     @pytest.mark.parametrize(
         "settings",
