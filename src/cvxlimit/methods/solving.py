@@ -82,7 +82,9 @@ def solve(
     """
     check_scene(scene)
     ladder = _checked_ladder(ladder)
-    solution = _solved(scene, surface, interaction, moments, tolerance, ladder, progress)
+    solution = _solved(
+        scene, surface, interaction, moments, tolerance, formulation, ladder, progress
+    )
     return replace(solution, versions=versions(_solvers(solution, ladder or ())))
 
 
@@ -102,6 +104,7 @@ def _solved(
     interaction: str | FixedPoint | Certified | None,
     moments: str,
     tolerance: float | None,
+    formulation: Formulation,
     ladder: Sequence[SolverSettings] | None,
     progress: Progress | None,
 ) -> Solution:
