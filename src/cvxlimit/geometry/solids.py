@@ -100,8 +100,9 @@ def solid(
     mesh.close_seams(JOINT_TOLERANCE * mesh.rough_thickness if allowed is None else allowed)
     mesh.drop_unused()
     mesh.turn_out()
-    mesh.split_warped(mesh.default_tolerance() if allowed is None else allowed)
-    return assembled(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
+    flat = mesh.default_tolerance() if allowed is None else allowed
+    mesh.split_warped(flat)
+    return assembled(id, mesh.points, mesh.faces, density, flat, tuple(mesh.repairs))
 
 
 class _Mesh:
