@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.checks import not_negative
+from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
 from cvxlimit.geometry.contacts import Contacts
@@ -81,7 +81,7 @@ def detect(
         If blocks interpenetrate, or a block touches no other.
     """
     if joint_tolerance is not None:
-        joint_tolerance = not_negative(joint_tolerance, "joint_tolerance")
+        joint_tolerance = positive(joint_tolerance, "joint_tolerance")
     is_fixed = np.array([b.id in fixed for b in blocks])
     table, reach = facet_table(blocks, joint_tolerance)
     near = nearby_pairs([b.vertices for b in blocks], reach.near)
