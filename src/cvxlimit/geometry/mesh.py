@@ -87,6 +87,11 @@ def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArr
     return result
 
 
+def surface(points: FloatArray, faces: Sequence[Sequence[int]]) -> float:
+    """Area of all faces, warped ones projected on their mean planes."""
+    return float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
+
+
 def volume_and_centroid(
     points: FloatArray, faces: Sequence[Sequence[int]]
 ) -> tuple[float, FloatArray]:
