@@ -16,7 +16,14 @@ from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.crossings import check_faces, check_no_crossing
 from cvxlimit.geometry.facets import Facets, facets
-from cvxlimit.geometry.mesh import Faces, area_vectors, outward, surface, volume_and_centroid
+from cvxlimit.geometry.mesh import (
+    Faces,
+    area_vectors,
+    cross,
+    outward,
+    surface,
+    volume_and_centroid,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -372,7 +379,7 @@ def _bounds_convex_body(
     if heights.max() > tolerance or ((corners - corners[0]) @ normal).min() < -tolerance:
         return False
     edges = np.roll(corners, -1, axis=0) - corners
-    turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ normal
+    turns = cross(edges, np.roll(edges, -1, axis=0)) @ normal
     lengths = np.linalg.norm(edges, axis=1)
     return bool(lengths.min() > tolerance and (turns >= -tolerance * lengths).all())
 
@@ -383,7 +390,6 @@ def assembled(
     faces: Faces,
     density: float | None,
     joint_tolerance: float | None = None,
-    repairs: tuple[Repair, ...] = (),
 ) -> Block:
     """A block of any shape from vertices and faces that are numbers and indices; nothing mended.
 
@@ -392,9 +398,7 @@ def assembled(
     GeometryError
         If they enclose no body; see :meth:`Block.polyhedron`.
     """
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    exact = RELATIVE_TOLERANCE * size
-    check_faces(id, points, faces, exact)
+    check_faces(id, points, faces, RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, 0))))
     unused = set(range(len(points))) - {i for f in faces for i in f}
     if unused:
         raise GeometryError(
@@ -402,7 +406,26 @@ def assembled(
             points=points[min(unused)],
             blocks=(id,),
         )
-    oriented, _ = outward(id, points, faces)
+    return enclosed(id, points, outward(id, points, faces)[0], density, joint_tolerance)
+
+
+def enclosed(
+    id: str,
+    points: FloatArray,
+    oriented: Faces,
+    density: float | None,
+    joint_tolerance: float | None,
+    repairs: tuple[Repair, ...] = (),
+) -> Block:
+    """The block inside a closed surface whose normals point out.
+
+    Raises
+    ------
+    GeometryError
+        If it has no volume, cuts itself, or has a face that is not flat.
+    """
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    exact = RELATIVE_TOLERANCE * size
     volume, centroid = volume_and_centroid(points, oriented)
     if not volume > exact**2 * size:
         raise GeometryError(

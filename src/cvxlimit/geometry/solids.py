@@ -19,11 +19,12 @@ from cvxlimit.geometry.blocks import (
     Block,
     Repair,
     _points,
-    assembled,
     checked_faces,
     default_tolerance,
+    enclosed,
     warps,
 )
+from cvxlimit.geometry.crossings import check_faces
 from cvxlimit.geometry.mesh import (
     EdgeTable,
     Faces,
@@ -103,7 +104,8 @@ def solid(
     mesh.drop_unused()
     mesh.turn_out()
     mesh.split_warped(allowed)
-    return assembled(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
+    check_faces(id, mesh.points, mesh.faces, RELATIVE_TOLERANCE * mesh.size)
+    return enclosed(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
 
 
 class _Mesh:

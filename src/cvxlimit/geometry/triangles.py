@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.mesh import plane_axes
+from cvxlimit.geometry.mesh import cross, plane_axes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -56,7 +56,7 @@ def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
     The shorter one; of two as long, to rounding, the one whose middle is lower along x, y, z.
     """
     across = corners[:, [2, 3]] - corners[:, [0, 1]]
-    normal = _cross(across[:, 0], across[:, 1])
+    normal = cross(across[:, 0], across[:, 1])
     spans = np.linalg.norm(across, axis=2)
     middles = 0.5 * (corners[:, [0, 1]] + corners[:, [2, 3]])
     lower = (middles[:, 0] - middles[:, 1]) / spans.max(axis=1)[:, None]
@@ -69,20 +69,14 @@ def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
         np.take_along_axis(corners[:, None, None], cut[..., i, None, None], axis=3)[..., 0, :]
         for i in range(3)
     )
-    areas = np.einsum("qwtk,qk->qwt", _cross(b - a, c - a), normal)
+    areas = np.einsum("qwtk,qk->qwt", cross(b - a, c - a), normal)
     fits = (areas > 0.0).all(axis=2)
     return np.where(fits[:, 0], way, 1 - way), fits.any(axis=1)
 
 
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    x, y, z = np.moveaxis(u, -1, 0)
-    p, q, r = np.moveaxis(v, -1, 0)
-    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=-1)
-
-
 def _ears(corners: FloatArray) -> IntArray:
     spokes = corners - corners[0]
-    normal = _cross(spokes[:-1], spokes[1:]).sum(axis=0)
+    normal = cross(spokes[:-1], spokes[1:]).sum(axis=0)
     return flat_triangles([corners @ plane_axes(normal / np.linalg.norm(normal)).T])
 
 
