@@ -25,7 +25,7 @@ from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBound, Lower
 from cvxlimit.model.statics import Scaling
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
+from cvxlimit.solvers import SolverSettings, default_ladder, settings_for
 from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
@@ -36,11 +36,7 @@ GOOD = 0.05
 _OUTER_TOLERANCE = 1e-4
 """Copies are added to contacts until that could lower the upper bound by no more than this."""
 
-_QUICK = SolverSettings(
-    "CLARABEL",
-    {**OPTIONS["CLARABEL"], **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-8)},
-    "CLARABEL 1e-08",
-)
+_QUICK = settings_for("CLARABEL", 1e-8, "CLARABEL 1e-08")
 """Enough for a bound that is certified anyway, and an eighth faster."""
 
 

@@ -13,7 +13,7 @@ from cvxlimit.methods.fixed_point import FixedPoint, run_fixed_point
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
-from cvxlimit.solvers import SolverSettings
+from cvxlimit.solvers import SolverSettings, ladder_of
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
 from cvxlimit.versions import versions
 
@@ -29,7 +29,7 @@ def solve(
     moments: str = "independent",
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
-    ladder: Sequence[SolverSettings] | None = None,
+    ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
@@ -55,8 +55,9 @@ def solve(
         Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
         :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
         Without interaction only.
-    ladder : sequence of SolverSettings or None
-        Solvers to try in turn; None is the tested order.
+    ladder : sequence of str or SolverSettings, or None
+        Solvers to try in turn, any that CVXPY has installed: ``["MOSEK", "CLARABEL"]``; None is
+        the tested order.
     progress : callable or None
         Called with one line of text at every step of long work.
 
@@ -81,7 +82,7 @@ def solve(
     (0.42306, True)
     """
     check_scene(scene)
-    ladder = _checked_ladder(ladder)
+    ladder = None if ladder is None else ladder_of(ladder)
     solution = _solved(
         scene, surface, interaction, moments, tolerance, formulation, ladder, progress
     )
@@ -135,21 +136,6 @@ def _solved(
     if isinstance(interaction, FixedPoint):
         return run_fixed_point(scene, cone, moments, interaction, ladder, progress)
     return run_certified(scene, cone, moments, interaction, ladder, progress)
-
-
-def _checked_ladder(
-    ladder: Sequence[SolverSettings] | SolverSettings | None,
-) -> Sequence[SolverSettings] | None:
-    """Settings as a ladder; one that stands alone is a ladder of one rung."""
-    if ladder is None:
-        return None
-    rungs = [ladder] if isinstance(ladder, SolverSettings) else ladder
-    if not isinstance(rungs, Sequence) or not all(isinstance(x, SolverSettings) for x in rungs):
-        raise ModelError(
-            f"ladder must be a list of SolverSettings, got {ladder!r}: "
-            "write [SolverSettings('CLARABEL')], from cvxlimit.solvers"
-        )
-    return rungs
 
 
 def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:
