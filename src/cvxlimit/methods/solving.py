@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.analysis import TOLERANCE, Progress, analyse
-from cvxlimit.methods.certified import Certified, run_certified
-from cvxlimit.methods.fixed_point import FixedPoint, run_fixed_point
+from cvxlimit.methods.analysis import Convex
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.driver import Progress, Rule, Run, drive
+from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
+from cvxlimit.surfaces import Cone, YieldSurface
 
-INTERACTIONS = ("none", "fixed-point", "certified")
-MOMENTS = ("independent", "signed")
+__all__ = ["INTERACTIONS", "MOMENTS", "check_choice", "solve"]
+
+INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, FixedPoint, Certified)}
 
 
 def solve(
     scene: Scene,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
-    interaction: str | FixedPoint | Certified = "none",
-    moments: str = "independent",
+    interaction: str | Rule = "none",
+    moments: str | Moments = "independent",
     tolerance: float | None = None,
     ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
@@ -36,13 +40,14 @@ def solve(
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
-    interaction : {"none", "fixed-point", "certified"}, FixedPoint or Certified
+    interaction : {"none", "fixed-point", "certified"} or Rule
         Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
         the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
-        as :class:`FixedPoint` or :class:`Certified`.
-    moments : {"independent", "signed"}
+        as :class:`FixedPoint` or :class:`Certified`; or an outer loop of your own, as a
+        :class:`~cvxlimit.methods.driver.Rule`.
+    moments : {"independent", "signed"} or Moments
         How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
-        centre.
+        centre. Without interaction it makes no difference.
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
@@ -72,35 +77,28 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    check_choice("moments", moments, MOMENTS)
-    if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
     if isinstance(interaction, str):
         check_choice("interaction", interaction, INTERACTIONS)
-        if interaction == "none":
-            asked = TOLERANCE if tolerance is None else tolerance
-            return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
-        interaction = FixedPoint() if interaction == "fixed-point" else Certified()
-    if tolerance is not None:
-        interaction = replace(interaction, tolerance=tolerance)
-    cone = _single_cone(surface)
-    if isinstance(interaction, FixedPoint):
-        return run_fixed_point(scene, cone, moments, interaction, ladder, progress)
-    return run_certified(scene, cone, moments, interaction, ladder, progress)
-
-
-def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:
-    if isinstance(surface, str):
-        return parse_cone(surface)
-    if isinstance(surface, Cone):
-        return surface
-    raise ModelError(
-        "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
-        "'K-gon' or a Cone, not as a list of surfaces"
+        interaction = INTERACTIONS[interaction]()
+    return drive(
+        _within(tolerance, interaction),
+        Run(scene, surface, parse_moments(moments), ladder, progress),
     )
 
 
-def check_choice(what: str, value: str, allowed: Sequence[str]) -> None:
+def _within(tolerance: float | None, rule: Rule) -> Rule:
+    """The rule with its tolerance set, if one is asked for."""
+    if tolerance is None:
+        return rule
+    if not 0.0 < tolerance < 1.0:
+        raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
+    if not hasattr(rule, "tolerance"):
+        raise ModelError(f"{type(rule).__name__} has no tolerance to set, got {tolerance!r}")
+    settings: Any = rule
+    return cast("Rule", replace(settings, tolerance=tolerance))
+
+
+def check_choice(what: str, value: str, allowed: Collection[str]) -> None:
     """Refuse a value that is not one of those allowed; ``what`` names it.
 
     Raises

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.pressure import interaction_excess
+from cvxlimit.methods.driver import Answer
+from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import Scaling, Statics, block_sizes
 from cvxlimit.proof.certificate import REFERENCE
@@ -77,6 +78,10 @@ class LowerBound:
         """True if the forces passed the checker, exactly or within its tolerance."""
         return bool(np.isfinite(self.value))
 
+    def raising(self, answer: Answer) -> Answer:
+        """``answer`` with this bound and its forces, if they are better."""
+        return answer.raised(self.value, self.is_proved, self.load_factor, self.forces)
+
 
 class LowerBounds:
     """The checker of one scene in one moment convention.
@@ -89,11 +94,10 @@ class LowerBounds:
     Parameters
     ----------
     scene : Scene
-    moments : str
-        ``"independent"`` or ``"signed"``.
+    moments : Moments
     """
 
-    def __init__(self, scene: Scene, moments: str) -> None:
+    def __init__(self, scene: Scene, moments: Moments) -> None:
         self.scene, self.moments = scene, moments
         self.statics = Statics.of(scene)
         self.scaling = Scaling.of(scene)
@@ -169,9 +173,7 @@ class LowerBounds:
 
     def _excess(self, forces: FloatArray) -> FloatArray:
         contacts = self.statics.contacts
-        return np.maximum(
-            rocking_excess(forces, contacts), interaction_excess(forces, contacts, self.moments)
-        )
+        return np.maximum(rocking_excess(forces, contacts), self.moments.excess(forces, contacts))
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
@@ -183,14 +185,3 @@ def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
     moments = Rocking().excess(forces, contacts)[0] / offset
     outside: FloatArray = -contacts.corner_minimum(-moments)
     return np.maximum(outside, -forces[:, COLUMN["N"]])
-
-
-def proved_lower_bound(
-    scene: Scene, forces: FloatArray, load_factor: float, moments: str
-) -> tuple[float, FloatArray, bool, float]:
-    """Bound, checked forces (n, 6), whether it is proved to rounding, and the excess left.
-
-    See :class:`LowerBounds`, which keeps its factorisation for the next forces.
-    """
-    bound = LowerBounds(scene, moments).of(forces, load_factor)
-    return bound.value, bound.forces, bound.is_proved, bound.excess
