@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +146,21 @@ class Contacts:
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
         inward /= np.linalg.norm(inward, axis=1)[:, None]
         return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
+
+    def only(self, kept: IntArray) -> Contacts:
+        """The contacts ``kept`` (k,), in that order; blocks keep their numbers."""
+        n, counts = len(self), np.diff(self.corner_start)[kept]
+        corners = [np.arange(*self.corner_start[[j, j + 1]]) for j in kept]
+        values: dict[str, Any] = {
+            name: value[kept]
+            for name, value in ((f.name, getattr(self, f.name)) for f in fields(self))
+            if isinstance(value, np.ndarray) and len(value) == n
+        }
+        values |= {
+            "corner_start": np.concatenate([[0], np.cumsum(counts)]),
+            "corner_xy": self.corner_xy[np.concatenate(corners)],
+        }
+        return replace(self, names=tuple(self.names[j] for j in kept), **values)
 
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.bracket import known
+from cvxlimit.methods.bearing import borne, surface_excess
 from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.selfstress import SelfStressProblem
-from cvxlimit.model.statics import Scaling
+from cvxlimit.model.statics import Scaling, Statics
 from cvxlimit.proof.certificate import REFERENCE, Certificate, Certifier
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Solution, Status
@@ -25,6 +26,11 @@ FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
+
+
+_BOUNDLESS = 1e6
+"""Load factor, over dead load / live load of the loaded blocks, at which it is asked whether the
+live load does any harm: solvers return 1e9 to 1e14 where there is no limit."""
 
 
 @dataclass(frozen=True)
@@ -127,10 +133,15 @@ class _Climb:
                 yield Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 yield Status.CERTIFIED
-            if state.outcome.claims_no_optimum and self._is_harmless():
+            if self._is_boundless(state) and self._is_harmless():
                 yield Status.LIVE_LOAD_HARMLESS
             yield None
         yield Status.LIVE_LOAD_HARMLESS if self._is_harmless() else Status.NOT_CERTIFIED
+
+    def _is_boundless(self, state: LimitState) -> bool:
+        """True if a solver says so, or returns a load factor that no load is meant to have."""
+        factor = abs(state.load_factor or 0.0)
+        return state.outcome.claims_no_optimum or factor > _BOUNDLESS * self.run.scaling.ratio
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         state = self.run.solve(self.problem.solve, settings)
@@ -227,11 +238,18 @@ class _Climb:
         self.is_live_load_solved = True
         scene = self.run.scene
         self.run.tell("checking whether the live load does any harm")
-        certifier = Certifier(scene.with_dead(scene.live), self.run.surfaces)
+        statics = Statics.of(scene.with_dead(scene.live))
+        surfaces = self.problem.surfaces
         for state, certificate in self._shares(scene.with_dead(Load()), "live load alone"):
             if state.forces is not None and state.load_factor and state.load_factor > 0.5:
-                forces = state.forces / state.load_factor
-                if certifier.bears(forces):
+                with self.run.clock.phase("certify"):
+                    forces = borne(
+                        statics,
+                        surfaces,
+                        surface_excess(surfaces),
+                        state.forces / state.load_factor,
+                    )
+                if forces is not None:
                     self.run.best = replace(self.run.best, forces=forces, mechanism=None)
                     self.note = Status.LIVE_LOAD_HARMLESS.advice
                     return True

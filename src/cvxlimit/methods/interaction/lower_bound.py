@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.bearing import rocking_excess
 from cvxlimit.methods.driver import Answer
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.model.problem import LimitProblem
@@ -177,11 +177,3 @@ class LowerBounds:
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
-
-
-def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
-    """Eq. 9 in force units (n,): how far pressure is outside the contact; tension counts too."""
-    _, _, offset = contacts.edges
-    moments = Rocking().excess(forces, contacts)[0] / offset
-    outside: FloatArray = -contacts.corner_minimum(-moments)
-    return np.maximum(outside, -forces[:, COLUMN["N"]])
