@@ -28,11 +28,6 @@ TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
 
-_BOUNDLESS = 1e6
-"""Load factor, over dead load / live load of the loaded blocks, at which it is asked whether the
-live load does any harm: solvers return 1e9 to 1e14 where there is no limit."""
-
-
 @dataclass(frozen=True)
 class Convex(Rule):
     """One convex problem, solved until its bracket, recomputed outside the solver, is closed.
@@ -133,15 +128,11 @@ class _Climb:
                 yield Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 yield Status.CERTIFIED
-            if self._is_boundless(state) and self._is_harmless():
+            is_boundless = self.run.is_boundless(state.load_factor)
+            if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
                 yield Status.LIVE_LOAD_HARMLESS
             yield None
         yield Status.LIVE_LOAD_HARMLESS if self._is_harmless() else Status.NOT_CERTIFIED
-
-    def _is_boundless(self, state: LimitState) -> bool:
-        """True if a solver says so, or returns a load factor that no load is meant to have."""
-        factor = abs(state.load_factor or 0.0)
-        return state.outcome.claims_no_optimum or factor > _BOUNDLESS * self.run.scaling.ratio
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         state = self.run.solve(self.problem.solve, settings)

@@ -8,8 +8,9 @@ nothing, which is admissible everywhere, and the others are put into balance wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,16 +30,27 @@ BORNE = 1e-8
 """Excess, as a share of the forces on the less loaded block of the contact, that is put down to the
 solver where forces are on the boundary of a surface and cannot be anywhere else."""
 
+INSIDE = -1e-9
+"""The same for forces that must be strictly inside: for conditions that are not convex, to which
+small forces are added."""
+
 _CUTS, _CUT = 6, 3.0
 """Forces are cut at their largest gaps, so many at most, each by more than this factor."""
 
 
 def borne(
-    statics: Statics, surfaces: tuple[YieldSurface, ...], excess: Excess, forces: FloatArray
+    statics: Statics,
+    surfaces: Sequence[YieldSurface],
+    excess: Excess,
+    forces: FloatArray,
+    others: Callable[[Statics], Iterable[FloatArray]] = lambda reached: (),
+    most: float = BORNE,
 ) -> FloatArray | None:
     """Forces (n, 6) near given ones that carry the dead load of ``statics``, or None.
 
-    In equilibrium to rounding, with no more ``excess`` than :data:`BORNE`.
+    In equilibrium to rounding, with no more ``excess`` than this share of the forces on a contact's
+    less loaded block. ``others`` are tried where those given do not pass: states of the contacts
+    that are left, in balance.
     """
     length = float(np.median(np.sqrt(statics.contacts.area)))
     for kept in _cuts(block_sizes(forces, length)):
@@ -46,11 +58,13 @@ def borne(
         witnesses = Witnesses(reached, surfaces)
         if not witnesses.is_supported:
             continue
-        balanced = witnesses.balanced(forces[kept], 0.0)
-        if _is_borne(reached, balanced, excess, length):
-            result = np.zeros_like(forces)
-            result[kept] = balanced
-            return result
+        for state in chain([witnesses.balanced(forces[kept], 0.0)], others(reached)):
+            allowed = most * _least_acting(reached, state, length)
+            is_inside = bool((excess(state, reached.contacts) <= allowed).all())
+            if is_inside and reached.is_balanced(state, 0.0, length):
+                result = np.zeros_like(forces)
+                result[kept] = state
+                return result
     return None
 
 
@@ -83,16 +97,14 @@ def _reached(statics: Statics, kept: IntArray) -> Statics:
     )
 
 
-def _is_borne(statics: Statics, forces: FloatArray, excess: Excess, length: float) -> bool:
-    if not (np.isfinite(forces).all() and statics.is_balanced(forces, 0.0, length)):
-        return False
+def _least_acting(statics: Statics, forces: FloatArray, length: float) -> FloatArray:
+    """Forces on the less loaded block of every contact (n,)."""
     contacts, number = statics.contacts, statics.row_of_block
     acting = np.append(statics.acting(forces, 0.0, length), np.inf)
-    least = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
-    return bool((excess(forces, contacts) <= BORNE * least).all())
+    return np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
 
 
-def surface_excess(surfaces: tuple[YieldSurface, ...]) -> Excess:
+def surface_excess(surfaces: Sequence[YieldSurface]) -> Excess:
     """The largest excess over all conditions of some surfaces."""
 
     def excess(forces: FloatArray, contacts: Contacts) -> FloatArray:

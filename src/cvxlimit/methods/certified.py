@@ -16,15 +16,19 @@ from numpy.typing import NDArray
 
 from cvxlimit.bracket import rounded_up
 from cvxlimit.errors import ModelError
+from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Answer, Rule, Run
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBounds
+from cvxlimit.methods.interaction.lower_bound import ACCEPTED, central_states, true_excess
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statics import Statics
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
 from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
 from cvxlimit.surfaces.cones import Conic
+from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
 
@@ -141,10 +145,10 @@ class _Proof:
         is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
         if is_doubtful and self._cannot_stand():
             yield Status.DEAD_LOAD_UNSTABLE
-        if run.best.mechanism is None:
-            if self._is_harmless():
-                yield Status.LIVE_LOAD_HARMLESS
-        else:
+        is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
+        if is_boundless and self._is_harmless():
+            yield Status.LIVE_LOAD_HARMLESS
+        if run.best.mechanism is not None:
             yield from self._bound_from_below(outer)
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
@@ -201,13 +205,26 @@ class _Proof:
         return bracket.is_below_zero and bracket.upper_is_proved
 
     def _is_harmless(self) -> bool:
-        """True if forces carry the live load alone, strictly inside Eq. 30.
+        """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
 
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
-        alone = self.run.scene.with_dead(self.run.scene.live)
-        forces = next(iter(LowerBounds(alone, self.run.moments).reserves), None)
-        self.run.best = replace(self.run.best, forces=forces)
+        run = self.run
+        problem = LimitProblem(run.scene.with_dead(Load()), most=1.0)
+        state, _ = run.climb(problem.solve, self._outer_ladder())
+        if state.forces is None or state.load_factor is None or state.load_factor < 0.5:
+            return False
+        with run.clock.phase("certify"):
+            forces = borne(
+                Statics.of(run.scene.with_dead(run.scene.live)),
+                DEFAULT_SURFACES,
+                true_excess(run.moments),
+                state.forces / state.load_factor,
+                central_states,
+                INSIDE,
+            )
+        if forces is not None:
+            run.best = replace(run.best, forces=forces, mechanism=None)
         return forces is not None
 
     def basis(self) -> str:

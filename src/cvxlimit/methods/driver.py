@@ -33,6 +33,11 @@ Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProblem(scene).solve``, for example."""
 
 
+_BOUNDLESS = 1e6
+"""Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
+live load does any harm."""
+
+
 class Clock:
     """Seconds by phase; phases inside phases count once, for the inner one."""
 
@@ -198,6 +203,11 @@ class Run:
     def bounds(self) -> dict[str, float | None]:
         """The best bounds so far, for the history."""
         return {"lower": known(self.best.bracket.lower), "upper": known(self.best.bracket.upper)}
+
+    def is_boundless(self, load_factor: float | None) -> bool:
+        """True for a load factor that no load is meant to have: asked for where there is no limit,
+        solvers return 1e9 to 1e14."""
+        return load_factor is not None and abs(load_factor) > _BOUNDLESS * self.scaling.ratio
 
     def aside(self, scene: Scene) -> Run:
         """A run on another scene for a question on the way: same clock, books of its own."""

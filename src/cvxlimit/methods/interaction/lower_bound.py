@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.methods.bearing import rocking_excess
+from cvxlimit.methods.bearing import Excess, rocking_excess
 from cvxlimit.methods.driver import Answer
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.model.problem import LimitProblem
@@ -17,7 +18,7 @@ from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solvers import default_ladder
-from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
 
@@ -101,7 +102,7 @@ class LowerBounds:
         self.scene, self.moments = scene, moments
         self.statics = Statics.of(scene)
         self.scaling = Scaling.of(scene)
-        self.witnesses = Witnesses(self.statics, (Rocking(), TorsionShear()))
+        self.witnesses = Witnesses(self.statics, DEFAULT_SURFACES)
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
@@ -125,8 +126,7 @@ class LowerBounds:
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
         """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
-        states = [self._dead_state(friction, size) for friction, size in _RESERVES]
-        found = tuple(state for state in states if state is not None)
+        found = tuple(state for state in central_states(self.statics) if self._is_inside(state))
         return found or self._solved_state()
 
     def _solved_state(self) -> tuple[FloatArray, ...]:
@@ -145,18 +145,6 @@ class LowerBounds:
         finite = bool(np.isfinite(state).all())
         return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
 
-    def _dead_state(self, friction: float, size: float) -> FloatArray | None:
-        whole = self.statics.contacts
-        smaller = replace(
-            whole.with_friction(friction * whole.friction),
-            corner_xy=size * whole.corner_xy,
-            sides=size * whole.sides,
-            area=size**2 * whole.area,
-        )
-        surfaces = (Rocking(), TorsionShear())
-        state = Witnesses(replace(self.statics, contacts=smaller), surfaces).dead_state
-        return state if state is not None and self._is_inside(state) else None
-
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
@@ -172,8 +160,27 @@ class LowerBounds:
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
     def _excess(self, forces: FloatArray) -> FloatArray:
-        contacts = self.statics.contacts
-        return np.maximum(rocking_excess(forces, contacts), self.moments.excess(forces, contacts))
+        return true_excess(self.moments)(forces, self.statics.contacts)
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
+
+
+def true_excess(moments: Moments) -> Excess:
+    """By how much forces exceed Eq. 9 and 30, per contact."""
+    return lambda x, contacts: np.maximum(rocking_excess(x, contacts), moments.excess(x, contacts))
+
+
+def central_states(statics: Statics) -> Iterator[FloatArray]:
+    """Forces (n, 6) that carry the dead load with little shear, and pressure near the centres."""
+    whole = statics.contacts
+    for friction, size in _RESERVES:
+        smaller = replace(
+            whole.with_friction(friction * whole.friction),
+            corner_xy=size * whole.corner_xy,
+            sides=size * whole.sides,
+            area=size**2 * whole.area,
+        )
+        state = Witnesses(replace(statics, contacts=smaller), DEFAULT_SURFACES).dead_state
+        if state is not None:
+            yield state
