@@ -31,7 +31,7 @@ from cvxlimit.methods.interaction.moments import INDEPENDENT, parse_moments
 from cvxlimit.methods.interaction.pressure import effective_arm
 from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
-from helpers import interaction_excess, piles
+from helpers import interaction_excess, named_scene, piles
 
 FloatArray = NDArray[np.float64]
 
@@ -235,9 +235,9 @@ def test_hard_steps_do_not_fall(moments: str) -> None:
     assert np.diff(lowers).min() >= -1e-6 * lowers[-1]
 
 
-def test_s12_panel_in_one_step_from_the_relaxation() -> None:
+def test_s12_class_panel_in_one_step_from_the_relaxation() -> None:
     """Issue: at least 0.1244 within 20 times the first solve; one hard step costs about 4."""
-    scene = builtin_scene("s12-panel")
+    scene = named_scene("s12-class")
     relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
     assert relaxed.forces is not None
     (first,) = inner(scene, "independent", most=1).iterates(relaxed.forces)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.methods.bearing import rocking_excess
+from cvxlimit.methods.interaction.lower_bound import rocking_excess
 from cvxlimit.methods.interaction.pressure import Pressure, effective_arm
 from helpers import interaction_excess
 

@@ -39,11 +39,6 @@ class Bracket:
     upper_is_proved: bool = False
     least: float = 0.0
 
-    def narrowed(self, other: Bracket) -> Self:
-        """With the better bounds of this one and ``other``."""
-        narrower = self.raised(other.lower, other.lower_is_proved)
-        return narrower.lowered(other.upper, other.upper_is_proved)
-
     def raised(self, lower: float, is_proved: bool) -> Self:
         """With a better lower bound; a lower one changes nothing."""
         if not lower > self.lower:
@@ -51,8 +46,9 @@ class Bracket:
         return replace(self, lower=float(lower), lower_is_proved=is_proved)
 
     def lowered(self, upper: float, is_proved: bool) -> Self:
-        """With a better upper bound; a higher one changes nothing."""
-        if not upper < self.upper:
+        """With a better upper bound; a higher one changes nothing, but a proof of the same."""
+        proof = self.unit * ROUNDING if is_proved and not self.upper_is_proved else 0.0
+        if not upper < self.upper + proof:
             return self
         return replace(self, upper=float(upper), upper_is_proved=is_proved)
 

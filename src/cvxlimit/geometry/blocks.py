@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.readonly import ReadOnlyArrays
 
 FloatArray = NDArray[np.float64]
 Faces = tuple[tuple[int, ...], ...]
@@ -34,7 +35,7 @@ _BOX_CORNERS = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(ReadOnlyArrays):
     """A rigid convex polyhedron. Build it with :meth:`box`, :meth:`polyhedron` or :meth:`hull`.
 
     Attributes

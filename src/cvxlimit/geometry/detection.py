@@ -176,6 +176,7 @@ def _contacts(
         sides=found.sides,
         area=found.area,
         friction=np.full(len(a), friction),
+        cohesion=np.zeros(len(a)),
     )
 
 
@@ -227,6 +228,7 @@ def _select(contacts: Contacts, keep: NDArray[np.bool_]) -> Contacts:
         sides=contacts.sides[keep],
         area=contacts.area[keep],
         friction=contacts.friction[keep],
+        cohesion=contacts.cohesion[keep],
     )
 
 

@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.bracket import known
-from cvxlimit.methods.bearing import borne, surface_excess
+from cvxlimit.checks import ratio
+from cvxlimit.methods.bearing import borne
 from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.selfstress import SelfStressProblem
-from cvxlimit.model.statics import Scaling, Statics
+from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
+from cvxlimit.model.statics import Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certificate, Certifier
-from cvxlimit.scene import Load, Scene
+from cvxlimit.proof.strength import Strength
+from cvxlimit.scene import Load, Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.surfaces import Cone, YieldSurface
@@ -28,6 +30,10 @@ TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
 
+_WHOLE = 1.0 - 1e-6
+"""Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
+
+
 @dataclass(frozen=True)
 class Convex(Rule):
     """One convex problem, solved until its bracket, recomputed outside the solver, is closed.
@@ -36,15 +42,14 @@ class Convex(Rule):
     ----------
     tolerance : float
         Relative width of the bracket.
-    formulation : Formulation, scaling : Scaling or None
-        For studies.
     """
 
     name = "none"
 
     tolerance: float = TOLERANCE
-    formulation: Formulation = corner_compressions
-    scaling: Scaling | None = None
+
+    def __post_init__(self) -> None:
+        ratio(self.tolerance, "tolerance")
 
     def start(self, run: Run) -> _Climb:
         """Compile."""
@@ -88,8 +93,12 @@ def analyse(
     >>> str(solution.status), solution.gap < 1e-5
     ('certified', True)
     """
-    run = Run(scene, surface, ladder=ladder, progress=progress)
-    return drive(Convex(tolerance, formulation, scaling), run)
+    rule = Convex(tolerance)
+    check_scene(scene)
+    whole = Assemblage.of(scene, scaling)
+    return drive(
+        rule, Run(whole, surface, formulation=formulation, ladder=ladder, progress=progress)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +115,11 @@ class _Climb:
     def __init__(self, rule: Convex, run: Run) -> None:
         self.run, self.tolerance = run, rule.tolerance
         with run.clock.phase("compile"):
-            self.problem = LimitProblem(run.scene, run.surfaces, rule.formulation, rule.scaling)
+            self.problem = LimitProblem(run.assemblage, run.surfaces, run.formulation)
         ladder = run.ladder or self.problem.ladder(rule.tolerance)
         self.ladder = [settings for settings in ladder if suits(settings, self.problem.problem)]
         with run.clock.phase("certify"):
-            self.certifier = Certifier(run.scene, self.problem.surfaces)
+            self.certifier = Certifier(run.assemblage, self.problem.surfaces, run.formulation)
         self.is_dead_load_solved = self.is_opening_solved = self.is_live_load_solved = False
         self.rungs = self._all()
         self.status: Status | None = None
@@ -157,7 +166,7 @@ class _Climb:
         run = self.run
         run.tell("checking the bracket")
         with run.clock.phase("certify"):
-            c = self.certifier.certificate(state.forces, state.load_factor, state.mechanism)
+            c = self.certifier.of(state)
         run.best = run.best.raised(c.lower, c.lower_is_proved, state.load_factor, state.forces)
         run.best = run.best.lowered(c.upper, c.upper_is_proved, state.mechanism)
         return c
@@ -193,8 +202,9 @@ class _Climb:
         projections do. Where there are none, returns rates on which the dead load alone does
         work, allowed by the flow rule.
 
-        Asks for the largest share t <= 1 of the dead load that can be carried: by homogeneity it
-        is 1 if the dead load stands and 0 if not, so an upper bound below 1 / 2 is a proof.
+        Asks for the largest share t <= 1 of the dead load that can be carried. Without constants
+        in the conditions it is 1 if the dead load stands and 0 if not, so an upper bound below
+        1 / 2 is a proof; with them only one below 1 is.
         """
         self.is_dead_load_solved = True
         scene = self.run.scene
@@ -202,11 +212,13 @@ class _Climb:
             return None
         self.run.tell("checking that the dead load can stand")
         alone = scene.with_live(scene.dead).with_dead(Load())
-        for state, certificate in self._shares(alone, "dead load alone"):
-            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
-                if self.certifier.offer_dead_state(state.forces / state.load_factor):
+        enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
+        for state, certificate in self._shares(alone, "dead load alone", self.run.surfaces):
+            forces = self.certifier.given(state)
+            if forces is not None and state.load_factor and state.load_factor > enough:
+                if self.certifier.offer_dead_state(forces / state.load_factor):
                     return None
-            elif state.mechanism is not None and (bounds := certificate()).upper < 0.5:
+            elif state.mechanism is not None and (bounds := certificate()).upper < enough:
                 return _Fall(state.mechanism, bounds.upper_is_proved)
         return None
 
@@ -215,7 +227,9 @@ class _Climb:
         self.is_opening_solved = True
         self.run.tell("checking that blocks do not wedge each other")
         with self.run.clock.phase("compile"):
-            problem = SelfStressProblem(self.run.scene, self.run.surfaces)
+            problem = LimitProblem(
+                self.run.assemblage, self.run.surfaces, self.run.formulation, LargestSelfStress()
+            )
         settings = problem.ladder()[0]
         state = self.run.solve(problem.solve, settings)
         self._note_aside(settings, "self-stress", state)
@@ -227,41 +241,43 @@ class _Climb:
         if self.is_live_load_solved:
             return False
         self.is_live_load_solved = True
-        scene = self.run.scene
-        self.run.tell("checking whether the live load does any harm")
-        statics = Statics.of(scene.with_dead(scene.live))
-        surfaces = self.problem.surfaces
-        for state, certificate in self._shares(scene.with_dead(Load()), "live load alone"):
-            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
-                with self.run.clock.phase("certify"):
+        run, scene = self.run, self.run.scene
+        run.tell("checking whether the live load does any harm")
+        surfaces = self.certifier.strength.recession()
+        loaded = run.assemblage.under(scene.with_dead(scene.live))
+        alone = scene.with_dead(Load())
+        for state, certificate in self._shares(alone, "live load alone", surfaces):
+            given = self.certifier.given(state)
+            if given is not None and state.load_factor and state.load_factor > 0.5:
+                with run.clock.phase("certify"):
                     forces = borne(
-                        statics,
-                        surfaces,
-                        surface_excess(surfaces),
-                        state.forces / state.load_factor,
+                        loaded,
+                        lambda reached: Strength(reached, surfaces, run.formulation),
+                        given / state.load_factor,
                     )
                 if forces is not None:
-                    self.run.best = replace(self.run.best, forces=forces, mechanism=None)
-                    self.note = Status.LIVE_LOAD_HARMLESS.advice
+                    run.best = replace(run.best, forces=forces, mechanism=None)
                     return True
             elif certificate().upper < 0.5:
                 break
         return False
 
     def _shares(
-        self, scene: Scene, what: str
+        self, scene: Scene, what: str, surfaces: Sequence[YieldSurface]
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Climb the first rungs on the question which share <= 1 of the live load is carried.
 
         Certificates are computed when called for.
         """
         with self.run.clock.phase("compile"):
-            problem = LimitProblem(scene, self.run.surfaces, most=1.0)
-            certifier = Certifier(scene, problem.surfaces)
+            assemblage, formulation = self.run.assemblage.under(scene), self.run.formulation
+            reach = LargestFactor(most=1.0)
+            problem = LimitProblem(assemblage, surfaces, formulation, reach)
+            certifier = Certifier(assemblage, problem.surfaces, formulation)
 
         def certified(state: LimitState) -> Certificate:
             with self.run.clock.phase("certify"):
-                return certifier.certificate(state.forces, state.load_factor, state.mechanism)
+                return certifier.of(state)
 
         for settings in self.ladder[:2]:
             state = self.run.solve(problem.solve, settings)

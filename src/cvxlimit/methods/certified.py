@@ -8,27 +8,26 @@ scenes of a few contacts branch and bound closes what is left (:mod:`branching`)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.bracket import rounded_up
+from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Answer, Rule, Run
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import ACCEPTED, central_states, true_excess
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.statics import Statics
+from cvxlimit.methods.interaction.lower_bound import ACCEPTED, TrueStrength, central_states
+from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
 from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
 from cvxlimit.surfaces.cones import Conic
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
 
@@ -90,13 +89,22 @@ class Certified(Rule):
     branching_seconds: float = 60.0
 
     def __post_init__(self) -> None:
-        unknown = set(self.starts or ()) - {"middle", "relaxation"}
-        if unknown or self.starts == ():
+        if isinstance(self.starts, str):
+            object.__setattr__(self, "starts", (self.starts,))
+        known = ("middle", "relaxation")
+        if self.starts is not None and not (
+            isinstance(self.starts, Sequence)
+            and self.starts
+            and all(start in known for start in self.starts)
+        ):
             raise ModelError(
                 f"starts must be 'middle' or 'relaxation', at least one, got {self.starts!r}"
             )
-        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
-            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
+        if self.tolerance is not None:
+            ratio(self.tolerance, "tolerance")
+        count(self.solves, 1, "solves")
+        count(self.branching_contacts, 0, "branching_contacts")
+        not_negative(self.branching_seconds, "branching_seconds")
 
     def start(self, run: Run) -> _Proof:
         """Refuses faceted surfaces: the bounds are for the true condition, whose cone is circular.
@@ -209,19 +217,19 @@ class _Proof:
 
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
-        run = self.run
-        problem = LimitProblem(run.scene.with_dead(Load()), most=1.0)
+        run, scene = self.run, self.run.scene
+        alone = run.assemblage.under(scene.with_dead(Load()))
+        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
         state, _ = run.climb(problem.solve, self._outer_ladder())
         if state.forces is None or state.load_factor is None or state.load_factor < 0.5:
             return False
         with run.clock.phase("certify"):
             forces = borne(
-                Statics.of(run.scene.with_dead(run.scene.live)),
-                DEFAULT_SURFACES,
-                true_excess(run.moments),
+                run.assemblage.under(scene.with_dead(scene.live)),
+                lambda reached: TrueStrength(reached, run.moments),
                 state.forces / state.load_factor,
-                central_states,
                 INSIDE,
+                central_states,
             )
         if forces is not None:
             run.best = replace(run.best, forces=forces, mechanism=None)

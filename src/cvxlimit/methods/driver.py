@@ -20,12 +20,15 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import Bracket, known, rounded
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.moments import INDEPENDENT, Moments
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.versions import versions
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -111,14 +114,15 @@ class Run:
 
     Attributes
     ----------
-    scene : Scene
+    assemblage : Assemblage
+        Of the scene, computed once.
     surfaces : tuple of YieldSurface, surface : str
         Asked for, and their name.
     moments : Moments
         How interaction adds moments.
+    formulation : Formulation
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
-    scaling : Scaling
     clock : Clock
     history : list of Iterate
     best : Answer
@@ -129,31 +133,46 @@ class Run:
     >>> from cvxlimit import builtin_scene
     >>> from cvxlimit.model.problem import LimitProblem
     >>> run = Run(builtin_scene("single-block"))
-    >>> state = run.solve(LimitProblem(run.scene).solve, None)
+    >>> state = run.solve(LimitProblem(run.assemblage).solve, SolverSettings("CLARABEL"))
     >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0
     (0.4, True)
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | Assemblage,
         surface: str | Cone | Sequence[YieldSurface] = "conic",
         moments: Moments = INDEPENDENT,
-        ladder: Sequence[SolverSettings] | None = None,
+        formulation: Formulation = corner_compressions,
+        ladder: Sequence[SolverSettings] | SolverSettings | None = None,
         progress: Progress | None = None,
     ) -> None:
-        self.scene, self.moments = scene, moments
         self.surfaces, self.surface = surfaces_of(surface)
         self._is_preset = isinstance(surface, (str, Cone))
-        self.ladder = None if ladder is None else tuple(ladder)
+        self.moments, self.formulation = moments, formulation
+        self.ladder = None if ladder is None else _rungs(ladder)
         self.tell = progress or (lambda message: None)
         self.clock = Clock()
         self.history: list[Iterate] = []
+        self.solvers: set[str] = set()
         self.tell("finding contacts")
+        if not isinstance(scene, Assemblage):
+            check_scene(scene)
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
-        self.scaling = Scaling.of(scene)
-        self.best = Answer(bracket=Bracket(least=self.scaling.unit(0.0)))
+        with self.clock.phase("compile"):
+            self.assemblage = Assemblage.of(scene)
+        self.best = Answer(bracket=Bracket(least=self.scaling.least))
+
+    @property
+    def scene(self) -> Scene:
+        """What is analysed."""
+        return self.assemblage.scene
+
+    @property
+    def scaling(self) -> Scaling:
+        """Units inside solvers."""
+        return self.assemblage.scaling
 
     @property
     def cone(self) -> Cone:
@@ -162,8 +181,10 @@ class Run:
         Raises
         ------
         ModelError
-            If a list of surfaces was given.
+            If a list of surfaces was given, or a formulation.
         """
+        if self.formulation is not corner_compressions:
+            raise ModelError("interaction brings its own formulation: leave formulation out")
         if not self._is_preset:
             raise ModelError(
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
@@ -174,6 +195,7 @@ class Run:
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
         """One run of one solver, on the clock."""
         self.tell(f"solving with {settings}")
+        self.solvers.add(settings.name)
         with self.clock.phase("compile"):
             state = solver(settings)
             self.clock.book(state.outcome)
@@ -212,9 +234,8 @@ class Run:
     def aside(self, scene: Scene) -> Run:
         """A run on another scene for a question on the way: same clock, books of its own."""
         result = copy(self)
-        result.scene, result.contacts, result.history = scene, scene.contacts, []
-        result.scaling = Scaling.of(scene)
-        result.best = Answer(bracket=Bracket(least=result.scaling.unit(0.0)))
+        result.assemblage, result.history = self.assemblage.under(scene), []
+        result.best = Answer(bracket=Bracket(least=result.scaling.least))
         return result
 
     @property
@@ -299,7 +320,19 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         forces=answer.forces,
         mechanism=by_block(run.scene, answer.mechanism),
         note="; ".join(note for note in notes if note),
+        versions=versions(run.solvers),
     )
+
+
+def _rungs(ladder: Sequence[SolverSettings] | SolverSettings) -> tuple[SolverSettings, ...]:
+    """Settings as a ladder; one that stands alone is a ladder of one rung."""
+    rungs = [ladder] if isinstance(ladder, SolverSettings) else ladder
+    if not isinstance(rungs, Sequence) or not all(isinstance(x, SolverSettings) for x in rungs):
+        raise ModelError(
+            f"ladder must be a list of SolverSettings, got {ladder!r}: "
+            "write [SolverSettings('CLARABEL')], from cvxlimit.solvers"
+        )
+    return tuple(rungs)
 
 
 def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:

@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import count, is_number, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Answer, Rule, Run, cycles
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
@@ -39,7 +41,7 @@ _BEFORE = 100.0
 class FrozenProblem:
     """The limit problem with eccentricities frozen at Parameters, re-solved as they change."""
 
-    def __init__(self, scene: Scene, cone: Cone, moments: Moments) -> None:
+    def __init__(self, scene: Scene | Assemblage, cone: Cone, moments: Moments) -> None:
         self.contacts, self.cone, self.moments = scene.contacts, cone, moments
         self.parameters = moments.parameters(len(self.contacts))
         self.ignore_dpp = 3 * len(self.contacts) > DPP_LIMIT
@@ -101,20 +103,18 @@ class FixedPoint(Rule):
     most: int = 60
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.old_value_weight < 1.0:
+        if not (is_number(self.old_value_weight) and 0.0 <= self.old_value_weight < 1.0):
             raise ModelError(
                 "old_value_weight must be at least 0 and below 1 (1 would never move), "
                 f"got {self.old_value_weight!r}"
             )
-        if not 0.0 < self.tolerance < 1.0:
-            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
-        if self.most < 1:
-            raise ModelError(f"most must be at least 1 iteration, got {self.most!r}")
+        ratio(self.tolerance, "tolerance")
+        count(self.most, 1, "most")
 
     def start(self, run: Run) -> _Iteration:
         """All contacts pressed at their centres."""
         with run.clock.phase("compile"):
-            frozen = FrozenProblem(run.scene, run.cone, run.moments)
+            frozen = FrozenProblem(run.assemblage, run.cone, run.moments)
         return _Iteration(frozen, np.zeros((len(run.contacts), len(COLUMN))))
 
     def step(self, run: Run, state: _Iteration) -> _Iteration:

@@ -6,12 +6,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
+from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import Convex
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Progress, Rule, Run, drive
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
@@ -26,9 +28,10 @@ def solve(
     scene: Scene,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
-    interaction: str | Rule = "none",
+    interaction: str | Rule | None = "none",
     moments: str | Moments = "independent",
     tolerance: float | None = None,
+    formulation: Formulation = corner_compressions,
     ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
@@ -40,7 +43,7 @@ def solve(
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
-    interaction : {"none", "fixed-point", "certified"} or Rule
+    interaction : {"none", "fixed-point", "certified"}, Rule or None
         Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
         the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
         as :class:`FixedPoint` or :class:`Certified`; or an outer loop of your own, as a
@@ -52,6 +55,10 @@ def solve(
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
         for the certified method as narrow as its budget allows, where 5 % counts as good.
+    formulation : callable
+        Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
+        :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
+        Without interaction only.
     ladder : sequence of SolverSettings or None
         Solvers to try in turn; None is the tested order.
     progress : callable or None
@@ -66,7 +73,7 @@ def solve(
     Raises
     ------
     InputError
-        If the scene's geometry is not valid.
+        If ``scene`` is no scene, or its geometry is not valid.
     ModelError
         If an option is not one of those above.
 
@@ -77,25 +84,24 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    if isinstance(interaction, str):
-        check_choice("interaction", interaction, INTERACTIONS)
-        interaction = INTERACTIONS[interaction]()
-    return drive(
-        _within(tolerance, interaction),
-        Run(scene, surface, parse_moments(moments), ladder, progress),
-    )
+    rule = _rule("none" if interaction is None else interaction, tolerance)
+    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress)
+    return drive(rule, run)
 
 
-def _within(tolerance: float | None, rule: Rule) -> Rule:
-    """The rule with its tolerance set, if one is asked for."""
-    if tolerance is None:
-        return rule
-    if not 0.0 < tolerance < 1.0:
-        raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
-    if not hasattr(rule, "tolerance"):
-        raise ModelError(f"{type(rule).__name__} has no tolerance to set, got {tolerance!r}")
-    settings: Any = rule
-    return cast("Rule", replace(settings, tolerance=tolerance))
+def _rule(interaction: str | Rule, tolerance: float | None) -> Rule:
+    """The rule of that name, or the one given, with its tolerance set if one is asked for."""
+    if isinstance(interaction, Rule):
+        rule: Any = interaction
+    else:
+        check_choice("interaction", interaction, tuple(INTERACTIONS))
+        rule = INTERACTIONS[interaction]()
+    if tolerance is not None:
+        ratio(tolerance, "tolerance")
+        if not hasattr(rule, "tolerance"):
+            raise ModelError(f"{type(rule).__name__} has no tolerance to set, got {tolerance!r}")
+        rule = replace(rule, tolerance=tolerance)
+    return cast("Rule", rule)
 
 
 def check_choice(what: str, value: str, allowed: Collection[str]) -> None:

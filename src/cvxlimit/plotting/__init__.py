@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.files import write_file
 from cvxlimit.plotting.look import title
@@ -66,7 +67,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     >>> [p.name for p in plot(scene, solution, Path(tempfile.mkdtemp()) / "tower.vtu")]
     ['tower.vtu', 'tower-contacts.vtu']
     """
-    target = Path(path)
+    target = Path(of_type(path, (str, os.PathLike), "path must name a file", "write 'wall.png'"))
     suffix = target.suffix.lower()
     if suffix == ".png":
         files = {target: _png(scene, solution)}

@@ -30,14 +30,13 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.copies import Copies
 from cvxlimit.methods.interaction.flow import InteractionFlow
 from cvxlimit.methods.interaction.hull import HullProblem, missed_copies
-from cvxlimit.methods.interaction.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.pressure import Pressure
 from cvxlimit.methods.interaction.support import half_extent, whole_boxes
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
-from cvxlimit.surfaces import Rocking, TorsionShear
+from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
 
@@ -113,11 +112,13 @@ class BranchAndBound:
         with run.clock.phase("compile"):
             self.half = half_extent(self.contacts)
             whole = InteractionFlow(self.contacts, self.moments)
-            self.certifier = Certifier(scene, (Rocking(),), whole)
-            self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
-            self.opens = self.witnesses.opening_field is not None  # found once, for all nodes
-            self.problem = HullProblem(scene)
-            self.checker = LowerBounds(scene, self.moments)
+            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=whole)
+            self.statics = self.certifier.statics
+            self.opens = (
+                self.certifier.witnesses.opening_field is not None
+            )  # found once, for all nodes
+            self.problem = HullProblem(run.assemblage)
+            self.checker = LowerBounds(run.assemblage, self.moments)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
         )
@@ -158,7 +159,7 @@ class BranchAndBound:
         if np.isfinite(root.bound):
             self.price = _PRICE * max(abs(root.bound), self.run.scaling.load_factor(1.0))
         heapq.heappush(self.open, root)
-        at_rest = Witnesses(self.statics, (Rocking(), TorsionShear())).dead_state
+        at_rest = plain_witnesses(self.run.assemblage).dead_state
         if at_rest is not None and self._is_admissible(at_rest, 0.0):
             self.lower, self.forces = 0.0, at_rest
         self._raise_lower(root)
@@ -269,7 +270,7 @@ class BranchAndBound:
         if node.forces is None:
             return
         safe = self._safe(node)
-        goal = self.witnesses.balanced(node.forces, node.load_factor), node.load_factor
+        goal = self._balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
             forces, factor = self._advanced(start, goal)
@@ -283,7 +284,7 @@ class BranchAndBound:
         state = self._solve(self.moments.safe_copies(self.contacts, centre, reach), None)
         if state.forces is None or state.load_factor is None:
             return None
-        forces = self.witnesses.balanced(state.forces, state.load_factor)
+        forces = self._balanced(state.forces, state.load_factor)
         return (
             (forces, state.load_factor) if self._is_admissible(forces, state.load_factor) else None
         )
@@ -304,14 +305,16 @@ class BranchAndBound:
             low, high = (middle, high) if self._is_admissible(*at(middle)) else (low, middle)
         return at(low)
 
+    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        return self.run.assemblage.balance.balanced(forces, load_factor, self.statics)
+
     def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
-        offset = self.contacts.edges[2]
         residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
         residual[:, 3:] /= self.certifier.size
         excess = [
             np.abs(residual).max(),
-            (Rocking().excess(forces, self.contacts)[0] / offset).max(),
+            Rocking().excess(forces, self.contacts)[0].max(),
             self.moments.excess(forces, self.contacts).max(),
         ]
         return bool(max(excess) <= ADMISSIBLE * self.load)

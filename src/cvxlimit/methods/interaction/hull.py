@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,10 +25,11 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.copies import Copies, copy_forces
 from cvxlimit.methods.interaction.flow import InteractionFlow
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def missed_copies(
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
-        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field))[0]
+        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
     result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
     if beside > 0.0:
@@ -94,9 +94,8 @@ class HullProblem:
     0.4
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scaling = Scaling.of(scene)
-        self.statics = self.scaling.apply(Statics.of(scene))
+    def __init__(self, scene: Scene | Assemblage) -> None:
+        self.assemblage = Assemblage.of(scene)
 
     def solve(
         self,
@@ -106,33 +105,13 @@ class HullProblem:
     ) -> LimitState:
         """One run of one solver; never raises for what the solver does.
 
-        With ``relief_price``, any share of the dead load may be taken off at this price in load
-        factors, so that the problem always has a solution and a mechanism: where no state of
-        the copies carries the dead load, the mechanism's bound falls to minus the price.
+        With ``relief_price``, any share of the dead load may be taken off at this price: see
+        :class:`~cvxlimit.model.problem.LargestFactor`.
         """
-        forces = copy_forces(copies, self.statics.contacts)
-        alpha = cp.Variable(name="alpha")
-        load, goal, limits = self.statics.dead, alpha, list(forces.constraints)
-        if relief_price is not None:
-            relief = cp.Variable(name="relief", nonneg=True)
-            limits.append(relief <= 1.0)
-            load = load - relief * load
-            goal = alpha - relief_price / self.scaling.load_factor(1.0) * relief
-        equilibrium = (
-            forces.equilibrium(self.statics.matrix) + alpha * self.statics.live + load == 0.0
-        )
-        outcome = run(
-            cp.Problem(cp.Maximize(goal), [equilibrium, *limits]), settings or default_ladder()[0]
-        )
-        if not outcome.has_values or alpha.value is None:
-            return LimitState(outcome, None, None, None)
-        dual = equilibrium.dual_value
-        return LimitState(
-            outcome,
-            self.scaling.load_factor(float(alpha.value)),
-            self.scaling.forces(forces.values()),
-            None if dual is None else self.scaling.mechanism(np.asarray(dual).reshape(-1, DOF)),
-        )
+        forces = copy_forces(copies, self.assemblage.scaled.contacts)
+        objective = LargestFactor(relief_price=relief_price)
+        problem = StaticProblem(self.assemblage, forces, (), objective)
+        return problem.solve(settings or default_ladder()[0])
 
 
 class UpperBound:
@@ -161,8 +140,8 @@ class UpperBound:
         self.run = run
         with run.clock.phase("compile"):
             self.flow = InteractionFlow(run.contacts, run.moments)
-            self.certifier = Certifier(run.scene, (Rocking(),), self.flow)
-            self.problem = HullProblem(run.scene)
+            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
+            self.problem = HullProblem(run.assemblage)
             self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
         self.state: LimitState | None = None

@@ -135,8 +135,8 @@ class InnerMethod:
         self.ladder = run.ladder or (_clarabel(_TIGHT), *default_ladder())
         self.frozen_ladder = run.ladder or default_ladder()
         with run.clock.phase("compile"):
-            self.problem = SafeStep(run.scene, run.moments)
-            self.checker = LowerBounds(run.scene, run.moments)
+            self.problem = SafeStep(run.assemblage, run.moments)
+            self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
         self._start = "middle"
 
@@ -259,7 +259,7 @@ class InnerMethod:
 
     @cached_property
     def _hull(self) -> HullProblem:
-        return HullProblem(self.run.scene)
+        return HullProblem(self.run.assemblage)
 
     def _solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
         """Solve, check, keep the bound if it is better, and note all of it."""

@@ -9,18 +9,23 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.methods.bearing import Excess, rocking_excess
+from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer
 from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.statics import Scaling, Statics, block_sizes
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
+from cvxlimit.proof.strength import Strength
 from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solvers import default_ladder
+from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 ACCEPTED = 1e-7
 """Equilibrium residual and excess of Eq. 9 and 30, over the total load, beyond which forces are
@@ -94,22 +99,20 @@ class LowerBounds:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Assemblage
     moments : Moments
     """
 
-    def __init__(self, scene: Scene, moments: Moments) -> None:
-        self.scene, self.moments = scene, moments
-        self.statics = Statics.of(scene)
-        self.scaling = Scaling.of(scene)
-        self.witnesses = Witnesses(self.statics, DEFAULT_SURFACES)
+    def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
+        self.assemblage, self.moments = Assemblage.of(scene), moments
+        self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
         given = np.asarray(forces, dtype=float)
         if not (np.isfinite(given).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
-        balanced = self.witnesses.balanced(given, load_factor)
+        balanced = self._balanced(given, load_factor)
         plain = self._checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
@@ -126,18 +129,19 @@ class LowerBounds:
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
         """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
-        found = tuple(state for state in central_states(self.statics) if self._is_inside(state))
+        found = tuple(state for state in central_states(self.assemblage) if self._is_inside(state))
         return found or self._solved_state()
 
     def _solved_state(self) -> tuple[FloatArray, ...]:
         """What a solver finds where projections find nothing: the middle of all such forces."""
-        if not np.any(self.scene.dead_forces):
+        scene = self.assemblage.scene
+        if not np.any(scene.dead_forces):
             return ()
-        alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        state = LimitProblem(alone, most=1.0).solve(default_ladder()[0])
+        alone = self.assemblage.under(scene.with_live(scene.dead).with_dead(Load()))
+        state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()
-        balanced = self.witnesses.balanced(state.forces / state.load_factor, 0.0)
+        balanced = self._balanced(state.forces / state.load_factor, 0.0)
         return (balanced,) if self._is_inside(balanced) else ()
 
     def _is_inside(self, state: FloatArray) -> bool:
@@ -159,21 +163,52 @@ class LowerBounds:
         value = float(load_factor) - lost if accepted else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
+    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        return self.assemblage.balance.balanced(forces, load_factor, self.statics)
+
     def _excess(self, forces: FloatArray) -> FloatArray:
-        return true_excess(self.moments)(forces, self.statics.contacts)
+        return true_excess(forces, self.statics.contacts, self.moments)
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
 
 
-def true_excess(moments: Moments) -> Excess:
-    """By how much forces exceed Eq. 9 and 30, per contact."""
-    return lambda x, contacts: np.maximum(rocking_excess(x, contacts), moments.excess(x, contacts))
+class TrueStrength(Strength):
+    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.methods.bearing.borne`."""
+
+    def __init__(self, assemblage: Assemblage, moments: Moments) -> None:
+        super().__init__(assemblage, DEFAULT_SURFACES)
+        self.moments = moments
+
+    def excess(self, state: FloatArray) -> list[FloatArray]:
+        """Per contact, as a force."""
+        return [true_excess(state, self.contacts, self.moments)]
+
+    @property
+    def rows(self) -> list[IntArray]:
+        """All contacts."""
+        return [np.arange(len(self.contacts))]
 
 
-def central_states(statics: Statics) -> Iterator[FloatArray]:
+def true_excess(forces: FloatArray, contacts: Contacts, moments: Moments) -> FloatArray:
+    """By how much forces (n, 6) exceed Eq. 9 and 30, per contact."""
+    return np.maximum(rocking_excess(forces, contacts), moments.excess(forces, contacts))
+
+
+def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
+    """Eq. 9 in force units (n,): how far pressure is outside the contact; tension counts too."""
+    outside: FloatArray = -contacts.corner_minimum(-Rocking().excess(forces, contacts)[0])
+    return np.maximum(outside, -forces[:, COLUMN["N"]])
+
+
+def plain_witnesses(assemblage: Assemblage) -> Witnesses:
+    """Reference states under the surfaces without interaction."""
+    return Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES))
+
+
+def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
     """Forces (n, 6) that carry the dead load with little shear, and pressure near the centres."""
-    whole = statics.contacts
+    whole = assemblage.contacts
     for friction, size in _RESERVES:
         smaller = replace(
             whole.with_friction(friction * whole.friction),
@@ -181,6 +216,8 @@ def central_states(statics: Statics) -> Iterator[FloatArray]:
             sides=size * whole.sides,
             area=size**2 * whole.area,
         )
-        state = Witnesses(replace(statics, contacts=smaller), DEFAULT_SURFACES).dead_state
+        statics = replace(assemblage.statics, contacts=smaller)
+        balance = Balance(statics, corner_compressions(smaller))
+        state = plain_witnesses(replace(assemblage, statics=statics, balance=balance)).dead_state
         if state is not None:
             yield state

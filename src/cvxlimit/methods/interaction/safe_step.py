@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from cvxlimit.methods.interaction.majorants import Plane, Point
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.rectangles import Rectangles
-from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, run
+from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ class StepState(LimitState):
     ``slack`` is zero for hard steps, in units of total load x typical contact size.
     """
 
-    slack: float
+    slack: float = 0.0
 
 
 class SafeStep:
@@ -37,26 +38,22 @@ class SafeStep:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Assemblage
     moments : Moments
     """
 
-    def __init__(self, scene: Scene, moments: Moments) -> None:
-        self.moments = moments
-        self.scaling = Scaling.of(scene)
-        rectangles = Rectangles.of(scene.contacts, moments.inscribed)
-        statics = replace(Statics.of(scene), contacts=rectangles.contacts)
+    def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
+        whole = Assemblage.of(scene)
+        self.moments, self.scaling = moments, whole.scaling
+        rectangles = Rectangles.of(whole.contacts, moments.inscribed)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
-        self.statics = self.scaling.apply(statics)
-        self.model = corner_compressions(self.statics.contacts)
-        self.load_factor = cp.Variable(name="alpha")
-        self.equilibrium = (
-            self.model.equilibrium(self.statics.matrix) + self.load_factor * self.statics.live
-            == -self.statics.dead
+        self.assemblage = replace(
+            whole, statics=replace(whole.statics, contacts=rectangles.contacts)
         )
-        self.fields, self.magnitudes = moments.fields(
-            self.model.components, self.statics.contacts.friction
-        )
+        self.statics = self.assemblage.scaled
+        contacts = self.statics.contacts
+        self.model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
+        self.fields, self.magnitudes = moments.fields(self.model.components, contacts.friction)
 
     def solve(self, point: Point, settings: SolverSettings, price: float | None) -> StepState:
         """Maximise the load factor, less ``price`` x slack; None: no slack, every answer safe.
@@ -64,18 +61,18 @@ class SafeStep:
         ``point`` is scaled, as :meth:`point` returns it. Never raises for what the solver does.
         """
         slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
-        objective = self.load_factor - (0.0 if slack is None else price * cp.sum(slack))
-        constraints = [self.equilibrium, *self.magnitudes, *self._cones(point, slack)]
-        outcome = run(cp.Problem(cp.Maximize(objective), constraints), settings)
-        alpha = self.load_factor.value
-        if not outcome.has_values or alpha is None:
-            return StepState(outcome, None, None, None, np.inf)
+        limits = [*self.magnitudes, *self._cones(point, slack)]
+        bought = None if slack is None else price * cp.sum(slack)
+        problem = StaticProblem(self.assemblage, self.model, limits, LargestFactor(cost=bought))
+        state = problem.solve(settings)
+        if state.forces is None:
+            return StepState(state.outcome, None, None, None, slack=np.inf)
         return StepState(
-            outcome,
-            self.scaling.load_factor(float(alpha)),
-            self._forces(),
-            self._mechanism(),
-            0.0 if slack is None else float(slack.value.sum()),
+            state.outcome,
+            state.load_factor,
+            self.scaling.forces(self.rectangles.outward(self.model.values())),
+            state.mechanism,
+            slack=0.0 if slack is None else float(slack.value.sum()),
         )
 
     def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
@@ -88,12 +85,3 @@ class SafeStep:
         plane = Plane.at(point, self.rectangles, self.moments.balance)
         found = self.moments.rows(self.fields, point, plane, contacts.sides, contacts.friction)
         return [row.cone(self.fields.N, 0.0 if slack is None else slack) for row in found]
-
-    def _forces(self) -> FloatArray:
-        return self.scaling.forces(self.rectangles.outward(self.model.values()))
-
-    def _mechanism(self) -> FloatArray | None:
-        if self.equilibrium.dual_value is None:
-            return None
-        rates = np.asarray(self.equilibrium.dual_value).reshape(-1, DOF)
-        return self.scaling.mechanism(rates)
