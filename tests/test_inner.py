@@ -59,6 +59,7 @@ def random_contacts(rng: np.random.Generator) -> Contacts:
         sides=sides,
         area=sides.prod(axis=1),
         friction=rng.uniform(0.2, 1.0, n),
+        cohesion=np.zeros(n),
     )
 
 

@@ -15,7 +15,8 @@ from cvxlimit.checks import finite_vector, not_negative, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.detection import Detection, detect
+from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 
 FloatArray = NDArray[np.float64]
 Vector = tuple[float, ...]
@@ -123,6 +124,9 @@ class Scene:
         Likewise.
     units : Units
     name : str
+    joint_tolerance : float or None
+        How far apart, and how deep in each other, faces of different blocks may be and still be
+        a contact (length). None: one hundredth of the mean thickness of the thinner block.
 
     Raises
     ------
@@ -150,6 +154,7 @@ class Scene:
     name: str = "scene"
     cohesion: float = 0.0
     contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    joint_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
@@ -162,19 +167,44 @@ class Scene:
             object.__setattr__(self, what, value)
             overrides = _overrides(what, getattr(self, f"contact_{what}") or {})
             object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
+        if self.joint_tolerance is not None:
+            length = positive(self.joint_tolerance, "joint_tolerance of the scene")
+            object.__setattr__(self, "joint_tolerance", length)
         _check_ids(self)
         _check_loads(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
         own = dict(self.contact_friction), self.units, self.name
-        return Scene, (*fields, *own, self.cohesion, dict(self.contact_cohesion))
+        cohesion = self.cohesion, dict(self.contact_cohesion)
+        return Scene, (*fields, *own, *cohesion, self.joint_tolerance)
 
     @cached_property
     def contacts(self) -> Contacts:
-        """All contacts, detected on first use and kept; see :func:`detect_contacts`."""
-        found = detect_contacts(self.blocks, self.supports, self.friction)
-        return self._with_own(found)
+        """All contacts, detected on first use and kept; see :func:`detect`."""
+        return self._with_own(self._detection.contacts)
+
+    @property
+    def near_misses(self) -> tuple[NearMiss, ...]:
+        """Joints that are nearly there but are none; found with the contacts.
+
+        >>> ground = Block.box("ground", (0, 0, -1), (2, 1, 0))
+        >>> bricks = [Block.box("left", (0, 0, 0), (0.99, 1, 1), density=1.0),
+        ...           Block.box("right", (1, 0, 0), (2, 1, 1), density=1.0)]
+        >>> scene = Scene([ground, *bricks], ["ground"], Load(acceleration=(1, 0, 0)))
+        >>> [(miss.a, miss.b, miss.kind, round(miss.size, 9)) for miss in scene.near_misses]
+        [('left', 'right', 'gap', 0.01)]
+        """
+        return self._detection.near_misses
+
+    @property
+    def near_miss_note(self) -> str:
+        """One line with the number of near misses and the nearest; empty if there are none."""
+        return near_miss_sentence(self.near_misses, self.units.length)
+
+    @cached_property
+    def _detection(self) -> Detection:
+        return detect(self.blocks, self.supports, self.friction, self.joint_tolerance)
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -258,12 +288,13 @@ class Scene:
             contact_cohesion={
                 pair: c * force / length**2 for pair, c in self.contact_cohesion.items()
             },
+            joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        if "contacts" in self.__dict__:
-            copy.__dict__["contacts"] = copy._with_own(self.contacts)
+        if "_detection" in self.__dict__:
+            copy.__dict__["_detection"] = self._detection
         return copy
 
     def _with_own(self, contacts: Contacts) -> Contacts:

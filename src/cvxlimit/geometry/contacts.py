@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.polygons import mean_distance, torsion_arm
+from cvxlimit.geometry.overlaps import members_of
+from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
 from cvxlimit.geometry.readonly import ReadOnlyArrays, read_only
 
 FloatArray = NDArray[np.float64]
@@ -62,11 +62,15 @@ class Contacts(ReadOnlyArrays):
         Contact frame: centre (centroid of the polygon) and rows t1, t2, n (right-handed).
     corner_start : (n + 1,), corner_xy : (m, 2)
         Corners of contact j are rows ``corner_start[j]:corner_start[j + 1]``, counter-clockwise
-        in the plane (t1, t2) about the origin.
+        in the plane (t1, t2) about the origin. A contact that is not convex rocks about its hull:
+        these are the hull's corners, everything else belongs to the contact itself.
     sides : (n, 2)
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
     area : (n,), friction : (n,), cohesion : (n,)
         Cohesion is a force per area, zero unless the scene has one.
+    pieces : mapping of int to tuple of (k, 2) arrays
+        For contacts that are not convex, have holes or several parts: convex polygons that tile
+        them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
     """
 
     names: tuple[str, ...]
@@ -81,10 +85,11 @@ class Contacts(ReadOnlyArrays):
     area: FloatArray
     friction: FloatArray
     cohesion: FloatArray
+    pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            object.__setattr__(self, field.name, read_only(getattr(self, field.name)))
+        for each in fields(self):
+            object.__setattr__(self, each.name, read_only(getattr(self, each.name)))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -131,6 +136,10 @@ class Contacts(ReadOnlyArrays):
         """Corners (k, 2) of contact j in its plane (t1, t2)."""
         return self.corner_xy[self.corner_start[j] : self.corner_start[j + 1]]
 
+    def pieces_of(self, j: int) -> tuple[FloatArray, ...]:
+        """Convex polygons (k, 2) that tile contact j in its plane; its corners if it is convex."""
+        return self.pieces.get(j % len(self), (self.corners_of(j),))
+
     @cached_property
     def corner_contact(self) -> IntArray:
         """Contact index of every corner, (m,)."""
@@ -152,10 +161,13 @@ class Contacts(ReadOnlyArrays):
 
     @cached_property
     def torsion_arm(self) -> FloatArray:
-        """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre."""
+        """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
+
+        Over the contact itself, not over its hull.
+        """
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
         for j in np.flatnonzero(~self.is_rectangle).tolist():
-            arm[j] = mean_distance(self.corners_of(j), (0.0, 0.0))
+            arm[j] = mean_distance_over(self.pieces_of(j), (0.0, 0.0))
         return arm
 
     @cached_property
@@ -172,20 +184,23 @@ class Contacts(ReadOnlyArrays):
         inward /= np.linalg.norm(inward, axis=1)[:, None]
         return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
 
-    def only(self, kept: IntArray) -> Contacts:
-        """The contacts ``kept`` (k,), in that order; blocks keep their numbers."""
-        n, counts = len(self), np.diff(self.corner_start)[kept]
-        corners = [np.arange(*self.corner_start[[j, j + 1]]) for j in kept]
-        values: dict[str, Any] = {
-            name: value[kept]
-            for name, value in ((f.name, getattr(self, f.name)) for f in fields(self))
-            if isinstance(value, np.ndarray) and len(value) == n
-        }
-        values |= {
-            "corner_start": np.concatenate([[0], np.cumsum(counts)]),
-            "corner_xy": self.corner_xy[np.concatenate(corners)],
-        }
-        return replace(self, names=tuple(self.names[j] for j in kept), **values)
+    def take(self, rows: IntArray) -> Contacts:
+        """Some of the contacts, in the order of ``rows`` (k,)."""
+        place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
+        return replace(
+            self,
+            names=tuple(self.names[j] for j in rows.tolist()),
+            a=self.a[rows],
+            b=self.b[rows],
+            origin=self.origin[rows],
+            axes=self.axes[rows],
+            corner_start=np.searchsorted(place, np.arange(len(rows) + 1)),
+            corner_xy=self.corner_xy[corner],
+            sides=self.sides[rows],
+            area=self.area[rows],
+            friction=self.friction[rows],
+            pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
+        )
 
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""
@@ -213,4 +228,5 @@ class Contacts(ReadOnlyArrays):
             corner_xy=self.corner_xy * length,
             sides=self.sides * length,
             area=self.area * length**2,
+            pieces={j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )

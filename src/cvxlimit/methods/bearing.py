@@ -82,7 +82,7 @@ def _reached(assemblage: Assemblage, kept: IntArray) -> Assemblage:
     statics = assemblage.statics
     if len(kept) == len(statics.contacts):
         return assemblage
-    contacts, number = statics.contacts.only(kept), statics.row_of_block
+    contacts, number = statics.contacts.take(kept), statics.row_of_block
     rows = np.concatenate([number[contacts.a], number[contacts.b]])
     is_reached = np.any(statics.dead.reshape(-1, DOF), axis=1)
     is_reached[rows[rows >= 0]] = True
