@@ -263,13 +263,14 @@ class FrozenModel(Model):
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
         from cvxlimit.methods.fixed_point import FrozenProblem
+        from cvxlimit.methods.interaction.moments import parse_moments
         from cvxlimit.methods.interaction.pressure import Pressure
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()
         contacts = scene.contacts
         watch.lap("detect")
-        frozen = FrozenProblem(scene, parse_cone(str(self.surface)), self.moments)
+        frozen = FrozenProblem(scene, parse_cone(str(self.surface)), parse_moments(self.moments))
         frozen.ignore_dpp = self.parameters == "recompiled"
         centred = Pressure.of(np.zeros((len(contacts), 6)), contacts)
         watch.lap("compile")
