@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
 from cvxlimit.methods.bearing import borne
-from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive
+from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive, fallen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
@@ -29,6 +29,10 @@ FloatArray = NDArray[np.float64]
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
+
+_NO_FORCE = 1e8
+"""Contact forces, over the dead load, beyond which it is rounding alone that could hold a block: a
+mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a solver."""
 
 _WHOLE = 1.0 - 1e-6
 """Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
@@ -67,7 +71,8 @@ class Convex(Rule):
 
     def result(self, run: Run, state: _Climb) -> Answer:
         """The best bounds of all rungs, and what they rest on."""
-        return replace(run.best, note=state.note or _assumptions(run.best))
+        has_answer = state.status is None or state.status.has_answer
+        return replace(run.best, note=_assumptions(run.best) if has_answer else state.note)
 
 
 def analyse(
@@ -103,10 +108,17 @@ def analyse(
 
 @dataclass(frozen=True, eq=False)
 class _Fall:
-    """Rates (free, 6) on which the dead load alone does work; whether that needs no assumption."""
+    """Rates (free, 6) on which the dead load alone does work; contact forces that could stop it."""
 
     rates: FloatArray
-    is_proved: bool
+    resistance: float
+
+    @classmethod
+    def of(cls, rates: FloatArray, found: Certificate) -> _Fall:
+        """From the certificate with the dead load as live load; none could if it is proved."""
+        if found.upper_is_proved or not found.missing_opening > 0.0:
+            return cls(rates, np.inf)
+        return cls(rates, 1.0 / found.missing_opening)
 
 
 class _Climb:
@@ -176,12 +188,10 @@ class _Climb:
         if fall is None:
             return False
         scene = self.run.scene
-        power = (fall.rates * scene.dead_forces).sum(axis=1)
-        falling = scene.blocks[scene.free[int(power.argmax())]]
-        self.note = f"block {falling.id!r} falls; {Status.DEAD_LOAD_UNSTABLE.advice}"
-        if not fall.is_proved:
-            most = f"{REFERENCE:g} times the total load"
-            self.note += f" (it would stand on contact forces beyond {most})"
+        self.note = f"{fallen(scene, fall.rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
+        most = fall.resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
+        if most < _NO_FORCE:
+            self.note += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
         self.run.best = replace(self.run.best, forces=None, mechanism=fall.rates)
         return True
 
@@ -192,7 +202,7 @@ class _Climb:
         """
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
-            return _Fall(best.mechanism, True)
+            return _Fall(best.mechanism, np.inf)
         return self._solve_dead_load()
 
     def _solve_dead_load(self) -> _Fall | None:
@@ -219,7 +229,7 @@ class _Climb:
                 if self.certifier.offer_dead_state(forces / state.load_factor):
                     return None
             elif state.mechanism is not None and (bounds := certificate()).upper < enough:
-                return _Fall(state.mechanism, bounds.upper_is_proved)
+                return _Fall.of(state.mechanism, bounds)
         return None
 
     def _solve_opening(self) -> None:

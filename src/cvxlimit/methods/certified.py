@@ -18,7 +18,7 @@ from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.bearing import INSIDE, borne
-from cvxlimit.methods.driver import Answer, Rule, Run
+from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
@@ -127,7 +127,8 @@ class Certified(Rule):
 
     def result(self, run: Run, state: _Proof) -> Answer:
         """The best of all solves, and what it rests on."""
-        return replace(run.best, note=state.note or state.basis())
+        has_answer = state.status is None or state.status.has_answer
+        return replace(run.best, note=state.basis() if has_answer else state.note)
 
 
 class _Proof:
@@ -202,7 +203,10 @@ class _Proof:
         alone = run.aside(run.scene.with_live(run.scene.dead).with_dead(Load()))
         UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
-            run.best = replace(run.best, forces=None, mechanism=alone.best.mechanism)
+            rates = alone.best.mechanism
+            run.best = replace(run.best, forces=None, mechanism=rates)
+            if rates is not None:
+                self.note = f"{fallen(run.scene, rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
             return True
         bracket = run.best.bracket
         self.note = f"every mechanism found has a bound below {rounded_up(bracket.upper)}"

@@ -50,11 +50,15 @@ class Certificate(Bracket):
         contact size).
     flow_violation : float
         Largest missing opening at a contact over the mechanism's largest rate.
+    missing_opening : float
+        Sum of the missing openings at contacts, for live power 1: contact forces below its
+        reciprocal cannot take up that power.
     """
 
     equilibrium_residual: float = np.nan
     yield_excess: float = np.nan
     flow_violation: float = np.nan
+    missing_opening: float = np.nan
 
 
 class Certifier:
@@ -192,7 +196,7 @@ class Certifier:
         x = self.strength.state(forces)
         u = self._rates(mechanism)
         lower = (-np.inf, False, np.nan, np.nan)
-        upper = (np.inf, False, np.nan)
+        upper = (np.inf, False, np.nan, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
@@ -201,7 +205,7 @@ class Certifier:
             upper = self._upper(u, self._largest_force(x))
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
-            lower[2], lower[3], upper[2],
+            lower[2], lower[3], upper[2], upper[3],
         )  # fmt: skip
 
     def of(self, state: LimitState) -> Certificate:
@@ -249,22 +253,22 @@ class Certifier:
             return 0.0
         return float(block_sizes(self.strength.forces(x), self.size).max(initial=0.0))
 
-    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float]:
+    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float, float]:
         live = float(self.statics.live @ u.ravel())
         largest = self._largest_rate(u)
         if not live > 0.0:
-            return np.inf, False, np.nan
+            return np.inf, False, np.nan, np.nan
         u = u / live
         found = self.strength.flow.shortfall(self.statics.relative_rates(u))
         missing = found.missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
+        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
         field = self.witnesses.opening_field
         if field is not None and _is_resisted(found.unresisted, u):
-            return *self._opened(u, field, missing, found.dissipation), violation
+            return *self._opened(u, field, missing, found.dissipation), violation, error
         bound = found.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
-        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
-        return bound + error * force, False, violation
+        return bound + error * force, False, violation, error
 
     def _opened(
         self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float
