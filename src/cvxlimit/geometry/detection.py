@@ -104,8 +104,10 @@ def detect(
 class _Joints:
     """Overlaps of facing facets with their frames, sorted by blocks; ``a``, ``b`` (k,) are those.
 
-    ``gaps`` (k, 2) is the least and the largest distance between the facets over the overlap,
-    ``allowed`` and ``near`` the pair's tolerance and reach, ``sine`` of the angle between them.
+    ``gaps`` (k, 2) is the least and the largest distance between the facets' planes over the
+    overlap, ``sine`` of the angle between them, ``allowed`` and ``near`` the pair's tolerance and
+    reach. Facets are themselves off their planes by up to the tolerance: by how much, ``warped``,
+    is allowed on top, or else two facets that meet perfectly would not be a joint.
     """
 
     a: IntArray
@@ -116,6 +118,7 @@ class _Joints:
     gaps: FloatArray
     sine: FloatArray
     allowed: FloatArray
+    warped: FloatArray
     near: FloatArray
 
     @classmethod
@@ -135,6 +138,7 @@ class _Joints:
         boxes &= _is_aligned_rectangle(flat[1], table.sides[upper], size[pair])
         found = outlines(flat[0], flat[1], boxes, pair)
         allowed = np.minimum(reach.tolerance[one.block], reach.tolerance[other.block])
+        warped = one.off + other.off
         least = RELATIVE_TOLERANCE * np.minimum(size, reach.size[other.block])
         found = found.take(np.flatnonzero(found.width > least[found.pair]))
         found = found.take(np.lexsort((other.block[found.pair], one.block[found.pair])))
@@ -147,14 +151,20 @@ class _Joints:
         near = np.minimum(reach.near[one.block], reach.near[other.block])
         sine = np.linalg.norm(np.cross(one.normal, other.normal), axis=1)
         return cls(
-            one.block[j], other.block[j], found, origin, frames, gaps, sine[j], allowed[j], near[j]
-        )
+            one.block[j], other.block[j], found, origin, frames, gaps, sine[j],
+            allowed[j], warped[j], near[j] + warped[j],
+        )  # fmt: skip
+
+    @property
+    def is_close(self) -> BoolArray:
+        """Overlaps of facets that are within the tolerance of each other everywhere, (k,)."""
+        within = np.abs(self.gaps) <= (self.allowed + self.warped)[:, None]
+        return np.asarray(within.all(axis=1) & (self.sine <= _STEEPEST))
 
     @property
     def is_contact(self) -> BoolArray:
         """Overlaps that are contacts, (k,)."""
-        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
-        return np.asarray(close & (self.sine <= _STEEPEST) & (self.found.width > self.allowed))
+        return np.asarray(self.is_close & (self.found.width > self.allowed))
 
     def contacts(self, rows: BoolArray, blocks: Sequence[Block], friction: float) -> Contacts:
         """Some of the joints as contacts."""
@@ -180,25 +190,35 @@ class _Joints:
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
         """Joints that are no contacts by less than the reach."""
         wide = self.found.width > self.allowed
-        close: BoolArray = np.asarray((np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1))
-        off = (self.gaps[:, 1] <= self.near) & (self.gaps[:, 0] >= -self.allowed)
-        rows = (wide & off & ~close) | (close & ~wide & (self.sine <= _STEEPEST))
+        close = self.is_close
+        off = (np.abs(self.gaps) <= self.near[:, None]).all(axis=1)
+        off &= self.gaps[:, 1] >= -self.allowed  # farther in: facets that look away from each other
+        rows = (wide & off & ~close) | (close & ~wide)
         ends = np.append(self.found.start, len(self.found.corners))
         for j in np.flatnonzero(rows).tolist():
             low, high = self.gaps[j].tolist()
-            kind: Kind = "sliver" if close[j] and not wide[j] else "gap"
-            if kind == "gap" and high - low > self.allowed[j]:
-                kind = "angle"
+            size, kind = max(high, -low), _kind(low, high, float(self.allowed[j]))
+            if close[j]:
+                size, kind = float(self.found.width[j]), "sliver"
+            elif size <= self.allowed[j]:
+                continue  # too steep for a joint, and within the tolerance because they are small
             corners = self.found.corners[ends[j] : ends[j + 1]]
             yield NearMiss(
                 a=blocks[self.a[j]].id,
                 b=blocks[self.b[j]].id,
                 kind=kind,
-                size=float(self.found.width[j]) if kind == "sliver" else high,
+                size=size,
                 allowed=float(self.allowed[j]),
                 place=self.origin[j],
                 outline=self.origin[j] + corners @ self.axes[j, :2],
             )
+
+
+def _kind(low: float, high: float, allowed: float) -> Kind:
+    """What keeps two facets with such least and largest distances from being a joint."""
+    if high - low > allowed:
+        return "angle"
+    return "gap" if high > allowed else "overlap"
 
 
 def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArray]:
