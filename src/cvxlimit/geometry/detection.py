@@ -17,7 +17,7 @@ from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs
+from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.overlaps import Outlines, outlines
@@ -193,7 +193,7 @@ class _Joints:
         close = self.is_close
         off = (np.abs(self.gaps) <= self.near[:, None]).all(axis=1)
         off &= self.gaps[:, 1] >= -self.allowed  # farther in: facets that look away from each other
-        rows = (wide & off & ~close) | (close & ~wide)
+        rows = (wide & off & ~close) | (close & ~wide & (self.found.width > self.allowed / NEAR))
         ends = np.append(self.found.start, len(self.found.corners))
         for j in np.flatnonzero(rows).tolist():
             low, high = self.gaps[j].tolist()

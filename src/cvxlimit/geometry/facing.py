@@ -129,6 +129,11 @@ def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
     """
     result: list[Facets | None] = [None] * len(blocks)
     for faces, which in _same_faces(blocks).items():
+        if all(blocks[i].bounds is not None for i in which):
+            box = Facets.of_faces(faces)
+            for i in which:
+                result[i] = box
+            continue
         left = np.array(which)
         if len(faces) <= _FEW and all(blocks[i].is_convex for i in which):
             left = _tried(Facets.of_faces(faces), blocks, left, tolerance, result)
