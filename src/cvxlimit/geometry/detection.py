@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
-from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.overlaps import Outlines, outlines
 from cvxlimit.geometry.penetration import check_no_interpenetration
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,8 +71,8 @@ def detect(
 
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
     farther apart and no deeper in each other than ``joint_tolerance`` (length; None: one hundredth
-    of the mean thickness of the thinner block, :data:`~cvxlimit.geometry.blocks.JOINT_TOLERANCE`),
-    and the overlap is wider than that. The contact lies in their mean plane. What two blocks
+    of the mean thickness of the thinner block, see
+    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE`) and by how much they are warped, and the overlap is wider than that. The contact lies in their mean plane. What two blocks
     transmit through one plane is one contact: its overlap may have notches, holes and several
     parts; blocks that meet in several planes have several contacts.
 

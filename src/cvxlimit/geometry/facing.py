@@ -9,10 +9,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.blocks import JOINT_TOLERANCE, Block
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import Facets
 from cvxlimit.geometry.mesh import Faces, cross
 from cvxlimit.geometry.overlaps import members_of
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
