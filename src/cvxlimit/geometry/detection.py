@@ -72,9 +72,10 @@ def detect(
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
     farther apart and no deeper in each other than ``joint_tolerance`` (length; None: one hundredth
     of the mean thickness of the thinner block, see
-    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE`) and by how much they are warped, and the overlap is wider than that. The contact lies in their mean plane. What two blocks
-    transmit through one plane is one contact: its overlap may have notches, holes and several
-    parts; blocks that meet in several planes have several contacts.
+    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE`) and by how much they are warped, and the
+    overlap is wider than that. The contact lies in their mean plane. What two blocks transmit
+    through one plane is one contact: its overlap may have notches, holes and several parts; blocks
+    that meet in several planes have several contacts.
 
     Raises
     ------
