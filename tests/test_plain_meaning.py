@@ -75,8 +75,10 @@ def test_a_contact_by_its_name() -> None:
 
 def test_settings_that_stand_alone() -> None:
     assert Certified(starts="middle") == Certified(starts=("middle",))  # type: ignore[arg-type]
-    solution = solve(scene(), ladder=CLARABEL)  # type: ignore[arg-type]
-    assert solution.load_factor == pytest.approx(0.5, rel=1e-5)  # 1 wide, 2 high: it rocks
+    for ladder in (CLARABEL, [CLARABEL], "CLARABEL", ["CLARABEL"]):
+        solution = solve(scene(), ladder=ladder)
+        assert solution.load_factor == pytest.approx(0.5, rel=1e-5)  # 1 wide, 2 high: it rocks
+        assert set(solution.versions) == {"cvxlimit", "cvxpy", "clarabel"}
 
 
 # --- refused ------------------------------------------------------------------------------------
@@ -118,9 +120,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "moments": (lambda: solve(scene(), moments=None), "moments must be one of .* got None"),  # type: ignore[arg-type]
     "surface": (lambda: solve(scene(), None), "surface must be a name .* got None"),  # type: ignore[arg-type]
     "ladder": (
-        lambda: solve(scene(), ladder=["CLARABEL"]),  # type: ignore[list-item]
-        r"ladder must be a list of SolverSettings, got \['CLARABEL'\]: write",
+        lambda: solve(scene(), ladder=5),  # type: ignore[arg-type]
+        r"ladder must be a list of solvers, got 5: write \['CLARABEL'\]",
     ),
+    "rung": (lambda: solve(scene(), ladder=["CLARABLE"]), "CLARABLE is not .* mean CLARABEL"),
     "formulation": (
         lambda: solve(scene(), formulation="resultants"),  # type: ignore[arg-type]
         "formulation must be a function .* got 'resultants'",
