@@ -410,14 +410,20 @@ AMPLE = 600
 """Seconds that no command here needs, however busy the machine is: a hang ends as a failure."""
 
 
+def listening() -> None:
+    """Jobs that a shell starts in the background ignore Ctrl-C, and so do their children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def started(*arguments: str, **options: Any) -> subprocess.Popen[str]:
-    """A process of its own with pipes."""
+    """A process of its own with pipes, that hears Ctrl-C."""
     return subprocess.Popen(
         arguments,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=listening,
         **options,
     )
 

@@ -262,6 +262,7 @@ def test_ctrl_c_in_a_script_of_ones_own(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in background
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     )
     assert (tmp_path / "under way").read_text() == "x"  # opens when the writer is there

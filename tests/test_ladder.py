@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene, solve
@@ -111,8 +111,7 @@ class TestLadder:
             assert solution.lower == max(lowers)
         if uppers:
             assert solution.upper == min(uppers)
-        if solution.load_factor is not None and solution.status is Status.CERTIFIED:
-            assert_certified(solution)
+        assert (solution.status is Status.CERTIFIED) == (solution.gap <= 1e-5)
 
     def test_loose_solver_is_believed_for_what_it_proves(self) -> None:
         loose = SolverSettings("SCS", {"eps_abs": 1e-3, "eps_rel": 1e-3}, "SCS loose")
@@ -407,6 +406,7 @@ class TestExtremeLoads:
     towards=st.floats(0.0, 6.28),
     units=st.sampled_from([(1.0, 1.0), (1e3, 1e3), (1.0, 1e-6), (1e-3, 1e6)]),
 )
+@example(single_block(live=Load(acceleration=(0, 0, -1))), 0.6, 0.0, 0.0, (1.0, 1.0))
 @settings(max_examples=60, deadline=None)
 def test_every_end_is_proved_and_right_on_random_scenes(
     scene: Scene, mu: float, tilt: float, towards: float, units: tuple[float, float]

@@ -26,6 +26,14 @@ def scene(**changes: Any) -> Scene:
     return Scene(**{**parts, **changes})
 
 
+def prism(id: str, side: list[tuple[float, float]]) -> Block:
+    """One unit along y, with corners (x, z) in order around its side."""
+    n = len(side)
+    points = [(x, y, z) for y in (0.0, 1.0) for x, z in side]
+    walls = [(i, (i + 1) % n, n + (i + 1) % n, n + i) for i in range(n)]
+    return Block.polyhedron(id, points, [range(n), range(n, 2 * n), *walls], density=20.0)
+
+
 class TestLoads:
     def test_own_weight_pulls_down(self) -> None:
         np.testing.assert_allclose(
@@ -84,18 +92,15 @@ class TestBlocksAndFriction:
         }
 
     def test_friction_override_holds_for_all_contacts_of_the_pair(self) -> None:
-        """Two blocks have one contact in each plane they meet in: a brick in a quoin has two."""
-        outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-        points = [(x, y, z) for z in (0, 1) for x, y in outline]
-        sides = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
-        faces = [tuple(range(6)), tuple(range(6, 12)), *sides]
-        quoin = Block.polyhedron("quoin", points, faces, density=20.0)
-        brick = Block.box("brick", (1, 1, 0), (2, 2, 1), density=20.0)
-        ground = Block.box("ground", (0, 0, -1), (2, 2, 0))
-        own = scene(blocks=(ground, quoin, brick), contact_friction={("brick", "quoin"): 0.1})
-        names = ("ground-quoin", "ground-brick", "quoin-brick", "quoin-brick#2")
-        assert own.contacts.names == names
-        assert own.contacts.friction.tolist() == [0.6, 0.6, 0.1, 0.1]
+        """Two treads and a riser; two triangles of one tread would be one contact."""
+        step = [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)]
+        rest = [(0.5, 0.5), (1, 0.5), (1, 1.5), (0, 1.5), (0, 1), (0.5, 1)]
+        lower, upper = (prism(name, side) for name, side in (("lower", step), ("upper", rest)))
+        own = scene(blocks=(GROUND, lower, upper), contact_friction={("lower", "upper"): 0.1})
+        several = ("lower-upper", "lower-upper#2", "lower-upper#3")
+        assert own.contacts.names == ("ground-lower", *several)
+        assert own.contacts.friction.tolist() == [0.6, 0.1, 0.1, 0.1]
+        assert own.contacts["lower-upper#2"].friction == 0.1
 
     def test_no_friction_at_all_is_allowed(self) -> None:
         assert scene(friction=0).contacts.friction.tolist() == [0.0, 0.0]

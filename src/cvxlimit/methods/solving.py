@@ -85,6 +85,11 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
+    if not callable(formulation):
+        raise ModelError(
+            "formulation must be a function of contacts like "
+            f"cvxlimit.model.formulations.resultants, got {formulation!r}"
+        )
     rule = _rule("none" if interaction is None else interaction, tolerance)
     run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress)
     return drive(rule, run)
