@@ -266,6 +266,20 @@ class Certifier:
         error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
         return bound + error * force, False, violation
 
+    def opened(self, mechanism: FloatArray) -> FloatArray:
+        """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
+
+        As it is where no field is known that opens every contact.
+        """
+        field = self.witnesses.opening_field
+        spare = np.array([-np.inf]) if field is None else self._spare_opening(field)
+        if field is None or not spare.min() > 0.0:
+            return mechanism
+        found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
+        missing = found.missing + self._rounding(mechanism)
+        result: FloatArray = mechanism + max(float((missing / spare).max()), 0.0) * field
+        return result
+
     def _opened(
         self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float
     ) -> tuple[float, bool]:
