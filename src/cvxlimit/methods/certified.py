@@ -26,7 +26,7 @@ from cvxlimit.methods.interaction.lower_bound import ACCEPTED, TrueStrength, cen
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
-from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
+from cvxlimit.solvers import SolverSettings, default_ladder, settings_for
 from cvxlimit.surfaces.cones import Conic
 
 FloatArray = NDArray[np.float64]
@@ -41,11 +41,7 @@ and bound stops at it where no tolerance is asked for."""
 _DEAD_TOLERANCE = 1e-5
 """The same for the question whether the dead load stands, where 1 / 2 decides."""
 
-_QUICK = SolverSettings(
-    "CLARABEL",
-    {**OPTIONS["CLARABEL"], **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-8)},
-    "CLARABEL 1e-08",
-)
+_QUICK = settings_for("CLARABEL", 1e-8, "CLARABEL 1e-08")
 """Enough for a bound that is certified anyway, and an eighth faster."""
 
 

@@ -25,7 +25,7 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
-from cvxlimit.solvers import LimitState, Outcome, SolverSettings
+from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
 from cvxlimit.versions import versions
@@ -144,13 +144,13 @@ class Run:
         surface: str | Cone | Sequence[YieldSurface] = "conic",
         moments: Moments = INDEPENDENT,
         formulation: Formulation = corner_compressions,
-        ladder: Sequence[SolverSettings] | SolverSettings | None = None,
+        ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
     ) -> None:
         self.surfaces, self.surface = surfaces_of(surface)
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
-        self.ladder = None if ladder is None else _rungs(ladder)
+        self.ladder = None if ladder is None else ladder_of(ladder)
         self.tell = progress or (lambda message: None)
         self.clock = Clock()
         self.history: list[Iterate] = []
@@ -326,17 +326,6 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
     )
-
-
-def _rungs(ladder: Sequence[SolverSettings] | SolverSettings) -> tuple[SolverSettings, ...]:
-    """Settings as a ladder; one that stands alone is a ladder of one rung."""
-    rungs = [ladder] if isinstance(ladder, SolverSettings) else ladder
-    if not isinstance(rungs, Sequence) or not all(isinstance(x, SolverSettings) for x in rungs):
-        raise ModelError(
-            f"ladder must be a list of SolverSettings, got {ladder!r}: "
-            "write [SolverSettings('CLARABEL')], from cvxlimit.solvers"
-        )
-    return tuple(rungs)
 
 
 def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:

@@ -32,7 +32,7 @@ def solve(
     moments: str | Moments = "independent",
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
-    ladder: Sequence[SolverSettings] | None = None,
+    ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
@@ -59,8 +59,9 @@ def solve(
         Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
         :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
         Without interaction only.
-    ladder : sequence of SolverSettings or None
-        Solvers to try in turn; None is the tested order.
+    ladder : sequence of str or SolverSettings, or None
+        Solvers to try in turn, any that CVXPY has installed: ``["MOSEK", "CLARABEL"]``; None is
+        the tested order.
     progress : callable or None
         Called with one line of text at every step of long work.
 

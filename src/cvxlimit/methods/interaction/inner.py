@@ -37,7 +37,7 @@ from cvxlimit.methods.interaction.majorants import Point
 from cvxlimit.methods.interaction.pressure import Pressure
 from cvxlimit.methods.interaction.safe_step import SafeStep
 from cvxlimit.methods.interaction.support import half_extent
-from cvxlimit.solvers import OPTIONS, LimitState, SolverSettings, default_ladder
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, settings_for
 
 FloatArray = NDArray[np.float64]
 
@@ -307,6 +307,4 @@ _ONES = np.ones(6)
 
 
 def _clarabel(tolerance: float) -> SolverSettings:
-    names = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
-    options = {**OPTIONS["CLARABEL"], **dict.fromkeys(names, tolerance), "max_iter": 100}
-    return SolverSettings("CLARABEL", options, f"CLARABEL {tolerance:g}")
+    return settings_for("CLARABEL", tolerance, f"CLARABEL {tolerance:g}", max_iter=100)
