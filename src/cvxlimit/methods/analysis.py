@@ -100,7 +100,7 @@ def analyse(
     """
     rule = Convex(tolerance)
     check_scene(scene)
-    whole = Assemblage.of(scene, scaling)
+    whole = scene if scaling is None else Assemblage.of(scene, scaling)
     return drive(
         rule, Run(whole, surface, formulation=formulation, ladder=ladder, progress=progress)
     )
@@ -145,7 +145,7 @@ class _Climb:
         for settings in self.ladder:
             state = self._attempt(settings)
             bracket = self.run.best.bracket
-            if bracket.is_below_zero and self._falls(self._late_fall(state)):
+            if bracket.is_below_zero and self._falls(self._late_fall()):
                 yield Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 yield Status.CERTIFIED
@@ -195,14 +195,14 @@ class _Climb:
         self.run.best = replace(self.run.best, forces=None, mechanism=fall.rates)
         return True
 
-    def _late_fall(self, state: LimitState) -> _Fall | None:
+    def _late_fall(self) -> _Fall | None:
         """A mechanism that bounds the load factor below zero: the dead load does work on it.
 
         If the bound needs an assumption, the question is asked again for the dead load alone.
         """
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
-            return _Fall(best.mechanism, np.inf)
+            return _Fall(self.certifier.opened(best.mechanism), np.inf)
         return self._solve_dead_load()
 
     def _solve_dead_load(self) -> _Fall | None:

@@ -168,13 +168,13 @@ class _Proof:
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, method = self.run, InnerMethod(self.run, self.rule.solves)
         for name in self.rule.starts or run.moments.starts:
-            self.reason = "no further progress from these starts"
             at = outer.state.forces if name == "relaxation" and outer.state else None
             for _ in method.iterates(at):
                 if run.best.bracket.width <= (self.rule.tolerance or 0.0):
                     self.reason = "the tolerance is met"
                     return
                 yield None
+        self.reason = "no further progress from these starts"
 
     def _branch(self) -> Iterator[None]:
         """Branch and bound on small scenes, where it closes the bracket."""
@@ -184,11 +184,13 @@ class _Proof:
             return
         end = run.clock.elapsed + self.rule.branching_seconds
         search = BranchAndBound(run, asked)
-        while search.can_go_on and run.clock.elapsed <= end:
+        while True:
             self.reason = f"branch and bound, {search.solves} problems"
+            is_out_of_time = run.clock.elapsed > end
+            if is_out_of_time or not search.can_go_on or run.best.bracket.is_below_zero:
+                return
             yield None
             search.step()
-        self.reason = f"branch and bound, {search.solves} problems"
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load, with a mechanism that shows it.
@@ -209,8 +211,11 @@ class _Proof:
                 self.note = f"{fallen(run.scene, rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
             return True
         bracket = run.best.bracket
-        self.note = f"every mechanism found has a bound below {rounded_up(bracket.upper)}"
-        return bracket.is_below_zero and bracket.upper_is_proved
+        if not (bracket.is_below_zero and bracket.upper_is_proved):
+            return False
+        most = rounded_up(bracket.upper)
+        self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
+        return True
 
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.

@@ -181,8 +181,12 @@ class Run:
         Raises
         ------
         ModelError
-            If a list of surfaces was given, or a formulation.
+            If a list of surfaces was given, a formulation, or cohesion.
         """
+        if np.any(self.contacts.cohesion):
+            raise ModelError(
+                "interaction with bending (Eq. 30) has no cohesion: take it out of the scene"
+            )
         if self.formulation is not corner_compressions:
             raise ModelError("interaction brings its own formulation: leave formulation out")
         if not self._is_preset:

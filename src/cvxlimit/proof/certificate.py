@@ -31,10 +31,6 @@ REFERENCE = 10.0
 this multiple of the total load or of the largest force given, and no rate this multiple of the
 given mechanism's largest."""
 
-_BORNE = 1e-8
-"""Yield excess, as a share of the forces on the less loaded block of the contact, that is put down
-to the solver where forces are on the boundary of a surface and cannot be anywhere else."""
-
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
@@ -131,28 +127,6 @@ class Certifier:
         balanced = self.strength.balanced(given, 0.0, self.statics)
         good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
         return balanced if good else None
-
-    def bears(self, forces: ArrayLike) -> bool:
-        """True if forces (n, 6), put into equilibrium, carry the dead load.
-
-        Inside all surfaces, up to rounding of the forces that act on the less loaded one of a
-        contact's blocks: a share of the total load could be all that a small block is loaded with.
-
-        Raises
-        ------
-        ModelError
-            If there is not one row per contact.
-        """
-        balanced = self._balanced(forces)
-        if balanced is None:
-            return False
-        contacts = self.statics.contacts
-        number = self.statics.row_of_block
-        forces = self.strength.forces(balanced)
-        acting = np.append(self.statics.acting(forces, 0.0, self.size), np.inf)
-        size = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
-        found = zip(self.strength.excess(balanced), self.strength.rows, strict=True)
-        return all((y <= _BORNE * size[rows]).all() for y, rows in found)
 
     def offer_opening_field(self, rates: ArrayLike) -> None:
         """Take block rates (free, 6) that may open every contact, if they really do.
@@ -269,6 +243,20 @@ class Certifier:
         bound = found.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
         return bound + error * force, False, violation, error
+
+    def opened(self, mechanism: FloatArray) -> FloatArray:
+        """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
+
+        As it is where no field is known that opens every contact.
+        """
+        field = self.witnesses.opening_field
+        spare = np.array([-np.inf]) if field is None else self._spare_opening(field)
+        if field is None or not spare.min() > 0.0:
+            return mechanism
+        found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
+        missing = found.missing + self._rounding(mechanism)
+        result: FloatArray = mechanism + max(float((missing / spare).max()), 0.0) * field
+        return result
 
     def _opened(
         self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float
