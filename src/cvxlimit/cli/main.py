@@ -8,17 +8,14 @@ and errors, one line each, go to stderr.
 from __future__ import annotations
 
 import difflib
-import importlib.util
 import io
 import os
 import sys
-import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -29,6 +26,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture
 from cvxlimit.cli.report import advice, history, is_eventful, listing, show, summary
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import read_scene, write_result
@@ -41,19 +39,6 @@ from cvxlimit.solution import Solution
 
 Job = Callable[[], int]
 Tell = Callable[[str], None]
-
-_PICTURES = (".png", ".html", ".vtu")
-
-
-class ExitCode(IntEnum):
-    """What the shell gets to see."""
-
-    SOLVED = 0
-    INTERNAL_ERROR = 1
-    BAD_INPUT = 2
-    NO_ANSWER = 3
-    NOT_GOOD_ENOUGH = 4
-    INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -311,45 +296,10 @@ def _progress() -> Iterator[Tell | None]:
 
 def _check_outputs(order: Order) -> None:
     """Refuse before the long work what is known to fail after it."""
-    outputs = [(o, p) for o, p in (("--json", order.json), ("--plot", order.plot)) if p is not None]
-    seen = {} if order.scene in BUILTIN else {os.path.realpath(order.scene): "the scene"}
-    for option, path in outputs:
-        reason = _obstacle(path)
-        if reason:
-            raise InputError(f"{option} {path}: {reason}")
-        taken = seen.setdefault(os.path.realpath(path), option)
-        if taken != option:
-            raise InputError(f"{option} {path}: this is the file of {taken}; choose another name")
+    inputs = {} if order.scene in BUILTIN else {order.scene: "the scene"}
+    check_outputs({"--json": order.json, "--plot": order.plot}, inputs)
     if order.plot is not None:
-        _check_picture(order.plot)
-
-
-def _check_picture(path: Path) -> None:
-    suffix = path.suffix.lower()
-    if suffix not in _PICTURES:
-        raise InputError(f"--plot {path}: the name must end in {', '.join(_PICTURES)}")
-    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
-        raise ModelError(
-            f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
-            "(.html and .vtu work without it)"
-        )
-
-
-def _obstacle(path: Path) -> str:
-    """Why no file can be written there; empty if nothing speaks against it."""
-    if os.path.isdir(path):
-        return "this is a folder; name a file in it"
-    if not os.path.isdir(path.parent):
-        return f"there is no folder {str(path.parent)!r}; create it first"
-    try:
-        if os.path.exists(path) and not os.path.isfile(path):  # a device or a pipe
-            return "" if os.access(path, os.W_OK) else "it cannot be written to; choose another"
-        with suppress(FileNotFoundError):
-            os.stat(path)
-        with tempfile.TemporaryFile(dir=path.parent):
-            return ""
-    except OSError as error:
-        return f"no file can be written there ({error.strerror}); choose another place"
+        check_picture(order.plot, PICTURES)
 
 
 def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -> None:

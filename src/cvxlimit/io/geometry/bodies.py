@@ -45,6 +45,17 @@ class Body:
     is_box: bool = False
 
 
+def natural(name: str) -> list[tuple[bool, int, str]]:
+    """Key that sorts brick2 before brick10."""
+    parts: list[str] = []
+    for character in name:
+        if parts and parts[-1][-1].isdecimal() == character.isdecimal():
+            parts[-1] += character
+        else:
+            parts.append(character)
+    return [(p.isdecimal(), int(p) if p.isdecimal() else 0, p) for p in parts]
+
+
 def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """The mesh with equal vertices made one, for formats that store every corner by itself."""
     kept, first, number = np.unique(vertices + 0.0, axis=0, return_index=True, return_inverse=True)

@@ -15,7 +15,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io.documents import decoded, file_prefix, parsed, read_bytes
 from cvxlimit.io.fields import one_line, refusals, shown
-from cvxlimit.io.geometry.bodies import Body, separated
+from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import is_compas, read_compas
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
@@ -205,7 +205,7 @@ def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         if not path.is_dir():
             result.append(path)
             continue
-        inside = sorted(path.iterdir(), key=lambda p: _natural(p.name))
+        inside = sorted(path.iterdir(), key=lambda p: natural(p.name))
         if len(inside) > MOST_FILES:
             raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
         known = [p for p in inside if p.suffix.lower() in READERS]
@@ -218,17 +218,6 @@ def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
             )
         result += known
     return result
-
-
-def _natural(name: str) -> list[tuple[bool, int, str]]:
-    """Sorts brick2 before brick10."""
-    parts: list[str] = []
-    for character in name:
-        if parts and parts[-1][-1].isdecimal() == character.isdecimal():
-            parts[-1] += character
-        else:
-            parts.append(character)
-    return [(p.isdecimal(), int(p) if p.isdecimal() else 0, p) for p in parts]
 
 
 def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:

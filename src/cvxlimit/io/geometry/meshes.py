@@ -19,7 +19,7 @@ import numpy as np
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.documents import parsed, read_bytes
 from cvxlimit.io.fields import one_line, shown
-from cvxlimit.io.geometry.bodies import Body, merged
+from cvxlimit.io.geometry.bodies import Body, merged, natural
 
 MESHES = (".stl", ".ply", ".glb", ".gltf")
 
@@ -78,7 +78,7 @@ def _trimesh(path: Path) -> Any:
 
 def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
     """Name and mesh, moved to its place, of everything in a scene."""
-    for node in scene.graph.nodes_geometry:
+    for node in sorted(scene.graph.nodes_geometry, key=lambda node: natural(str(node))):
         turn, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
         if not hasattr(mesh, "faces"):
