@@ -3,6 +3,11 @@
 Messages are one sentence that names the object, shows the value and suggests the cure.
 """
 
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
 
 class CvxlimitError(Exception):
     """Base class of all errors raised by cvxlimit."""
@@ -10,6 +15,24 @@ class CvxlimitError(Exception):
 
 class InputError(CvxlimitError, ValueError):
     """The scene, its geometry or a scene file is not valid."""
+
+
+class GeometryError(InputError):
+    """Blocks that are no bodies, or not where bodies can be.
+
+    Attributes
+    ----------
+    points : (k, 3) array
+        Where it is wrong, in the scene's length unit: ends of open edges, corners of a crossed
+        face, the middle of an overlap. For a picture of the culprit.
+    blocks : tuple of str
+        Ids of the blocks concerned.
+    """
+
+    def __init__(self, message: str, points: ArrayLike = (), blocks: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.points = np.asarray(points, dtype=float).reshape(-1, 3)
+        self.blocks = blocks
 
 
 class ModelError(CvxlimitError, ValueError):

@@ -1,26 +1,32 @@
-"""Rigid blocks: convex polyhedra with exact volume and centroid."""
+"""Rigid blocks: closed polyhedra, convex or not, with exact volume and centroid."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from cvxlimit.checks import finite_vector, not_negative
-from cvxlimit.errors import InputError
+from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.geometry.crossings import check_faces, check_no_crossing
+from cvxlimit.geometry.mesh import Faces, area_vectors, outward, volume_and_centroid
 
 FloatArray = NDArray[np.float64]
-Faces = tuple[tuple[int, ...], ...]
 
 RELATIVE_TOLERANCE = 1e-6
-"""Planarity, convexity and coincidence are judged at this fraction of a block's size.
+"""Exact shapes are told from inexact ones at this fraction of a block's size.
 
-Scene files carry coordinates with six or more digits; anything finer would refuse them,
-anything coarser would accept visible gaps."""
+A body that is flat-faced and convex to six digits is taken as such; vertices nearer to each other
+than this are one."""
+
+JOINT_TOLERANCE = 0.01
+"""Default joint tolerance over a block's mean thickness, 2 volume / surface."""
 
 BOX_FACES: Faces = (
     (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 4, 7, 3), (1, 2, 6, 5),
@@ -33,9 +39,21 @@ _BOX_CORNERS = np.array(
 )
 
 
+@dataclass(frozen=True)
+class Repair:
+    """What was mended in a mesh before it became a block: what kind, how often, in words."""
+
+    kind: str
+    count: int
+    detail: str
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A rigid convex polyhedron. Build it with :meth:`box`, :meth:`polyhedron` or :meth:`hull`.
+    """A rigid polyhedron. Build it with :meth:`box`, :meth:`polyhedron` or :meth:`hull`.
+
+    It is closed, and may have notches, holes through it and cavities in it. Meshes as programs
+    write them go through :func:`cvxlimit.geometry.solids.solid`, which repairs.
 
     Attributes
     ----------
@@ -45,6 +63,10 @@ class Block:
         Corner points in the scene's length unit; read-only.
     faces : tuple of tuples of int
         Vertex indices of each face, counter-clockwise seen from outside.
+    is_convex : bool
+        True if every vertex lies behind every face, within the joint tolerance.
+    repairs : tuple of Repair
+        What was mended in the mesh it came from; empty for exact input.
     density : float or None
         Weight per volume (kN/m3 with the default units); None only for fixed blocks.
     volume, centroid
@@ -66,6 +88,8 @@ class Block:
     volume: float
     centroid: FloatArray
     bounds: FloatArray | None = field(default=None, repr=False)
+    is_convex: bool = field(default=True, repr=False)
+    repairs: tuple[Repair, ...] = ()
 
     @classmethod
     def box(cls, id: str, low: ArrayLike, high: ArrayLike, density: float | None = None) -> Block:
@@ -113,39 +137,57 @@ class Block:
         vertices: ArrayLike,
         faces: Sequence[Sequence[int]],
         density: float | None = None,
+        joint_tolerance: float | None = None,
     ) -> Block:
-        """A convex polyhedron from its vertices and faces.
+        """A polyhedron from its vertices and faces.
 
         ``vertices`` has shape (k, 3); each face lists at least three vertex indices in order
-        around it. The direction of travel is free: for a convex body the outside is known.
+        around it. The direction of travel is free: the surface is closed, so the outside is known.
+        Faces may be warped by ``joint_tolerance`` (length; None: :data:`JOINT_TOLERANCE` of the
+        mean thickness).
 
         Raises
         ------
+        GeometryError
+            If the surface is open, cuts itself, encloses nothing or several bodies, or has a face
+            that is not flat.
         InputError
-            If the body is not closed, not convex, degenerate, or has a face that is not flat.
+            If numbers or indices are none.
         """
         points = _points(id, vertices)
-        oriented = _oriented_faces(id, points, faces)
-        volume, centroid = _volume_and_centroid(points, oriented)
-        _check_solid(id, points, oriented, volume)
-        return cls(
+        loops = checked_faces(id, faces, len(points))
+        exact = _convex_volume(points, loops)
+        return assembled(id, points, loops, density, joint_tolerance) if exact is None else cls(
             id=_checked_id(id),
             vertices=_frozen(points),
-            faces=oriented,
+            faces=exact[0],
             density=_checked_density(id, density),
-            volume=volume,
-            centroid=_frozen(centroid),
-        )
+            volume=exact[1],
+            centroid=_frozen(exact[2]),
+        )  # fmt: skip
 
     @classmethod
-    def hull(cls, id: str, points: ArrayLike, density: float | None = None) -> Block:
-        """The convex hull of ``points`` (k, 3); coplanar triangles are merged into one face."""
+    def hull(
+        cls,
+        id: str,
+        points: ArrayLike,
+        density: float | None = None,
+        inner: Literal["refuse", "drop"] = "refuse",
+    ) -> Block:
+        """The convex hull of ``points`` (k, 3); coplanar triangles are merged into one face.
+
+        Points that are no corner of the hull may be the bottom of a notch, which a hull would
+        fill: they are refused unless ``inner="drop"`` says that the hull is what is meant. Points
+        on the hull's edges bound no notch and are dropped.
+        """
         cloud = _points(id, points)
         try:
             hull = ConvexHull(cloud)
         except QhullError as error:
-            raise InputError(
-                f"block {id!r} is degenerate: its {len(cloud)} points span no volume"
+            raise GeometryError(
+                f"block {id!r} is degenerate: its {len(cloud)} points span no volume",
+                points=cloud,
+                blocks=(id,),
             ) from error
         index = {int(v): i for i, v in enumerate(hull.vertices)}
         planes: dict[tuple[float, ...], set[int]] = {}
@@ -155,6 +197,8 @@ class Block:
                 tuple(equation),
             )
             planes.setdefault(key, set()).update(index[int(v)] for v in simplex)
+        if inner == "refuse":
+            _check_no_notch(id, cloud, hull, np.array(list(planes)))
         kept = cloud[hull.vertices]
         faces = [_ordered_around(kept, members, np.array(k[:3])) for k, members in planes.items()]
         return cls.polyhedron(id, kept, faces, density)
@@ -163,6 +207,21 @@ class Block:
     def weight(self) -> float:
         """Density times volume, in the scene's force unit; 0 for a block without density."""
         return (self.density or 0.0) * self.volume
+
+    @cached_property
+    def surface(self) -> float:
+        """Area of all faces, in the scene's length unit squared."""
+        return float(np.linalg.norm(area_vectors(self.vertices, self.faces), axis=1).sum())
+
+    @property
+    def thickness(self) -> float:
+        """Mean thickness 2 volume / surface: that of a thin plate, a third of a cube's side."""
+        return 2.0 * self.volume / self.surface
+
+    @property
+    def joint_tolerance(self) -> float:
+        """Default joint tolerance of this block, :data:`JOINT_TOLERANCE` of its thickness."""
+        return JOINT_TOLERANCE * self.thickness
 
     @property
     def size(self) -> float:
@@ -231,18 +290,13 @@ def _points(id: str, value: ArrayLike) -> FloatArray:
     return points
 
 
-def _oriented_faces(id: str, points: FloatArray, faces: Sequence[Sequence[int]]) -> Faces:
-    """Faces turned so that their normals point away from the vertices' mean."""
+def checked_faces(id: str, faces: Sequence[Sequence[int]], count: int) -> Faces:
+    """The faces as tuples of indices below ``count``; refused by name if they are none."""
     if len(faces) < 4:
-        raise InputError(f"block {id!r} needs at least four faces, got {len(faces)}")
-    middle = points.mean(axis=0)
-    oriented = []
-    for number, face in enumerate(faces):
-        indices = _face_indices(id, number, face, len(points))
-        corners = points[list(indices)]
-        outward = float(_area_vector(corners) @ (corners.mean(axis=0) - middle)) > 0.0
-        oriented.append(indices if outward else indices[::-1])
-    return tuple(oriented)
+        raise GeometryError(
+            f"block {id!r} needs at least four faces, got {len(faces)}", blocks=(id,)
+        )
+    return tuple(_face_indices(id, number, face, count) for number, face in enumerate(faces))
 
 
 def _face_indices(id: str, number: int, face: Sequence[int], count: int) -> tuple[int, ...]:
@@ -266,6 +320,34 @@ def _face_indices(id: str, number: int, face: Sequence[int], count: int) -> tupl
     return indices
 
 
+def _convex_volume(points: FloatArray, faces: Faces) -> tuple[Faces, float, FloatArray] | None:
+    """Outward faces, volume and centroid of an exact convex body; None if it is not one.
+
+    Most blocks are, and this way they take a tenth of the time of :func:`assembled`.
+    """
+    tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
+    middle = points.mean(axis=0)
+    oriented = []
+    for face in faces:
+        corners = points[list(face)]
+        area = _area_vector(corners)
+        norm = float(np.linalg.norm(area))
+        if not norm > tolerance**2:
+            return None
+        if area @ (corners.mean(axis=0) - middle) <= 0.0:
+            face, corners, area = face[::-1], corners[::-1], -area
+        if not _bounds_convex_body(points, corners, area / norm, tolerance):
+            return None
+        oriented.append(face)
+    edges = Counter((f[i - 1], f[i]) for f in oriented for i in range(len(f)))
+    if any(n != 1 or edges[e[::-1]] != 1 for e, n in edges.items()):
+        return None
+    if len({i for f in faces for i in f}) < len(points):
+        return None
+    volume, centroid = volume_and_centroid(points, oriented)
+    return (tuple(oriented), volume, centroid) if volume > tolerance**2 * tolerance else None
+
+
 def _area_vector(corners: FloatArray) -> FloatArray:
     """Half the sum of cross products around a closed polygon: area times unit normal."""
     spokes = corners[1:] - corners[0]
@@ -273,68 +355,117 @@ def _area_vector(corners: FloatArray) -> FloatArray:
     return 0.5 * np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
 
 
-def _volume_and_centroid(points: FloatArray, faces: Faces) -> tuple[float, FloatArray]:
-    """Divergence theorem over the tetrahedra between a reference point and face triangles."""
-    origin = points.mean(axis=0)
-    triangles = np.array(
-        [[f[0], f[i], f[i + 1]] for f in faces for i in range(1, len(f) - 1)], dtype=int
-    )
-    corners = points[triangles] - origin
-    volumes = np.linalg.det(corners) / 6.0
-    volume = float(volumes.sum())
-    if volume <= 0.0:
-        return volume, origin
-    return volume, origin + (volumes[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
-
-
-def _check_solid(id: str, points: FloatArray, faces: Faces, volume: float) -> None:
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    tolerance = RELATIVE_TOLERANCE * size
-    if not volume > RELATIVE_TOLERANCE**2 * size**3:
-        raise InputError(
-            f"block {id!r} is degenerate: its volume is {volume:g} for a size of {size:g}"
-        )
-    for number, face in enumerate(faces):
-        _check_face(id, number, points, face, tolerance)
-    edges = Counter((f[i - 1], f[i]) for f in faces for i in range(len(f)))
-    open_edges = [e for e, n in edges.items() if n != 1 or edges[e[::-1]] != 1]
-    if open_edges:
-        raise InputError(
-            f"block {id!r} is not closed: the edge between vertices {open_edges[0][0]} and "
-            f"{open_edges[0][1]} does not belong to exactly two faces"
-        )
-    unused = set(range(len(points))) - {i for f in faces for i in f}
-    if unused:
-        raise InputError(f"vertex {min(unused)} of block {id!r} belongs to no face; remove it")
-
-
-def _check_face(
-    id: str, number: int, points: FloatArray, face: tuple[int, ...], tolerance: float
-) -> None:
-    corners = points[list(face)]
-    area = _area_vector(corners)
-    norm = float(np.linalg.norm(area))
-    if not norm > tolerance**2:
-        raise InputError(f"face {number} of block {id!r} is degenerate: its area is {norm:g}")
-    normal = area / norm
+def _bounds_convex_body(
+    points: FloatArray, corners: FloatArray, normal: FloatArray, tolerance: float
+) -> bool:
+    """True if a face is a flat convex polygon and has all points behind it."""
     heights = (points - corners.mean(axis=0)) @ normal
-    if np.abs(heights[list(face)]).max() > tolerance:
-        raise InputError(
-            f"face {number} of block {id!r} is not flat: a vertex lies "
-            f"{np.abs(heights[list(face)]).max():g} off its plane"
-        )
-    if heights.max() > tolerance:
-        raise InputError(
-            f"block {id!r} is not convex: vertex {int(heights.argmax())} lies "
-            f"{heights.max():g} outside face {number}; split it into convex blocks"
-        )
+    if heights.max() > tolerance or ((corners - corners[0]) @ normal).min() < -tolerance:
+        return False
     edges = np.roll(corners, -1, axis=0) - corners
     turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ normal
     lengths = np.linalg.norm(edges, axis=1)
-    if lengths.min() <= tolerance or (turns < -tolerance * lengths).any():
-        raise InputError(
-            f"face {number} of block {id!r} is not a convex polygon; "
-            "list its vertices in order around it, without repeats"
+    return bool(lengths.min() > tolerance and (turns >= -tolerance * lengths).all())
+
+
+def assembled(
+    id: str,
+    points: FloatArray,
+    faces: Faces,
+    density: float | None,
+    joint_tolerance: float | None = None,
+    repairs: tuple[Repair, ...] = (),
+) -> Block:
+    """A block of any shape from vertices and faces that are numbers and indices; nothing mended.
+
+    Raises
+    ------
+    GeometryError
+        If they enclose no body; see :meth:`Block.polyhedron`.
+    """
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    exact = RELATIVE_TOLERANCE * size
+    check_faces(id, points, faces, exact)
+    unused = set(range(len(points))) - {i for f in faces for i in f}
+    if unused:
+        raise GeometryError(
+            f"vertex {min(unused)} of block {id!r} belongs to no face; remove it",
+            points=points[min(unused)],
+            blocks=(id,),
+        )
+    oriented, _ = outward(id, points, faces)
+    volume, centroid = volume_and_centroid(points, oriented)
+    if not volume > exact**2 * size:
+        raise GeometryError(
+            f"block {id!r} is degenerate: its volume is {volume:g} for a size of {size:g}",
+            points=points,
+            blocks=(id,),
+        )
+    vectors = area_vectors(points, oriented)
+    areas = np.linalg.norm(vectors, axis=1)
+    default = JOINT_TOLERANCE * 2.0 * volume / float(areas.sum())
+    allowed = default if joint_tolerance is None else joint_tolerance
+    normals = vectors / areas[:, None]
+    _check_flat(id, points, oriented, normals, allowed)
+    convex = _all_behind(points, oriented, normals, allowed)
+    if not convex:
+        check_no_crossing(id, points, oriented, exact)
+    return Block(
+        id=_checked_id(id),
+        vertices=_frozen(points),
+        faces=oriented,
+        density=_checked_density(id, density),
+        volume=volume,
+        centroid=_frozen(centroid),
+        is_convex=convex,
+        repairs=repairs,
+    )
+
+
+def _check_flat(
+    id: str, points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float
+) -> None:
+    for number in (i for i, face in enumerate(faces) if len(face) > 3):
+        off = off_plane(points[list(faces[number])], normals[number])
+        if off > tolerance:
+            raise GeometryError(
+                f"face {number} of block {id!r} is not flat: a vertex lies {off:g} off its plane, "
+                f"more than the joint tolerance {tolerance:.3g}; raise joint_tolerance or cut the "
+                "face into triangles",
+                points=points[list(faces[number])],
+                blocks=(id,),
+            )
+
+
+def off_plane(corners: FloatArray, normal: FloatArray) -> float:
+    """Largest distance of a face's corners from the plane through their mean."""
+    return float(np.abs((corners - corners.mean(axis=0)) @ normal).max())
+
+
+def _all_behind(points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float) -> bool:
+    """True if no vertex is in front of a face's plane; most shapes end in the first part."""
+    base = np.array([points[list(face)].mean(axis=0) for face in faces])
+    level = np.einsum("fk,fk->f", base, normals)
+    step = max(1, 1_000_000 // len(points))
+    return all(
+        ((normals[i : i + step] @ points.T).max(axis=1) <= level[i : i + step] + tolerance).all()
+        for i in range(0, len(faces), step)
+    )
+
+
+def _check_no_notch(id: str, cloud: FloatArray, hull: ConvexHull, planes: FloatArray) -> None:
+    """Refuse points that are neither corners of the hull nor on an edge, where two planes meet."""
+    tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(cloud, axis=0)))
+    on = (cloud @ planes[:, :3].T + planes[:, 3] >= -tolerance).sum(axis=1)
+    on[hull.vertices] = 2
+    inner = np.flatnonzero(on < 2)
+    if len(inner):
+        raise GeometryError(
+            f"{len(inner)} of {len(cloud)} points of block {id!r} are no corners of its hull, the "
+            f"first at {cloud[inner[0]].tolist()}: if they bound a notch the hull would fill it, "
+            "give the faces with Block.polyhedron; if the hull is meant, inner='drop' says so",
+            points=cloud[inner],
+            blocks=(id,),
         )
 
 

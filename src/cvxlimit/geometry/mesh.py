@@ -1,0 +1,215 @@
+"""Closed surfaces: which faces share an edge, which way round they go, what they enclose.
+
+Faces are tuples of vertex indices. Nothing here repairs: a surface that does not enclose one body
+is refused with the place; :mod:`cvxlimit.geometry.solids` repairs before it asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from cvxlimit.errors import GeometryError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Faces = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTable:
+    """Directed sides of all faces: from, to, face and the undirected edge they lie on, (m,) each.
+
+    ``key`` numbers undirected edges from 0 to ``count`` - 1; ``uses`` (count,) says how many
+    sides lie on each.
+    """
+
+    start: IntArray
+    end: IntArray
+    face: IntArray
+    key: IntArray
+    uses: IntArray
+
+    @classmethod
+    def of(cls, faces: Sequence[Sequence[int]]) -> EdgeTable:
+        """The table of ``faces``."""
+        sizes = np.array([len(f) for f in faces])
+        start = np.array([i for f in faces for i in f], dtype=np.int64)
+        place = np.arange(len(start))
+        first = np.repeat(np.cumsum(sizes) - sizes, sizes)
+        last = place == first + np.repeat(sizes, sizes) - 1
+        end = start[np.where(last, first, place + 1)]
+        low, high = np.minimum(start, end), np.maximum(start, end)
+        _, key, uses = np.unique(low * (high.max() + 1) + high, return_inverse=True,
+                                 return_counts=True)  # fmt: skip
+        return cls(start, end, np.repeat(np.arange(len(sizes)), sizes), key, uses)
+
+    def twins(self) -> tuple[IntArray, IntArray]:
+        """Pairs of sides on one edge, where exactly two lie on it."""
+        order = np.argsort(self.key, kind="stable")
+        order = order[self.uses[self.key[order]] == 2]
+        return order[::2], order[1::2]
+
+
+def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray, IntArray]:
+    """Triangles (t, 3, 3) that make up the faces, and the face of each (t,).
+
+    A face of more than three corners is fanned about the mean of its corners: for a flat face any
+    fan has the same area and moments, for a warped one this does not depend on where it starts.
+    """
+    sizes = np.array([len(f) for f in faces])
+    corners, owners = [], []
+    for size in np.unique(sizes).tolist():
+        members = np.flatnonzero(sizes == size)
+        loops = points[np.array([faces[i] for i in members.tolist()])]
+        if size == 3:
+            corners.append(loops)
+            owners.append(members)
+            continue
+        middle = np.repeat(loops.mean(axis=1)[:, None], size, axis=1)
+        triangles = np.stack([middle, loops, np.roll(loops, -1, axis=1)], axis=2)
+        corners.append(triangles.reshape(-1, 3, 3))
+        owners.append(np.repeat(members, size))
+    return np.concatenate(corners), np.concatenate(owners)
+
+
+def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
+    """Area times unit normal of every face, (f, 3)."""
+    triangles, face = fan(points, faces)
+    halves = 0.5 * np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    result = np.zeros((len(faces), 3))
+    np.add.at(result, face, halves)
+    return result
+
+
+def volume_and_centroid(
+    points: FloatArray, faces: Sequence[Sequence[int]]
+) -> tuple[float, FloatArray]:
+    """By the divergence theorem: tetrahedra between the vertices' mean and the faces' triangles.
+
+    Exact for any closed surface whose faces go round counter-clockwise seen from outside.
+    """
+    origin = points.mean(axis=0)
+    corners = fan(points, faces)[0] - origin
+    volumes = np.linalg.det(corners) / 6.0
+    volume = float(volumes.sum())
+    if volume <= 0.0:
+        return volume, origin
+    return volume, origin + (volumes[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
+
+
+def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
+    """The faces turned so that all normals point out of the body, and how many were turned.
+
+    Raises
+    ------
+    GeometryError
+        If the surface is open, has edges with more than two faces, has one side only, or encloses
+        several separate bodies.
+    """
+    table = EdgeTable.of(faces)
+    check_manifold(id, points, table)
+    count = len(faces)
+    one, other = table.twins()
+    differ = (table.start[one] == table.start[other]).astype(np.int64)
+    f, g = table.face[one], table.face[other]
+    # Every face stands twice, as it is and turned; neighbours are linked where they agree.
+    rows = np.concatenate([f, f + count])
+    columns = np.concatenate([g + count * differ, g + count * (1 - differ)])
+    label = connected_components(
+        coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * count, 2 * count)), False
+    )[1]
+    if (label[:count] == label[count:]).any():
+        bad = int(np.flatnonzero(label[:count] == label[count:])[0])
+        raise GeometryError(
+            f"block {id!r} has a surface with one side only, like a Moebius strip, near "
+            f"{place(points[list(faces[bad])].mean(axis=0))}: mend the mesh",
+            points=points[list(faces[bad])],
+            blocks=(id,),
+        )
+    sheet = np.minimum(label[:count], label[count:])
+    turned = label[:count] != sheet
+    oriented = tuple(face[::-1] if t else face for face, t in zip(faces, turned, strict=True))
+    flipped = _outside_out(id, points, oriented, np.unique(sheet, return_inverse=True)[1])
+    turn = turned ^ flipped
+    # A shell may be walked either way: count what differs from the input.
+    return (
+        tuple(face[::-1] if t else face for face, t in zip(faces, turn, strict=True)),
+        int(turn.sum()),
+    )
+
+
+def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
+    """Refuse edges that do not belong to exactly two faces."""
+    wrong = np.flatnonzero(table.uses != 2)
+    if not len(wrong):
+        return
+    uses = table.uses[wrong]
+    side = int(np.flatnonzero(table.key == wrong[int(np.argmax(uses))])[0])
+    ends = points[[table.start[side], table.end[side]]]
+    most = int(uses.max())
+    sides = np.flatnonzero(np.isin(table.key, wrong))
+    fault = (
+        f"block {id!r} is not closed: the edge between vertices {table.start[side]} and "
+        f"{table.end[side]}, from {place(ends[0])} to {place(ends[1])}, "
+    )
+    fault += (
+        "has no face on its other side" if most == 1 else
+        f"does not belong to exactly two faces but to {most}"
+    )  # fmt: skip
+    more = f"; so are {len(wrong) - 1} more edges" if len(wrong) > 1 else ""
+    raise GeometryError(
+        f"{fault}{more}",
+        points=points[np.stack([table.start[sides], table.end[sides]], axis=1)].reshape(-1, 3),
+        blocks=(id,),
+    )
+
+
+def _outside_out(id: str, points: FloatArray, faces: Faces, shell: IntArray) -> NDArray[np.bool_]:
+    """Which faces to turn: the outer shell's volume counts as positive, a cavity's as negative."""
+    triangles, face = fan(points, faces)
+    centred = triangles - points.mean(axis=0)
+    volumes = np.zeros(int(shell.max()) + 1)
+    np.add.at(volumes, shell[face], np.linalg.det(centred) / 6.0)
+    if len(volumes) == 1:
+        return np.full(len(faces), volumes[0] < 0.0)
+    witness = [points[faces[int(np.flatnonzero(shell == s)[0])][0]] for s in range(len(volumes))]
+    inside = np.array([
+        [s != t and abs(winding(witness[s], triangles[shell[face] == t])) > 0.5
+         for t in range(len(volumes))]
+        for s in range(len(volumes))
+    ])  # fmt: skip
+    depth = inside.sum(axis=1)
+    if (depth == 0).sum() > 1 or depth.max() > 1:
+        second = witness[int(np.flatnonzero(depth != 1)[1])]
+        raise GeometryError(
+            f"block {id!r} consists of {int((depth % 2 == 0).sum())} separate bodies, one of them "
+            f"at {place(second)}: make a block of each",
+            points=np.array(witness),
+            blocks=(id,),
+        )
+    return np.asarray((volumes < 0.0)[shell] ^ (depth == 1)[shell])
+
+
+def winding(point: FloatArray, triangles: FloatArray) -> float:
+    """How often a closed surface of ``triangles`` (t, 3, 3) goes round ``point``: 0 outside.
+
+    The sum of solid angles (van Oosterom and Strackee 1983) over 4 pi.
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    top = np.einsum("tk,tk->t", a, np.cross(b, c))
+    bottom = la * lb * lc
+    for u, v, length in ((a, b, lc), (b, c, la), (c, a, lb)):
+        bottom = bottom + np.einsum("tk,tk->t", u, v) * length
+    return float(np.arctan2(top, bottom).sum() / (2.0 * np.pi))
+
+
+def place(point: FloatArray) -> str:
+    """A point for a message."""
+    return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist()) + ")"

@@ -1,0 +1,275 @@
+"""Blocks from meshes as programs write them: mended where that is safe, and every mend counted."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cvxlimit.checks import not_negative
+from cvxlimit.errors import GeometryError
+from cvxlimit.geometry.blocks import (
+    JOINT_TOLERANCE,
+    RELATIVE_TOLERANCE,
+    Block,
+    Repair,
+    _points,
+    assembled,
+    checked_faces,
+    off_plane,
+)
+from cvxlimit.geometry.mesh import (
+    EdgeTable,
+    Faces,
+    area_vectors,
+    fan,
+    outward,
+    place,
+    volume_and_centroid,
+)
+from cvxlimit.geometry.triangles import triangulated
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def solid(
+    id: str,
+    vertices: ArrayLike,
+    faces: Sequence[Sequence[int]],
+    density: float | None = None,
+    tolerance: float | None = None,
+) -> Block:
+    """A block from a raw mesh: triangles, polygons or both, in any order and direction.
+
+    Mended, and counted in :attr:`Block.repairs`, by ``kind``:
+
+    ========== ==================================================================================
+    welded     vertices in the same place made one (an STL file repeats them for every triangle)
+    unused     vertices without a face dropped
+    degenerate faces without area dropped
+    doubled    faces listed more than once dropped but one; both, where they are a wall inside
+    joined     vertices in the middle of another face's edge made part of that face
+    turned     faces turned so that all normals point out
+    split      faces warped by more than the joint tolerance cut into triangles
+    ========== ==================================================================================
+
+    Parameters
+    ----------
+    id : str
+        The block's name.
+    vertices : (k, 3)
+        In the scene's length unit.
+    faces : sequence of sequences of int
+        Vertex indices around each face.
+    density : float or None
+        Weight per volume.
+    tolerance : float or None
+        Joint tolerance (length): how far a face may be warped and an open seam may gape. None
+        takes :data:`JOINT_TOLERANCE` of the block's mean thickness. Vertices closer than 1e-6 of
+        the block's size are one in any case; others are only welded along open seams, so that
+        small features stay.
+
+    Raises
+    ------
+    GeometryError
+        If what remains encloses no body: it names the block and the place, and carries the points.
+
+    Example
+    -------
+    A box as an STL file has it, 12 triangles of 3 corners each, half of them wound the wrong way:
+
+    >>> box = Block.box("b", (0, 0, 0), (2, 1, 1))
+    >>> triangles = [t for f in box.faces for t in ((f[0], f[1], f[2]), (f[0], f[3], f[2]))]
+    >>> soup = [box.vertices[i] for t in triangles for i in t]
+    >>> block = solid("b", soup, [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(12)])
+    >>> block.volume, [(repair.kind, repair.count) for repair in block.repairs]
+    (2.0, [('welded', 28), ('turned', 6)])
+    """
+    points = _points(id, vertices)
+    allowed = None if tolerance is None else not_negative(tolerance, f"tolerance of block {id!r}")
+    mesh = _Mesh(id, points, checked_faces(id, faces, len(points)))
+    mesh.weld(RELATIVE_TOLERANCE * mesh.size)
+    mesh.drop_degenerate()
+    mesh.drop_doubled()
+    mesh.close_seams(JOINT_TOLERANCE * mesh.rough_thickness if allowed is None else allowed)
+    mesh.drop_unused()
+    mesh.turn_out()
+    mesh.split_warped(mesh.default_tolerance() if allowed is None else allowed)
+    return assembled(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
+
+
+class _Mesh:
+    """A mesh under repair."""
+
+    def __init__(self, id: str, points: FloatArray, faces: Faces) -> None:
+        self.id = id
+        self.points = points
+        self.faces = faces
+        self.size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        self.repairs: list[Repair] = []
+
+    @property
+    def rough_thickness(self) -> float:
+        """Mean thickness of an open mesh: the volume between its faces and their middle."""
+        triangles, _ = fan(self.points, self.faces)
+        corners = triangles - self.points.mean(axis=0)
+        area = np.linalg.norm(area_vectors(self.points, self.faces), axis=1).sum()
+        return float(np.abs(np.linalg.det(corners)).sum() / 3.0 / area)
+
+    def default_tolerance(self) -> float:
+        """:data:`JOINT_TOLERANCE` of the mean thickness."""
+        volume, _ = volume_and_centroid(self.points, self.faces)
+        area = np.linalg.norm(area_vectors(self.points, self.faces), axis=1).sum()
+        return JOINT_TOLERANCE * 2.0 * abs(volume) / float(area)
+
+    def weld(self, distance: float, among: IntArray | None = None) -> None:
+        """Make one of vertices nearer than ``distance``; of all, or of those ``among`` only."""
+        chosen = np.arange(len(self.points)) if among is None else among
+        pairs = cKDTree(self.points[chosen]).query_pairs(distance, output_type="ndarray")
+        if not len(pairs):
+            return
+        links = coo_array(
+            (np.ones(len(pairs)), (chosen[pairs[:, 0]], chosen[pairs[:, 1]])),
+            shape=(len(self.points),) * 2,
+        )
+        _, label = connected_components(links, directed=False)
+        _, first = np.unique(label, return_index=True)
+        self._report("welded", len(self.points) - len(first), "vertices in the same place")
+        self.points = self.points[first]
+        faces = [[int(i) for i in label[list(face)]] for face in self.faces]
+        self.faces = tuple(
+            tuple(i for i, before in zip(f, [f[-1], *f[:-1]], strict=True) if i != before)
+            for f in faces
+        )
+
+    def drop_degenerate(self) -> None:
+        """Drop faces with fewer than three vertices, or an area below 1e-12 of the size squared."""
+        real = [f for f in self.faces if len(set(f)) > 2]
+        repeated = next((f for f in real if len(set(f)) < len(f)), None)
+        if repeated is not None:
+            raise GeometryError(
+                f"block {self.id!r} has a face that meets itself at "
+                f"{place(self.points[repeated[0]])}: cut it into simple faces",
+                points=self.points[list(repeated)],
+                blocks=(self.id,),
+            )
+        if real:
+            areas = np.linalg.norm(area_vectors(self.points, real), axis=1)
+            least = (RELATIVE_TOLERANCE * self.size) ** 2
+            real = [f for f, area in zip(real, areas.tolist(), strict=True) if area > least]
+        self._report("degenerate", len(self.faces) - len(real), "faces without area")
+        if len(real) < 4:
+            raise GeometryError(
+                f"block {self.id!r} is degenerate: {len(real)} of its {len(self.faces)} faces have "
+                "an area, four are needed",
+                points=self.points,
+                blocks=(self.id,),
+            )
+        self.faces = tuple(real)
+
+    def drop_doubled(self) -> None:
+        """Keep one of faces with the same vertices; none where two others share all its edges."""
+        groups: dict[frozenset[int], list[int]] = defaultdict(list)
+        for number, face in enumerate(self.faces):
+            groups[frozenset(face)].append(number)
+        again = [g for g in groups.values() if len(g) > 1]
+        if not again:
+            return
+        copies = {number for g in again for number in g[1:]}
+        kept = [number for number in range(len(self.faces)) if number not in copies]
+        table = EdgeTable.of([self.faces[i] for i in kept])
+        uses = {frozenset(e): int(n) for e, n in zip(
+            zip(table.start.tolist(), table.end.tolist(), strict=True),
+            table.uses[table.key], strict=True)}  # fmt: skip
+        inner = {
+            g[0] for g in again
+            if all(uses[frozenset((i, k))] == 3 for i, k in _sides(self.faces[g[0]]))
+        }  # fmt: skip
+        self.faces = tuple(self.faces[i] for i in kept if i not in inner)
+        self._report("doubled", len(copies) + len(inner), "faces listed more than once")
+
+    def close_seams(self, distance: float) -> None:
+        """Mend open edges: vertices in the middle of an edge join it, near ones are welded."""
+        self._join(RELATIVE_TOLERANCE * self.size)
+        table = EdgeTable.of(self.faces)
+        open_sides = table.uses[table.key] == 1
+        if open_sides.any():
+            ends = np.unique(np.concatenate([table.start[open_sides], table.end[open_sides]]))
+            self.weld(distance, ends)
+            self.faces = tuple(f for f in self.faces if len(set(f)) > 2)
+            self._join(distance)
+
+    def _join(self, distance: float) -> None:
+        """Put vertices of open edges that lie within another open edge into its face."""
+        table = EdgeTable.of(self.faces)
+        sides = np.flatnonzero(table.uses[table.key] == 1)
+        if not len(sides):
+            return
+        ends = np.unique(np.concatenate([table.start[sides], table.end[sides]]))
+        tree = cKDTree(self.points[ends])
+        faces = [list(f) for f in self.faces]
+        joined = 0
+        for side in sides.tolist():
+            i, k, number = int(table.start[side]), int(table.end[side]), int(table.face[side])
+            a, along = self.points[i], self.points[k] - self.points[i]
+            length = float(np.linalg.norm(along))
+            near = ends[tree.query_ball_point(a + 0.5 * along, 0.5 * length + distance)]
+            offset = self.points[near] - a
+            share = offset @ along / length**2
+            away = np.linalg.norm(offset - share[:, None] * along, axis=1)
+            margin = distance / length
+            on = (away <= distance) & (share > margin) & (share < 1.0 - margin)
+            on &= ~np.isin(near, faces[number])
+            if on.any():
+                at = faces[number].index(i) + 1
+                faces[number][at:at] = near[on][np.argsort(share[on])].tolist()
+                joined += int(on.sum())
+        self.faces = tuple(tuple(f) for f in faces)
+        self._report("joined", joined, "vertices in the middle of another face's edge")
+
+    def drop_unused(self) -> None:
+        """Drop vertices that belong to no face."""
+        used = np.unique([i for f in self.faces for i in f])
+        self._report("unused", len(self.points) - len(used), "vertices without a face")
+        new = np.full(len(self.points), -1)
+        new[used] = np.arange(len(used))
+        self.points = self.points[used]
+        self.faces = tuple(tuple(int(new[i]) for i in f) for f in self.faces)
+
+    def turn_out(self) -> None:
+        """Turn faces so that their normals point out."""
+        self.faces, turned = outward(self.id, self.points, self.faces)
+        whole = " (the whole shell was inside out)" if turned == len(self.faces) else ""
+        self._report("turned", turned, f"faces whose normals pointed in{whole}")
+
+    def split_warped(self, tolerance: float) -> None:
+        """Cut faces into triangles that are warped by more than the tolerance."""
+        normals = area_vectors(self.points, self.faces)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        off = [
+            off_plane(self.points[list(f)], n) if len(f) > 3 else 0.0
+            for f, n in zip(self.faces, normals, strict=True)
+        ]
+        warped = [i for i, distance in enumerate(off) if distance > tolerance]
+        if not warped:
+            return
+        cut, _ = triangulated(self.points, [self.faces[i] for i in warped])
+        flat = [f for f, distance in zip(self.faces, off, strict=True) if distance <= tolerance]
+        self.faces = (*flat, *(tuple(t) for t in cut.tolist()))
+        self._report(
+            "split", len(warped), f"faces warped by up to {max(off):.3g}, cut into triangles"
+        )
+
+    def _report(self, kind: str, count: int, detail: str) -> None:
+        if count:
+            self.repairs.append(Repair(kind, count, detail))
+
+
+def _sides(face: tuple[int, ...]) -> Iterable[tuple[int, int]]:
+    return zip(face, (*face[1:], face[0]), strict=True)
