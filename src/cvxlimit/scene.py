@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +19,9 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
+
+if TYPE_CHECKING:
+    from cvxlimit.plotting.drawing import SceneFigure
 
 FloatArray = NDArray[np.float64]
 
@@ -163,6 +169,21 @@ class Scene:
             live=self.live.scaled(length, force),
             units=units,
         )
+
+    def plot(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        viewer: tuple[float, float, float] | None = None,
+    ) -> SceneFigure | tuple[Path, ...]:
+        """Draw the scene before it is solved: blocks, supports, joints, loads, near misses.
+
+        Without ``path`` it is a Matplotlib figure, which notebooks show, seen from direction
+        ``viewer``; with one, a ``.png`` or ``.html`` file is written, see
+        :func:`cvxlimit.plotting.plot_scene`. A scene whose geometry is refused is drawn too.
+        """
+        from cvxlimit.plotting import plot_scene, scene_figure  # pictures see scenes, not they them
+
+        return scene_figure(self, viewer) if path is None else plot_scene(self, path)
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]

@@ -9,18 +9,24 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
-from cvxlimit.cli.report import facts, show, warn_of_near_misses
+from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
-from cvxlimit.io.geometry import AXES, LOWEST
+from cvxlimit.io.fields import one_line
+from cvxlimit.io.geometry import LOWEST, sketch
 from cvxlimit.plotting import plot_scene
+from cvxlimit.scene import Scene
 
 Job = Callable[[], int]
 
 _DEFAULT_FORCE = "kN"
+
+_NAMED = 8
+"""Supports named in the summary; the scene file has all."""
 
 
 def import_command(
@@ -52,7 +58,7 @@ def import_command(
         float | None,
         typer.Option(
             metavar="F",
-            help="Turns the files' densities into weight per volume: 0.00980665 for kg/m3 to kN/m3.",
+            help="Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665.",
         ),
     ] = None,
     friction: Annotated[
@@ -104,15 +110,101 @@ def import_command(
     }
     for option, (value, meaning) in asked.items():
         if value is None:
-            raise typer.BadParameter(f"give {option} {meaning}; files do not say and none is guessed")
-    assert output is not None and plot != output
-    return partial(
-        _import_job, geometry, output, plot,
-        partial(
-            import_geometry,
-            geometry,
-            length_unit=length_unit, up=up, density=density, density_factor=density_factor,
-            friction=friction, supports=_supports(supports), live=_vector(live or ""),
-            force_unit=force_unit, joint_tolerance=joint_tolerance, name=name,
-        ),
+            raise typer.BadParameter(
+                f"give {option} {meaning}; files do not say and none is guessed"
+            )
+    make = partial(
+        import_geometry, geometry,
+        length_unit=length_unit or "", up=up or "", friction=friction or 0.0,
+        density=density, density_factor=density_factor, supports=_supports(supports),
+        live=_vector(live or ""), force_unit=force_unit, joint_tolerance=joint_tolerance, name=name,
     )  # fmt: skip
+    return partial(_import_job, geometry, output or Path(), plot, make)
+
+
+def _import_job(
+    geometry: list[str], output: Path, plot: Path | None, make: Callable[[], Imported]
+) -> ExitCode:
+    inputs = dict.fromkeys(geometry, "the geometry")
+    check_outputs({"--output": output, "--plot": plot}, inputs)
+    if plot is not None:
+        check_picture(plot, SCENE_PICTURES)
+    started = time.perf_counter()
+    try:
+        found = make()
+    except GeometryError as error:
+        if plot is not None and (culprit := sketch(error)) is not None:
+            plot_scene(culprit, plot, error)
+        raise
+    scene = found.scene
+    try:
+        contacts = len(scene.contacts)
+    except InputError as error:
+        if plot is not None:
+            plot_scene(scene, plot, error)
+        raise
+    seconds = time.perf_counter() - started
+    written = [str(output)]
+    write_scene(scene, output)
+    if plot is not None:
+        written += [str(path) for path in plot_scene(scene, plot)]
+    show(facts(_found(found, contacts, seconds, written)))
+    warn_of_near_misses(scene)
+    return ExitCode.SOLVED
+
+
+def _found(
+    found: Imported, contacts: int, seconds: float, written: list[str]
+) -> list[tuple[str, str]]:
+    """What was found and repaired, in rows of a name and a fact."""
+    scene = found.scene
+    blocks = scene.blocks
+    low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
+    high = np.max([b.vertices.max(axis=0) for b in blocks], axis=0)
+    size = " x ".join(f"{x:.5g}" for x in high - low)
+    unit = scene.units.length
+    notched = sum(not block.is_convex for block in blocks)
+    supports = ", ".join(scene.supports[:_NAMED])
+    more = f" and {len(scene.supports) - _NAMED} more" if len(scene.supports) > _NAMED else ""
+    rows = [
+        ("scene", f"{scene.name} ({count(len(found.files), 'file')})"),
+        ("size", f"{size} {unit}, weight {scene.total_weight:.6g} {scene.units.force}"),
+        ("blocks", f"{len(blocks)}, {notched} of them not convex" if notched else f"{len(blocks)}"),
+        ("supports", f"{len(scene.supports)}: {supports}{more}"),
+        ("faces", f"{sum(len(block.faces) for block in blocks)}"),
+        ("contacts", f"{contacts}"),
+        ("repairs", _repairs(scene)),
+        *(("note", note) for note in found.notes),
+        ("near misses", f"{len(scene.near_misses)}"),
+        ("time in s", f"{seconds:.3f}"),
+        *(("written", file) for file in written),
+    ]
+    return [(name, one_line(fact)) for name, fact in rows]
+
+
+def _repairs(scene: Scene) -> str:
+    """Repairs by kind, with how many blocks each concerned."""
+    times, blocks = Counter[str](), Counter[str]()
+    for block in scene.blocks:
+        for repair in block.repairs:
+            times[repair.kind] += repair.count
+        blocks.update({repair.kind for repair in block.repairs})
+    if not times:
+        return "none"
+    return ", ".join(f"{times[kind]} {kind} (in {count(blocks[kind], 'block')})" for kind in times)
+
+
+def _supports(text: str | None) -> str | list[str] | None:
+    if text is None or text == LOWEST:
+        return text
+    return [name.strip() for name in text.split(",")]
+
+
+def _vector(text: str) -> tuple[float, ...]:
+    try:
+        vector = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        vector = ()
+    if len(vector) != 3:
+        raise typer.BadParameter(f"--live must be three numbers X,Y,Z, got {text!r}")
+    return vector

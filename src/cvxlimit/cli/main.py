@@ -7,7 +7,6 @@ and errors, one line each, go to stderr.
 
 from __future__ import annotations
 
-import difflib
 import io
 import os
 import sys
@@ -26,12 +25,23 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from cvxlimit.cli.importing import import_command
+from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture
-from cvxlimit.cli.report import advice, history, is_eventful, listing, show, summary
+from cvxlimit.cli.report import (
+    advice,
+    history,
+    is_eventful,
+    listing,
+    show,
+    summary,
+    warn_of_near_misses,
+)
+from cvxlimit.cli.showing import show_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.io import read_scene, write_result
+from cvxlimit.io import write_result
 from cvxlimit.io.fields import one_line
-from cvxlimit.masonry import BUILTIN, builtin_scene
+from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
@@ -129,6 +139,10 @@ def _solve_command(
     return partial(_solve_job, order)
 
 
+app.command("import")(import_command)
+app.command("show")(show_command)
+
+
 @app.command("scenes")
 def _scenes_command() -> Job:
     """List the built-in scenes."""
@@ -183,7 +197,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes") else ""
+    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes", "import", "show") else ""
 
 
 def _refuse(code: ExitCode, message: str) -> ExitCode:
@@ -221,7 +235,7 @@ def _discard_stdout() -> None:
 def _solve_job(order: Order) -> ExitCode:
     _check_outputs(order)
     with _progress() as tell:
-        scene = _scene(order.scene)
+        scene = scene_named(order.scene)
         solution = _interruptible(lambda: _solved(scene, order, tell))
     written: list[str] = []
     try:
@@ -231,6 +245,7 @@ def _solve_job(order: Order) -> ExitCode:
         show(summary(solution, origin, order.tolerance, written))
         if is_eventful(solution):
             show(Text(), history(solution.history))
+    warn_of_near_misses(scene)
     return _verdict(solution)
 
 
@@ -251,18 +266,6 @@ def _verdict(solution: Solution) -> ExitCode:
         return ExitCode.SOLVED
     code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
     return _refuse(code, f"{status}: {advice(solution)}")
-
-
-def _scene(name: str) -> Scene:
-    """A built-in name wins; whatever else is a file."""
-    if name in BUILTIN:
-        return builtin_scene(name)
-    looks_like_file = Path(name).suffix or Path(name).name != name
-    if looks_like_file or os.path.exists(name):
-        return read_scene(name)
-    close = difflib.get_close_matches(name, BUILTIN, n=1)
-    cure = f"did you mean {close[0]!r}?" if close else "cvxlimit scenes lists the built-in ones"
-    raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")
 
 
 def _interruptible(work: Callable[[], Solution]) -> Solution:

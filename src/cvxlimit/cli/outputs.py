@@ -15,6 +15,9 @@ from cvxlimit.errors import InputError, ModelError
 PICTURES = (".png", ".html", ".vtu")
 """What a solution can be drawn as."""
 
+SCENE_PICTURES = (".png", ".html")
+"""What a scene without a solution can be drawn as."""
+
 
 class ExitCode(IntEnum):
     """What the shell gets to see."""

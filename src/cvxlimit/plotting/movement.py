@@ -120,6 +120,14 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     )
 
 
+def still(scene: Scene) -> Motion:
+    """No movement; nothing is asked about contacts, so that a refused scene can be drawn."""
+    nothing = np.empty(0)
+    contacts = ContactMotion(nothing, nothing, nothing, np.empty(0, dtype=np.int64))
+    count = len(scene.blocks)
+    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts)
+
+
 def free_bounds(scene: Scene) -> FloatArray:
     """Lowest and highest coordinates (2, 3) of the free blocks."""
     points = np.concatenate([scene.blocks[i].vertices for i in scene.free])

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.errors import InputError
+from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.solids import solid
 from cvxlimit.io.documents import decoded, file_prefix, parsed, read_bytes
 from cvxlimit.io.fields import one_line, refusals, shown
 from cvxlimit.io.geometry.bodies import Body, natural, separated
@@ -154,6 +155,22 @@ def import_geometry(
             name=files[0].stem if name is None else name,
         )
         return Imported(scene, tuple(map(str, files)), tuple(notes))
+
+
+def sketch(error: GeometryError) -> Scene | None:
+    """The body that ``error`` refuses, as a scene to draw: unchecked, of no use for anything else.
+
+    None if the error does not come from a body of an import.
+    """
+    body = getattr(error, "body", None)
+    if not isinstance(body, Body) or len(body.vertices) < 2:
+        return None
+    faces = tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
+    middle = body.vertices.mean(axis=0)
+    block = Block(body.name, body.vertices, faces, 1.0, 1.0, middle)
+    if not faces or not np.isfinite(body.vertices).all():
+        return None
+    return Scene((block,), (), Load(weights={body.name: (0.0, 0.0, -1.0)}), name=body.name)
 
 
 def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
@@ -315,4 +332,8 @@ def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
         )
     if body.is_box:
         return Block.box(body.name, body.vertices[0], body.vertices[1], body.density)
-    return Block.polyhedron(body.name, body.vertices, body.faces, body.density)
+    try:
+        return solid(body.name, body.vertices, body.faces, body.density, tolerance)
+    except GeometryError as error:
+        error.body = body  # type: ignore[attr-defined]
+        raise
