@@ -31,3 +31,11 @@ def not_negative(value: Any, what: str) -> float:
     if not 0.0 <= value <= sys.float_info.max:
         raise InputError(f"{what} must be finite and not negative, got {value!r:.40}")
     return float(value)
+
+
+def positive(value: Any, what: str) -> float:
+    """``value`` as a finite float > 0; ``what`` names it in the refusal."""
+    number = not_negative(value, what)
+    if number == 0.0:
+        raise InputError(f"{what} must be positive, got {value!r}")
+    return number

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import not_negative
+from cvxlimit.checks import not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.detection import Detection, detect
+from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
 
 if TYPE_CHECKING:
@@ -56,6 +57,9 @@ class Scene:
         Coefficient of the contacts between two blocks, in either order.
     units : Units
     name : str
+    joint_tolerance : float or None
+        How far apart, and how deep in each other, faces of different blocks may be and still be
+        a contact (length). None: one hundredth of the mean thickness of the thinner block.
 
     Raises
     ------
@@ -81,6 +85,7 @@ class Scene:
     contact_friction: Mapping[tuple[str, str], float] = field(default_factory=dict)
     units: Units = Units()
     name: str = "scene"
+    joint_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "blocks", tuple(self.blocks))
@@ -94,18 +99,43 @@ class Scene:
             twice = next(p for p in self.contact_friction if p[::-1] in self.contact_friction)
             raise InputError(f"friction of contact {twice[0]!r}-{twice[1]!r} is given twice")
         object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
+        if self.joint_tolerance is not None:
+            length = positive(self.joint_tolerance, "joint_tolerance of the scene")
+            object.__setattr__(self, "joint_tolerance", length)
         _check_ids(self)
         _check_loads(self)
 
     def __reduce__(self) -> tuple[object, ...]:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
-        return Scene, (*fields, dict(self.contact_friction), self.units, self.name)
+        overrides = dict(self.contact_friction)
+        return Scene, (*fields, overrides, self.units, self.name, self.joint_tolerance)
 
     @cached_property
     def contacts(self) -> Contacts:
-        """All contacts, detected on first use and kept; see :func:`detect_contacts`."""
-        found = detect_contacts(self.blocks, self.supports, self.friction)
-        return self._with_own_friction(found)
+        """All contacts, detected on first use and kept; see :func:`detect`."""
+        return self._with_own_friction(self._detection.contacts)
+
+    @property
+    def near_misses(self) -> tuple[NearMiss, ...]:
+        """Joints that are nearly there but are none; found with the contacts.
+
+        >>> ground = Block.box("ground", (0, 0, -1), (2, 1, 0))
+        >>> bricks = [Block.box("left", (0, 0, 0), (0.99, 1, 1), density=1.0),
+        ...           Block.box("right", (1, 0, 0), (2, 1, 1), density=1.0)]
+        >>> scene = Scene([ground, *bricks], ["ground"], Load(acceleration=(1, 0, 0)))
+        >>> [(miss.a, miss.b, miss.kind, round(miss.size, 9)) for miss in scene.near_misses]
+        [('left', 'right', 'gap', 0.01)]
+        """
+        return self._detection.near_misses
+
+    @property
+    def near_miss_note(self) -> str:
+        """One line with the number of near misses and the nearest; empty if there are none."""
+        return near_miss_sentence(self.near_misses, self.units.length)
+
+    @cached_property
+    def _detection(self) -> Detection:
+        return detect(self.blocks, self.supports, self.friction, self.joint_tolerance)
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -168,6 +198,7 @@ class Scene:
             dead=self.dead.scaled(length, force),
             live=self.live.scaled(length, force),
             units=units,
+            joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 
     def plot(
@@ -187,8 +218,8 @@ class Scene:
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        if "contacts" in self.__dict__:
-            copy.__dict__["contacts"] = copy._with_own_friction(self.contacts)
+        if "_detection" in self.__dict__:
+            copy.__dict__["_detection"] = self._detection
         return copy
 
     def _with_own_friction(self, contacts: Contacts) -> Contacts:

@@ -72,10 +72,8 @@ def facts(rows: Sequence[tuple[str, str]]) -> Table:
 
 def warn_of_near_misses(scene: Scene) -> None:
     """One line on stderr where joints are nearly there: how many, and the worst."""
-    misses = scene.near_misses
-    if misses and sys.stderr is not None:
-        worst = one_line(str(misses[0]))
-        sys.stderr.write(f"cvxlimit: {count(len(misses), 'near miss', 'near misses')}: {worst}\n")
+    if scene.near_misses and sys.stderr is not None:
+        sys.stderr.write(f"cvxlimit: {one_line(scene.near_miss_note)}\n")
 
 
 def advice(solution: Solution) -> str:

@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.crossings import check_faces, check_no_crossing
+from cvxlimit.geometry.facets import Facets, facets
 from cvxlimit.geometry.mesh import Faces, area_vectors, outward, volume_and_centroid
 
 FloatArray = NDArray[np.float64]
@@ -223,6 +224,14 @@ class Block:
         """Default joint tolerance of this block, :data:`JOINT_TOLERANCE` of its thickness."""
         return JOINT_TOLERANCE * self.thickness
 
+    def facets(self, tolerance: float) -> Facets:
+        """Faces grouped into planar facets within ``tolerance`` (length), kept once found."""
+        found: dict[float, Facets] = self.__dict__.setdefault("_facets", {})
+        if tolerance not in found:
+            _check_flat(self.id, self.vertices, self.faces, tolerance)
+            found[tolerance] = facets(self.vertices, self.faces, tolerance)
+        return found[tolerance]
+
     @property
     def size(self) -> float:
         """Diagonal of the bounding box, in the scene's length unit."""
@@ -406,10 +415,10 @@ def assembled(
     default = JOINT_TOLERANCE * 2.0 * volume / float(areas.sum())
     allowed = default if joint_tolerance is None else joint_tolerance
     normals = vectors / areas[:, None]
-    _check_flat(id, points, oriented, normals, allowed)
+    _check_flat(id, points, oriented, allowed)
     convex = _all_behind(points, oriented, normals, allowed)
     if not convex:
-        check_no_crossing(id, points, oriented, exact)
+        check_no_crossing(id, points, oriented, allowed)
     return Block(
         id=_checked_id(id),
         vertices=_frozen(points),
@@ -422,9 +431,9 @@ def assembled(
     )
 
 
-def _check_flat(
-    id: str, points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float
-) -> None:
+def _check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> None:
+    normals = area_vectors(points, faces)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
     for number in (i for i, face in enumerate(faces) if len(face) > 3):
         off = off_plane(points[list(faces[number])], normals[number])
         if off > tolerance:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.polygons import mean_distance, torsion_arm
+from cvxlimit.geometry.overlaps import members_of
+from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -56,10 +57,14 @@ class Contacts:
         Contact frame: centre (centroid of the polygon) and rows t1, t2, n (right-handed).
     corner_start : (n + 1,), corner_xy : (m, 2)
         Corners of contact j are rows ``corner_start[j]:corner_start[j + 1]``, counter-clockwise
-        in the plane (t1, t2) about the origin.
+        in the plane (t1, t2) about the origin. A contact that is not convex rocks about its hull:
+        these are the hull's corners, everything else belongs to the contact itself.
     sides : (n, 2)
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
     area : (n,), friction : (n,)
+    pieces : mapping of int to tuple of (k, 2) arrays
+        For contacts that are not convex, have holes or several parts: convex polygons that tile
+        them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
     """
 
     names: tuple[str, ...]
@@ -73,6 +78,7 @@ class Contacts:
     sides: FloatArray
     area: FloatArray
     friction: FloatArray
+    pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -105,6 +111,10 @@ class Contacts:
         """Corners (k, 2) of contact j in its plane (t1, t2)."""
         return self.corner_xy[self.corner_start[j] : self.corner_start[j + 1]]
 
+    def pieces_of(self, j: int) -> tuple[FloatArray, ...]:
+        """Convex polygons (k, 2) that tile contact j in its plane; its corners if it is convex."""
+        return self.pieces.get(j % len(self), (self.corners_of(j),))
+
     @cached_property
     def corner_contact(self) -> IntArray:
         """Contact index of every corner, (m,)."""
@@ -126,10 +136,13 @@ class Contacts:
 
     @cached_property
     def torsion_arm(self) -> FloatArray:
-        """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre."""
+        """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
+
+        Over the contact itself, not over its hull.
+        """
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
         for j in np.flatnonzero(~self.is_rectangle).tolist():
-            arm[j] = mean_distance(self.corners_of(j), (0.0, 0.0))
+            arm[j] = mean_distance_over(self.pieces_of(j), (0.0, 0.0))
         return arm
 
     @cached_property
@@ -145,6 +158,24 @@ class Contacts:
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
         inward /= np.linalg.norm(inward, axis=1)[:, None]
         return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
+
+    def take(self, rows: IntArray) -> Contacts:
+        """Some of the contacts, in the order of ``rows`` (k,)."""
+        place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
+        return replace(
+            self,
+            names=tuple(self.names[j] for j in rows.tolist()),
+            a=self.a[rows],
+            b=self.b[rows],
+            origin=self.origin[rows],
+            axes=self.axes[rows],
+            corner_start=np.searchsorted(place, np.arange(len(rows) + 1)),
+            corner_xy=self.corner_xy[corner],
+            sides=self.sides[rows],
+            area=self.area[rows],
+            friction=self.friction[rows],
+            pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
+        )
 
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""
@@ -168,4 +199,5 @@ class Contacts:
             corner_xy=self.corner_xy * length,
             sides=self.sides * length,
             area=self.area * length**2,
+            pieces={j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )

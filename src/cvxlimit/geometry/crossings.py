@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import GeometryError
-from cvxlimit.geometry.mesh import area_vectors, place
+from cvxlimit.geometry.mesh import area_vectors, place, plane_axes
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.triangles import triangulated
 
@@ -60,13 +60,6 @@ def _crosses_itself(corners: FloatArray, normal: FloatArray) -> bool:
 
     apart = side(flat) * side(ends) < 0.0
     return bool((apart & apart.T).any())
-
-
-def plane_axes(normal: FloatArray) -> FloatArray:
-    """Two unit vectors (2, 3) that make a right-handed frame with a unit ``normal``."""
-    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
 
 
 def check_no_crossing(

@@ -1,62 +1,54 @@
-"""Contact detection: facing coplanar faces that overlap, found from geometry alone.
+"""Contact detection: facets of different blocks that face each other within a joint tolerance.
 
-Only blocks near each other are looked at, and of those the faces whose boxes meet. Overlaps are
+Only blocks near each other are looked at, and of those the facets whose boxes meet. Overlaps are
 exact interval products for aligned rectangles and polygon clipping otherwise: near n log n.
 """
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import InputError
-from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block, Faces
+from cvxlimit.checks import positive
+from cvxlimit.errors import GeometryError
+from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.nearby import nearby_pairs
-from cvxlimit.geometry.overlaps import members_of, outlines
+from cvxlimit.geometry.nearmisses import Kind, NearMiss
+from cvxlimit.geometry.overlaps import Outlines, outlines
 from cvxlimit.geometry.penetration import check_no_interpenetration
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_STEEPEST = 0.1
+"""Sine of the angle between two facets in contact, at most: beyond, a normal force could not be
+said to act along both normals to a tenth, however small the facets and the gap between them."""
 
 
 @dataclass(frozen=True, eq=False)
-class _FaceTable:
-    """All faces, block by block; ``corners`` (f, k, 3) repeat a face's last corner up to k."""
+class Detection:
+    """What was found between the blocks of a scene: contacts, and joints that are nearly there."""
 
-    block: IntArray
-    corners: FloatArray
-    sides: IntArray
-    normal: FloatArray
-    size: FloatArray
-
-    def take(self, rows: IntArray) -> _FaceTable:
-        return _FaceTable(
-            self.block[rows], self.corners[rows], self.sides[rows],
-            self.normal[rows], self.size[rows],
-        )  # fmt: skip
+    contacts: Contacts
+    near_misses: tuple[NearMiss, ...]
 
 
 def detect_contacts(
     blocks: Sequence[Block],
     fixed: Collection[str] = (),
     friction: float = 0.6,
-    tolerance: float = RELATIVE_TOLERANCE,
+    joint_tolerance: float | None = None,
 ) -> Contacts:
     """Find all contacts between ``blocks``, except those between two ``fixed`` ones.
 
-    Two faces are in contact when their planes coincide and face each other, within
-    ``tolerance`` times the smaller block's size, and their overlap is a polygon whose mean
-    width exceeds the same length. A pair of blocks may have several contacts.
-
-    Raises
-    ------
-    InputError
-        If blocks interpenetrate, or a block touches no other.
+    See :func:`detect`, which finds near misses too.
 
     Example
     -------
@@ -65,127 +57,199 @@ def detect_contacts(
     >>> [c.name for c in detect_contacts([ground, brick], fixed=["ground"])]
     ['ground-brick']
     """
+    return detect(blocks, fixed, friction, joint_tolerance).contacts
+
+
+def detect(
+    blocks: Sequence[Block],
+    fixed: Collection[str] = (),
+    friction: float = 0.6,
+    joint_tolerance: float | None = None,
+) -> Detection:
+    """Find all contacts between ``blocks``, except those between two ``fixed`` ones.
+
+    Two facets are in contact when they face each other and, everywhere on their overlap, are no
+    farther apart and no deeper in each other than ``joint_tolerance`` (length; None: one hundredth
+    of the mean thickness of the thinner block, :data:`~cvxlimit.geometry.blocks.JOINT_TOLERANCE`),
+    and the overlap is wider than that. The contact lies in their mean plane. What two blocks
+    transmit through one plane is one contact: its overlap may have notches, holes and several
+    parts; blocks that meet in several planes have several contacts.
+
+    Raises
+    ------
+    GeometryError
+        If blocks interpenetrate, or a block touches no other.
+    """
+    if joint_tolerance is not None:
+        joint_tolerance = positive(joint_tolerance, "joint_tolerance")
     is_fixed = np.array([b.id in fixed for b in blocks])
-    sizes = _sizes(blocks)
-    near = nearby_pairs([b.vertices for b in blocks], tolerance * sizes)
-    faces = _face_table(blocks, sizes)
-    lower, upper = _facing_pairs(faces, *near, tolerance)
-    contacts = _contacts(faces.take(lower), faces.take(upper), blocks, friction, tolerance)
-    check_no_interpenetration(blocks, *near, contacts, sizes, tolerance)
-    _check_every_block_touches(blocks, contacts, is_fixed)
-    return _select(contacts, ~(is_fixed[contacts.a] & is_fixed[contacts.b]))
-
-
-def _sizes(blocks: Sequence[Block]) -> FloatArray:
-    """``size`` of every block, all at once."""
-    count = np.array([len(b.vertices) for b in blocks])
-    points, begin = np.concatenate([b.vertices for b in blocks]), np.cumsum(count) - count
-    extents = np.maximum.reduceat(points, begin) - np.minimum.reduceat(points, begin)
-    return np.asarray(np.linalg.norm(extents, axis=1))
-
-
-def _face_table(blocks: Sequence[Block], sizes: FloatArray) -> _FaceTable:
-    """Blocks with the same face lists (all bricks, say) are handled in one array operation."""
-    same_faces: dict[Faces, list[int]] = defaultdict(list)
-    for i, block in enumerate(blocks):
-        same_faces[block.faces].append(i)
-    width = max(len(face) for block_faces in same_faces for face in block_faces)
-    parts = []
-    for block_faces, members in same_faces.items():
-        vertices = np.stack([blocks[i].vertices for i in members])
-        for face in block_faces:
-            padded = list(face) + [face[-1]] * (width - len(face))
-            corners = vertices[:, padded]
-            parts.append((np.array(members), corners, np.full(len(members), len(face))))
-    owner = np.concatenate([p[0] for p in parts])
-    rows = np.argsort(owner, kind="stable")
-    owner = owner[rows]
-    corners = np.concatenate([p[1] for p in parts])[rows]
-    sides = np.concatenate([p[2] for p in parts])[rows]
-    spokes = corners - corners[:, :1]
-    area = np.cross(spokes[:, :-1], spokes[:, 1:]).sum(axis=1)
-    normal = area / np.linalg.norm(area, axis=1)[:, None]
-    return _FaceTable(owner, corners, sides, normal, sizes[owner])
-
-
-def _facing_pairs(
-    faces: _FaceTable, first: IntArray, second: IntArray, tolerance: float
-) -> tuple[IntArray, IntArray]:
-    """Pairs of faces on a common plane, from opposite sides, whose bounding boxes meet.
-
-    The faces of each pair belong to a pair of ``first`` and ``second`` blocks.
-    """
-    margin = tolerance * faces.size[:, None]
-    low, high = faces.corners.min(axis=1) - margin, faces.corners.max(axis=1) + margin
-    start = np.flatnonzero(np.diff(faces.block, prepend=-1))
-    block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
-    pair, lower = members_of(start, len(faces.block), first)
-    other = second[pair]
-    meet = ((low[lower] <= block_high[other]) & (block_low[other] <= high[lower])).all(axis=1)
-    row, upper = members_of(start, len(faces.block), other[meet])
-    lower = lower[meet][row]
-    opposite = np.einsum("fc,fc->f", faces.normal[lower], faces.normal[upper]) < 0.0
-    lower, upper = lower[opposite], upper[opposite]
-    meet = ((low[lower] <= high[upper]) & (low[upper] <= high[lower])).all(axis=1)
-    lower, upper = lower[meet], upper[meet]
-    length = tolerance * np.minimum(faces.size[lower], faces.size[upper])
-    near = np.minimum(_gap(faces, lower, upper), _gap(faces, upper, lower)) <= length
-    return lower[near], upper[near]
-
-
-def _gap(faces: _FaceTable, plane: IntArray, other: IntArray) -> FloatArray:
-    """Largest distance of the ``other`` faces' corners from the planes of the ``plane`` faces.
-
-    Measured both ways the smaller is meant: a small face's plane, carried to the far corners of
-    a large one, multiplies the rounding of its coordinates.
-    """
-    offset = faces.corners[other] - faces.corners[plane][:, :1]
-    distance = np.abs(np.einsum("fkc,fc->fk", offset, faces.normal[plane]))
-    result: FloatArray = distance.max(axis=1)
-    return result
-
-
-def _contacts(
-    lower: _FaceTable, upper: _FaceTable, blocks: Sequence[Block], friction: float, tol: float
-) -> Contacts:
-    """Contacts of facing pairs, by blocks; ``lower`` belongs to block a and gives the normal."""
-    t1 = _canonical(_unit(lower.corners[:, 1] - lower.corners[:, 0]))
-    t2 = np.cross(lower.normal, t1)
-    axes = np.stack([t1, t2, lower.normal], axis=1)
-    base = lower.corners[:, 0]
-    flat_lower = np.einsum("pkc,pic->pki", lower.corners - base[:, None], axes[:, :2])
-    flat_upper = np.einsum("pkc,pic->pki", upper.corners - base[:, None], axes[:, :2])
-    boxes = _is_aligned_rectangle(flat_lower, lower) & _is_aligned_rectangle(flat_upper, upper)
-    found = outlines(flat_lower, flat_upper, boxes)
-    length = tol * np.minimum(lower.size, upper.size)
-    found = found.take(np.flatnonzero(found.width > length[found.pair]))
-    found = found.take(np.lexsort((upper.block[found.pair], lower.block[found.pair])))
-    a, b = lower.block[found.pair], upper.block[found.pair]
-    frames = axes[found.pair]
-    origin = base[found.pair] + np.einsum("kp,kpc->kc", found.middle, frames[:, :2])
-    frames[:, :2] = found.turn @ frames[:, :2]
-    return Contacts(
-        names=_names(a, b, blocks),
-        block_ids=tuple(block.id for block in blocks),
-        a=a,
-        b=b,
-        origin=origin,
-        axes=frames,
-        corner_start=np.append(found.start, len(found.corners)).astype(np.int64),
-        corner_xy=found.corners,
-        sides=found.sides,
-        area=found.area,
-        friction=np.full(len(a), friction),
+    table, reach = facet_table(blocks, joint_tolerance)
+    near = nearby_pairs([b.vertices for b in blocks], reach.near)
+    lower, upper = facing_pairs(table, *near, reach)
+    joints = _Joints.of(table, lower, upper, reach)
+    is_contact = joints.is_contact
+    contacts = joints.contacts(is_contact, blocks, friction)
+    sunk = check_no_interpenetration(blocks, *near, contacts, reach)
+    misses = [*joints.near_misses(blocks), *sunk]
+    _check_every_block_touches(blocks, contacts, is_fixed, misses)
+    ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}
+    both = is_fixed[contacts.a] & is_fixed[contacts.b]
+    return Detection(
+        contacts.take(np.flatnonzero(~both)) if both.any() else contacts,
+        tuple(miss for miss in misses if not (miss.a in ids and miss.b in ids)),
     )
 
 
-def _is_aligned_rectangle(flat: FloatArray, faces: _FaceTable) -> NDArray[np.bool_]:
+@dataclass(frozen=True, eq=False)
+class _Joints:
+    """Overlaps of facing facets with their frames, sorted by blocks; ``a``, ``b`` (k,) are those.
+
+    ``gaps`` (k, 2) is the least and the largest distance between the facets over the overlap,
+    ``allowed`` and ``near`` the pair's tolerance and reach, ``sine`` of the angle between them.
+    """
+
+    a: IntArray
+    b: IntArray
+    found: Outlines
+    origin: FloatArray
+    axes: FloatArray
+    gaps: FloatArray
+    sine: FloatArray
+    allowed: FloatArray
+    near: FloatArray
+
+    @classmethod
+    def of(cls, table: FacetTable, lower: IntArray, upper: IntArray, reach: Reach) -> _Joints:
+        """``lower`` belongs to block a and gives the normal."""
+        key = table.facet[lower] * (int(table.facet[-1]) + 1) + table.facet[upper]
+        _, first, pair = np.unique(key, return_index=True, return_inverse=True)
+        one, other = table.take(lower[first]), table.take(upper[first])
+        size = reach.size[one.block]
+        axes, base = _frames(one, other)
+        flat = [
+            np.einsum("pkc,pic->pki", table.corners[rows] - base[pair][:, None], axes[pair, :2])
+            for rows in (lower, upper)
+        ]
+        alone = np.bincount(pair)[pair] == 1
+        boxes = alone & _is_aligned_rectangle(flat[0], table.sides[lower], size[pair])
+        boxes &= _is_aligned_rectangle(flat[1], table.sides[upper], size[pair])
+        found = outlines(*flat, boxes, pair)
+        allowed = np.minimum(reach.tolerance[one.block], reach.tolerance[other.block])
+        least = RELATIVE_TOLERANCE * np.minimum(size, reach.size[other.block])
+        found = found.take(np.flatnonzero(found.width > least[found.pair]))
+        found = found.take(np.lexsort((other.block[found.pair], one.block[found.pair])))
+        j = found.pair
+        gaps, middle = _gaps(found, one, other, axes, base)
+        frames = axes[j]
+        origin = base[j] + np.einsum("kp,kpc->kc", found.middle, frames[:, :2])
+        origin += middle[:, None] * frames[:, 2]
+        frames[:, :2] = found.turn @ frames[:, :2]
+        near = np.minimum(reach.near[one.block], reach.near[other.block])
+        sine = np.linalg.norm(np.cross(one.normal, other.normal), axis=1)
+        return cls(
+            one.block[j], other.block[j], found, origin, frames, gaps, sine[j], allowed[j], near[j]
+        )
+
+    @property
+    def is_contact(self) -> BoolArray:
+        """Overlaps that are contacts, (k,)."""
+        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
+        return np.asarray(close & (self.sine <= _STEEPEST) & (self.found.width > self.allowed))
+
+    def contacts(self, rows: BoolArray, blocks: Sequence[Block], friction: float) -> Contacts:
+        """Some of the joints as contacts."""
+        j = np.flatnonzero(rows)
+        found = self.found.take(j)
+        a, b = self.a[j], self.b[j]
+        return Contacts(
+            names=_names(a, b, blocks),
+            block_ids=tuple(block.id for block in blocks),
+            a=a,
+            b=b,
+            origin=self.origin[j],
+            axes=self.axes[j],
+            corner_start=np.append(found.start, len(found.corners)).astype(np.int64),
+            corner_xy=found.corners,
+            sides=found.sides,
+            area=found.area,
+            friction=np.full(len(a), friction),
+            pieces={k: tuple(p) for k, p in enumerate(found.pieces) if p is not None},
+        )
+
+    def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
+        """Joints that are no contacts by less than the reach."""
+        wide = self.found.width > self.allowed
+        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
+        off = (self.gaps[:, 1] <= self.near) & (self.gaps[:, 0] >= -self.allowed)
+        rows = ~self.is_contact & ((wide & off) | (close & ~wide))
+        ends = np.append(self.found.start, len(self.found.corners))
+        for j in np.flatnonzero(rows).tolist():
+            low, high = self.gaps[j].tolist()
+            kind: Kind = "sliver" if close[j] and not wide[j] else "gap"
+            if kind == "gap" and (high - low > self.allowed[j] or self.sine[j] > _STEEPEST):
+                kind = "angle"
+            corners = self.found.corners[ends[j] : ends[j + 1]]
+            yield NearMiss(
+                a=blocks[self.a[j]].id,
+                b=blocks[self.b[j]].id,
+                kind=kind,
+                size=float(self.found.width[j]) if kind == "sliver" else high,
+                allowed=float(self.allowed[j]),
+                place=self.origin[j],
+                outline=self.origin[j] + corners @ self.axes[j, :2],
+            )
+
+
+def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArray]:
+    """Axes (p, 3, 3) as rows t1, t2, n of the mean planes of facet pairs, and a point in each."""
+    normal = _unit(lower.normal - upper.normal)
+    base = lower.corners[:, 0]
+    below = -_height(base, lower, normal)
+    above = -_height(base, upper, normal)
+    t1 = lower.corners[:, 1] - base
+    t1 = t1 - np.einsum("pc,pc->p", t1, normal)[:, None] * normal
+    t1 = _canonical(_unit(t1))
+    axes = np.stack([t1, np.cross(normal, t1), normal], axis=1)
+    return axes, base + 0.5 * (below + above)[:, None] * normal
+
+
+def _height(points: FloatArray, facets: FacetTable, normal: FloatArray) -> FloatArray:
+    """How far points (p, 3) lie above the planes of facets (p,), along ``normal`` (p, 3)."""
+    above = np.einsum("pc,pc->p", points - facets.point, facets.normal)
+    result: FloatArray = above / np.einsum("pc,pc->p", facets.normal, normal)
+    return result
+
+
+def _gaps(
+    found: Outlines, lower: FacetTable, upper: FacetTable, axes: FloatArray, base: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Least and largest distance (k, 2) of facet pairs over their overlaps, and the mean plane.
+
+    The latter as the height (k,) of its point at the overlap's centroid above ``base``'s plane.
+    Both facets are planes over the overlap, so its corners tell.
+    """
+    k = np.repeat(np.arange(len(found.pair)), np.diff(found.start, append=len(found.corners)))
+    j = found.pair
+    turned = np.einsum("mi,mij->mj", found.corners, found.turn[k])
+    flat = np.concatenate([found.middle[k] + turned, found.middle])
+    pair = np.concatenate([j[k], j])
+    points = base[pair] + np.einsum("mi,mic->mc", flat, axes[pair, :2])
+    normal = axes[pair, 2]
+    up, low = (-_height(points, side.take(pair), normal) for side in (upper, lower))
+    gap, middle = (up - low)[: len(k)], (0.5 * (up + low))[len(k) :]
+    if not len(j):
+        return np.empty((0, 2)), middle
+    return np.stack(
+        [np.minimum.reduceat(gap, found.start), np.maximum.reduceat(gap, found.start)], axis=1
+    ), middle
+
+
+def _is_aligned_rectangle(flat: FloatArray, sides: IntArray, size: FloatArray) -> BoolArray:
     """Four corners, all edges along the axes to 1e-9 of the block size."""
     corners = flat[:, :4]
     edges = np.roll(corners, -1, axis=1) - corners
-    straight = np.abs(edges).min(axis=2).max(axis=1) <= 1e-9 * faces.size
-    result: NDArray[np.bool_] = straight & (faces.sides == 4)
-    return result
+    straight = np.abs(edges).min(axis=2).max(axis=1) <= 1e-9 * size
+    return np.asarray(straight & (sides == 4))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -211,36 +275,22 @@ def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]
     return tuple(names)
 
 
-def _select(contacts: Contacts, keep: NDArray[np.bool_]) -> Contacts:
-    if keep.all():
-        return contacts
-    counts = np.diff(contacts.corner_start)
-    return Contacts(
-        names=tuple(n for n, k in zip(contacts.names, keep, strict=True) if k),
-        block_ids=contacts.block_ids,
-        a=contacts.a[keep],
-        b=contacts.b[keep],
-        origin=contacts.origin[keep],
-        axes=contacts.axes[keep],
-        corner_start=np.concatenate([[0], np.cumsum(counts[keep])]),
-        corner_xy=contacts.corner_xy[np.repeat(keep, counts)],
-        sides=contacts.sides[keep],
-        area=contacts.area[keep],
-        friction=contacts.friction[keep],
-    )
-
-
 def _check_every_block_touches(
-    blocks: Sequence[Block], contacts: Contacts, is_fixed: NDArray[np.bool_]
+    blocks: Sequence[Block], contacts: Contacts, is_fixed: BoolArray, misses: Sequence[NearMiss]
 ) -> None:
     """Refuse loose blocks; of several a free one is named, as it is the one to move."""
     touched = np.zeros(len(blocks), dtype=bool)
     touched[contacts.a] = True
     touched[contacts.b] = True
-    if not touched.all():
-        alone = np.flatnonzero(~touched)
-        lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
-        raise InputError(
-            f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
-            "block: move it so that a face meets another block's face, or remove it"
-        )
+    if touched.all():
+        return
+    alone = np.flatnonzero(~touched)
+    lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
+    nearly = [miss for miss in misses if lonely.id in (miss.a, miss.b)]
+    hint = f" ({min(nearly, key=lambda miss: miss.factor).sentence()})" if nearly else ""
+    raise GeometryError(
+        f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
+        f"block{hint}: move it so that a face meets another block's face, or remove it",
+        points=lonely.vertices,
+        blocks=(lonely.id,),
+    )

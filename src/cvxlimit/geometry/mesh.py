@@ -210,6 +210,13 @@ def winding(point: FloatArray, triangles: FloatArray) -> float:
     return float(np.arctan2(top, bottom).sum() / (2.0 * np.pi))
 
 
+def plane_axes(normal: FloatArray) -> FloatArray:
+    """Two unit vectors (2, 3) that make a right-handed frame with a unit ``normal``."""
+    first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])
+
+
 def place(point: FloatArray) -> str:
     """A point for a message."""
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist()) + ")"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.polygons import area_and_centroid, convex_overlap
+from cvxlimit.geometry.polygons import area_and_centroid, convex_overlap, united
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -21,9 +22,11 @@ _AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Overlaps of face pairs, centred, and turned along their own sides.
+    """Overlaps of facet pairs, centred, and turned along their own sides.
 
-    ``corners`` of overlap i begin at ``start[i]``; ``sides`` are NaN if it is no rectangle.
+    ``corners`` of overlap i begin at ``start[i]``; ``sides`` are NaN if it is no rectangle. Where
+    an overlap is not convex, ``corners`` are those of its hull and ``pieces`` tile it; ``area``,
+    ``middle`` and ``width`` are its own.
     """
 
     pair: IntArray  # (k,)
@@ -32,6 +35,7 @@ class Outlines:
     area: FloatArray  # (k,)
     width: FloatArray  # (k,), about the mean width
     sides: FloatArray  # (k, 2)
+    pieces: NDArray[np.object_]  # (k,), convex polygons that tile it, or None: its corners do
     start: IntArray  # (k,)
     corners: FloatArray  # (m, 2)
 
@@ -40,20 +44,22 @@ class Outlines:
         place, corner = members_of(self.start, len(self.corners), rows)
         return Outlines(
             self.pair[rows], self.middle[rows], self.turn[rows], self.area[rows], self.width[rows],
-            self.sides[rows], np.searchsorted(place, np.arange(len(rows))), self.corners[corner],
+            self.sides[rows], self.pieces[rows], np.searchsorted(place, np.arange(len(rows))),
+            self.corners[corner],
         )  # fmt: skip
 
 
-def outlines(first: FloatArray, second: FloatArray, is_box: BoolArray) -> Outlines:
-    """Overlaps of pairs of convex polygons (p, k, 2), (p, m, 2), in the order of the pairs.
+def outlines(first: FloatArray, second: FloatArray, is_box: BoolArray, pair: IntArray) -> Outlines:
+    """Overlaps of pairs of facets, in the order of the pairs.
 
-    Corners are repeated where polygons have fewer. Where ``is_box`` both must be rectangles along
-    the axes.
+    Facets are given as convex pieces (p, k, 2), (p, m, 2), corners repeated where they have
+    fewer; ``pair`` (p,) tells which facets a pair of pieces belongs to. Where ``is_box`` each is
+    the only piece and both are rectangles along the axes.
     """
     boxes, other = np.flatnonzero(is_box), np.flatnonzero(~is_box)
     found = _joined(
-        _rectangles(boxes, first[boxes], second[boxes]),
-        _polygons(other, convex_overlap(first[other], second[other])),
+        _rectangles(pair[boxes], first[boxes], second[boxes]),
+        _polygons(pair[other], convex_overlap(first[other], second[other])),
     )
     return found.take(np.argsort(found.pair, kind="stable"))
 
@@ -71,25 +77,35 @@ def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlin
         area=extent.prod(axis=1),
         width=extent.min(axis=1),
         sides=extent,
+        pieces=np.full(k, None),
         start=4 * np.arange(k),
         corners=(0.5 * extent[:, None] * _AROUND).reshape(-1, 2),
     )
 
 
 def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
-    """Overlaps (m, 2) of any other shape; those without area are left out."""
+    """Overlaps of any other shape, from those (m, 2) of their pieces; without area left out."""
+    together: dict[int, list[FloatArray]] = defaultdict(list)
+    for j, polygon in zip(pair.tolist(), overlaps, strict=True):
+        if len(polygon) > 2:
+            together[j].append(polygon)
     found: list[tuple[Any, ...]] = []
     corners = [np.empty((0, 2))]
-    for j, polygon in zip(pair.tolist(), overlaps, strict=True):
-        if len(polygon) < 3:
-            continue
-        surface, centroid = area_and_centroid(polygon)
-        perimeter = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
-        local, extent, rotation = _along_own_sides(polygon - centroid)
-        found.append((j, centroid, rotation, surface, 2.0 * surface / float(perimeter), extent))
+    for j, parts in together.items():
+        outline, surface, centroid = united(parts)
+        perimeter = float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum())
+        local, extent, rotation = _along_own_sides(outline - centroid)
+        is_whole = len(parts) == 1 or area_and_centroid(outline)[0] - surface <= _WHOLE * surface
+        pieces = None if is_whole else [(part - centroid) @ rotation.T for part in parts]
+        width = max([2.0 * surface / perimeter, *map(_width, parts if pieces else [])])
+        sides = extent if is_whole else np.full(2, np.nan)
+        found.append((j, centroid, rotation, surface, width, sides, pieces))
         corners.append(local)
-    columns = zip(*found, strict=True) if found else [()] * 6
-    j, middle, turn, area, width, sides = (np.array(column) for column in columns)
+    columns = zip(*found, strict=True) if found else [()] * 7
+    *plain, pieces = columns
+    j, middle, turn, area, width, sides = (np.array(column) for column in plain)
+    held = np.empty(len(found), dtype=object)
+    held[:] = list(pieces)
     return Outlines(
         j.astype(np.int64),
         middle.reshape(-1, 2),
@@ -97,9 +113,19 @@ def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
         area,
         width,
         sides.reshape(-1, 2),
+        held,
         np.cumsum([len(c) for c in corners])[:-1],
         np.concatenate(corners),
     )
+
+
+_WHOLE = 1e-9
+"""Share of its area by which a polygon may fall short of its hull and still count as convex."""
+
+
+def _width(polygon: FloatArray) -> float:
+    sides = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1)
+    return 2.0 * area_and_centroid(polygon)[0] / float(sides.sum())
 
 
 def _joined(first: Outlines, second: Outlines) -> Outlines:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -159,6 +161,55 @@ def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
     0.25
     """
     return [_without_straight_corners(corners) for corners in _overlaps(first, second)]
+
+
+def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]:
+    """Hull (k, 2) of polygons that do not overlap, their whole area and its centroid (2,).
+
+    >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    >>> hull, area, centroid = united([square, square + (3.0, 0.0)])
+    >>> hull.tolist(), area, centroid.tolist()
+    ([[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [0.0, 1.0]], 2.0, [2.0, 0.5])
+    """
+    if len(pieces) == 1:
+        return pieces[0], *area_and_centroid(pieces[0])
+    parts = [area_and_centroid(piece) for piece in pieces]
+    area = sum(surface for surface, _ in parts)
+    centroid: FloatArray = sum((s * c for s, c in parts), np.zeros(2)) / area
+    return convex_hull(np.concatenate(pieces)), area, centroid
+
+
+def convex_hull(points: FloatArray) -> FloatArray:
+    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise, straight ones left out.
+
+    Andrew's monotone chain; Qhull refuses the slivers that overlaps of rounded facets can be.
+    """
+    size = float(np.ptp(points, axis=0).max())
+    order = sorted(map(tuple, points.tolist()))
+    chains = []
+    for run in (order, order[::-1]):
+        chain: list[tuple[float, ...]] = []
+        for p in run:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 1e-15 * size**2:
+                chain.pop()
+            chain.append(p)
+        chains.append(chain[:-1])
+    return _without_straight_corners(np.array(chains[0] + chains[1]))
+
+
+def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
+    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact.
+
+    >>> half = np.array([[0.0, -0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.5]])
+    >>> round(mean_distance_over([half, -half], (0.0, 0.0)), 6)
+    0.382598
+    """
+    areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
+    return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
 def _overlaps(first: FloatArray, second: FloatArray, tolerance: float = 0.0) -> list[FloatArray]:

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cvxlimit.checks import not_negative
+from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import (
     JOINT_TOLERANCE,
@@ -92,7 +92,7 @@ def solid(
     (2.0, [('welded', 28), ('turned', 6)])
     """
     points = _points(id, vertices)
-    allowed = None if tolerance is None else not_negative(tolerance, f"tolerance of block {id!r}")
+    allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
     mesh = _Mesh(id, points, checked_faces(id, faces, len(points)))
     mesh.weld(RELATIVE_TOLERANCE * mesh.size)
     mesh.drop_degenerate()
@@ -100,8 +100,9 @@ def solid(
     mesh.close_seams(JOINT_TOLERANCE * mesh.rough_thickness if allowed is None else allowed)
     mesh.drop_unused()
     mesh.turn_out()
-    mesh.split_warped(mesh.default_tolerance() if allowed is None else allowed)
-    return assembled(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
+    flat = mesh.default_tolerance() if allowed is None else allowed
+    mesh.split_warped(flat)
+    return assembled(id, mesh.points, mesh.faces, density, flat, tuple(mesh.repairs))
 
 
 class _Mesh:

@@ -8,6 +8,8 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.geometry.mesh import plane_axes
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -45,14 +47,10 @@ def _cut(corners: FloatArray) -> list[tuple[int, int, int]]:
                      for i, j, k in way]  # fmt: skip
             if min(areas) > 0.0:
                 return way
-    return [(int(i), int(j), int(k)) for i, j, k in flat_triangles([corners @ _axes(normal).T])]
-
-
-def _axes(normal: FloatArray) -> FloatArray:
-    unit = normal / np.linalg.norm(normal)
-    first = np.cross(unit, np.eye(3)[int(np.abs(unit).argmin())])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(unit, first)])
+    return [
+        (int(i), int(j), int(k))
+        for i, j, k in flat_triangles([corners @ plane_axes(normal / np.linalg.norm(normal)).T])
+    ]
 
 
 def flat_triangles(loops: Sequence[FloatArray]) -> IntArray:

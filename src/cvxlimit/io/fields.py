@@ -8,7 +8,7 @@ import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
-from cvxlimit.errors import InputError
+from cvxlimit.errors import GeometryError, InputError
 
 JsonObject = dict[str, object]
 
@@ -59,6 +59,9 @@ def refusals(prefix: str = "") -> Iterator[None]:
     """Errors raised inside come out on one line, led by ``prefix``."""
     try:
         yield
+    except GeometryError as error:
+        message = one_line(prefix) + one_line(str(error))
+        raise GeometryError(message, error.points, error.blocks) from error
     except InputError as error:
         raise InputError(one_line(prefix) + one_line(str(error))) from error
 

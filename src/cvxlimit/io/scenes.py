@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
 from cvxlimit.geometry.blocks import Block
@@ -32,7 +33,7 @@ _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
 _LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
-_OPTIONAL = ("name", "units", "contacts")
+_OPTIONAL = ("name", "units", "contacts", "joint_tolerance")
 
 
 def read_scene(path: Path) -> Scene:
@@ -127,6 +128,8 @@ def scene_to_dict(scene: Scene) -> JsonObject:
             "supports": list(scene.supports),
             "friction": number(scene.friction, "friction of the scene"),
         }
+        if scene.joint_tolerance is not None:
+            document["joint_tolerance"] = number(scene.joint_tolerance, "joint_tolerance")
         if scene.contact_friction:
             document["contacts"] = [
                 {"between": list(pair), "friction": number(mu, f"friction of contact {pair}")}
@@ -156,8 +159,9 @@ def scene_from_dict(document: object) -> Scene:
         top = fields(document, "the scene", _REQUIRED, _OPTIONAL)
         loads = fields(top["loads"], "loads", ("dead", "live"))
         supports = items(top["supports"], "supports")
+        joint_tolerance = _joint_tolerance(top)
         return Scene(
-            blocks=_blocks(top["blocks"]),
+            blocks=_blocks(top["blocks"], joint_tolerance),
             supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
             live=_load("live", loads["live"]),
             dead=_load("dead", loads["dead"]),
@@ -165,6 +169,7 @@ def scene_from_dict(document: object) -> Scene:
             contact_friction=_contact_friction(top.get("contacts", [])),
             units=_units(top["units"]) if "units" in top else Units(),
             name=text(top.get("name", "scene"), "name of the scene"),
+            joint_tolerance=joint_tolerance,
         )
 
 
@@ -240,8 +245,16 @@ def _units(value: object) -> Units:
     return Units(text(units["length"], "length unit"), text(units["force"], "force unit"))
 
 
-def _blocks(value: object) -> tuple[Block, ...]:
-    blocks = tuple(_block(i, entry) for i, entry in enumerate(items(value, "blocks")))
+def _joint_tolerance(top: JsonObject) -> float | None:
+    if "joint_tolerance" not in top:
+        return None
+    return positive(number(top["joint_tolerance"], "joint_tolerance"), "joint_tolerance")
+
+
+def _blocks(value: object, joint_tolerance: float | None) -> tuple[Block, ...]:
+    blocks = tuple(
+        _block(i, entry, joint_tolerance) for i, entry in enumerate(items(value, "blocks"))
+    )
     ids = sorted(block.id for block in blocks)
     for one, following in pairwise(ids):
         if one == following:
@@ -249,7 +262,7 @@ def _blocks(value: object) -> tuple[Block, ...]:
     return blocks
 
 
-def _block(index: int, value: object) -> Block:
+def _block(index: int, value: object, joint_tolerance: float | None) -> Block:
     where = f"entry {index} of blocks"
     if isinstance(value, dict) and "id" in value:
         name = text(value["id"], f"id of {where}")
@@ -262,9 +275,8 @@ def _block(index: int, value: object) -> Block:
         return _box(name, where, entry, density)
     if "vertices" not in entry or "faces" not in entry:
         raise InputError(f"{where} has no shape; give it a box, or both vertices and faces")
-    return Block.polyhedron(
-        name, _vertices(entry["vertices"], where), _faces(entry["faces"], where), density
-    )
+    vertices, faces = _vertices(entry["vertices"], where), _faces(entry["faces"], where)
+    return Block.polyhedron(name, vertices, faces, density, joint_tolerance)
 
 
 def _box(id: str, where: str, entry: JsonObject, density: float | None) -> Block:

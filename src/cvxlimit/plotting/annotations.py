@@ -105,8 +105,8 @@ def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
 
 
 def _near_misses(scene: Scene) -> Iterator[Mark]:
-    for miss in getattr(scene, "near_misses", ()):
-        yield Mark(tuple(np.asarray(miss.at, dtype=float).tolist()), str(miss))
+    for miss in scene.near_misses:
+        yield Mark(tuple(miss.place.tolist()), miss.sentence(scene.units.length))
 
 
 def _arrows(scene: Scene) -> Iterator[Arrow]:

@@ -153,6 +153,7 @@ def import_geometry(
             friction=friction,
             units=Units(length_unit, force_unit),
             name=files[0].stem if name is None else name,
+            joint_tolerance=joint_tolerance,
         )
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 

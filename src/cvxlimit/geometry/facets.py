@@ -1,0 +1,236 @@
+"""Planar facets of a block: its faces grouped by plane, and cut into convex pieces.
+
+A wall face of two triangles, of a hundred, or of one polygon is one facet and makes one contact.
+Faces in one plane are one facet whether or not they share an edge: what two bodies transmit through
+one plane is one contact, and a bridge of no width between two feet must not change its answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cvxlimit.geometry.mesh import EdgeTable, Faces, area_vectors, plane_axes
+from cvxlimit.geometry.triangles import triangulated
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_SAME_WAY = 0.9
+"""Cosine below which faces are not one facet, however small they are (26 degrees): a fillet
+narrower than the tolerance must not carry a facet around its edge."""
+
+_PARALLEL = 0.05
+"""Facets whose unit normals, and whose distances over the body's size, differ by less are looked
+at for a common plane. Wide enough for facets of 1/20 of the body within any sensible tolerance."""
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Convex pieces (vertex indices, counter-clockwise from outside), and the facet of each.
+
+    Facets are numbered from 0 in the order of ``facet``, which does not fall.
+    """
+
+    pieces: Faces
+    facet: tuple[int, ...]
+
+
+def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
+    """Faces of a closed body grouped into planar facets.
+
+    Faces are one facet when all their corners lie within ``tolerance`` (length) of their mean
+    plane. Curved surfaces are covered by as large such patches as grow from their largest faces.
+    """
+    surface = _Surface(points, faces)
+    label = _joined_across_edges(surface, tolerance)
+    label = _joined_by_plane(surface, label, tolerance)
+    members: dict[int, list[int]] = {}
+    for face, group in enumerate(label.tolist()):
+        members.setdefault(group, []).append(face)
+    pieces: list[tuple[int, ...]] = []
+    owner: list[int] = []
+    for number, group in enumerate(members.values()):
+        found = _convex_pieces(points, [faces[i] for i in group], surface.plane(np.array(group))[0])
+        pieces += found
+        owner += [number] * len(found)
+    return Facets(tuple(pieces), tuple(owner))
+
+
+class _Surface:
+    """Faces with their planes, for one grouping."""
+
+    def __init__(self, points: FloatArray, faces: Faces) -> None:
+        self.vectors = area_vectors(points, faces)
+        self.area = np.linalg.norm(self.vectors, axis=1)
+        self.normal = self.vectors / self.area[:, None]
+        width = max(len(f) for f in faces)
+        padded = np.array([[*f, *f[-1:] * (width - len(f))] for f in faces])
+        self.corners = points[padded]
+        self.middle = np.array([points[list(f)].mean(axis=0) for f in faces])
+        steps = np.linalg.norm(np.roll(self.corners, -1, axis=1) - self.corners, axis=2)
+        self.narrowness = 2.0 * self.area / steps.max(axis=1)
+        table = EdgeTable.of(faces)
+        one, other = table.twins()
+        self.neighbours = table.face[one], table.face[other]
+        self.size = float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def plane(self, group: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Unit normal and a point of the mean plane of some faces."""
+        normal = self.vectors[group].sum(axis=0)
+        weight = self.area[group]
+        return normal / np.linalg.norm(normal), weight @ self.middle[group] / weight.sum()
+
+    def off(self, group: IntArray, normal: FloatArray, point: FloatArray) -> FloatArray:
+        """Largest distance of the corners of each face from a plane."""
+        result: FloatArray = np.abs((self.corners[group] - point) @ normal).max(axis=1)
+        return result
+
+    def fits(
+        self, group: IntArray, normal: FloatArray, point: FloatArray, tolerance: float
+    ) -> BoolArray:
+        """Which faces lie in a plane and look the same way, or are too narrow to look anywhere."""
+        same = self.normal[group] @ normal > _SAME_WAY
+        narrow = self.narrowness[group] <= tolerance
+        return np.asarray((self.off(group, normal, point) <= tolerance) & (same | narrow))
+
+
+def _joined_across_edges(surface: _Surface, tolerance: float) -> IntArray:
+    """A label for each face: the same for faces joined across edges into one plane."""
+    f, g = surface.neighbours
+    count = len(surface.area)
+    same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > _SAME_WAY
+    same |= np.minimum(surface.narrowness[f], surface.narrowness[g]) <= tolerance
+    f, g = f[same], g[same]
+    links = coo_array((np.ones(len(f)), (f, g)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    result = label.astype(np.int64)
+    following = int(result.max()) + 1
+    sizes = np.bincount(label)
+    for group in (np.flatnonzero(label == k) for k in np.flatnonzero(sizes > 1).tolist()):
+        if surface.fits(group, *surface.plane(group), tolerance).all():
+            continue
+        for patch in _patches(surface, group, f, g, tolerance):
+            result[patch] = following
+            following += 1
+    return result
+
+
+def _patches(
+    surface: _Surface, group: IntArray, f: IntArray, g: IntArray, tolerance: float
+) -> Iterable[IntArray]:
+    """A curved group of faces covered by flat patches, each grown from the largest face left."""
+    inside = np.isin(f, group)
+    ends = np.concatenate([f[inside], g[inside]]), np.concatenate([g[inside], f[inside]])
+    order = np.argsort(ends[0], kind="stable")
+    start, target = ends[0][order], ends[1][order]
+    begin = np.searchsorted(start, np.arange(len(surface.area) + 1))
+    free = np.zeros(len(surface.area), dtype=bool)
+    free[group] = True
+    for seed in group[np.argsort(-surface.area[group], kind="stable")].tolist():
+        if not free[seed]:
+            continue
+        patch = frontier = np.array([seed])
+        free[seed] = False
+        while len(frontier):
+            around = np.unique(
+                np.concatenate([target[begin[i] : begin[i + 1]] for i in frontier.tolist()])
+            )
+            around = around[free[around]]
+            frontier = around[surface.fits(around, *surface.plane(patch), tolerance)]
+            free[frontier] = False
+            patch = np.concatenate([patch, frontier])
+        kept = surface.fits(patch, *surface.plane(patch), tolerance)
+        if not kept[0]:
+            kept = np.arange(len(patch)) == 0
+        free[patch[~kept]] = True
+        yield patch[kept]
+
+
+def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> IntArray:
+    """Labels where facets in a common plane that looks the same way have become one."""
+    names, label = np.unique(label, return_inverse=True)
+    order = np.argsort(label, kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(label))[:-1])
+    planes = [surface.plane(group) for group in groups]
+    normal, point = (np.array([p[i] for p in planes]) for i in range(2))
+    level = np.einsum("gk,gk->g", normal, point - point.mean(axis=0)) / surface.size
+    tree = cKDTree(np.column_stack([normal, level]))
+    one, other = tree.query_pairs(_PARALLEL, output_type="ndarray").reshape(-1, 2).T
+    between = point[other] - point[one]
+    near = np.abs(np.einsum("pk,pk->p", between, normal[one])) <= tolerance
+    near &= np.abs(np.einsum("pk,pk->p", between, normal[other])) <= tolerance
+    joined = np.arange(len(names))
+    for i, k in zip(one[near].tolist(), other[near].tolist(), strict=True):
+        i, k = sorted((int(joined[i]), int(joined[k])))
+        both = np.concatenate([groups[i], groups[k]])
+        if i != k and surface.fits(both, *surface.plane(both), tolerance).all():
+            joined[joined == k] = i
+            groups[i] = both
+    return joined[label]
+
+
+def _convex_pieces(
+    points: FloatArray, faces: Sequence[tuple[int, ...]], normal: FloatArray
+) -> list[tuple[int, ...]]:
+    """Convex polygons that tile a facet: one if its outline is convex, else from its faces."""
+    axes = plane_axes(normal)
+    outline = faces[0] if len(faces) == 1 else _outline(faces)
+    if outline is not None and _is_convex(points[list(outline)] @ axes.T):
+        return [_without_straight(points, outline, axes)]
+    pieces = []
+    for face in faces:
+        if _is_convex(points[list(face)] @ axes.T):
+            pieces.append(face)
+        else:
+            pieces += [tuple(t) for t in triangulated(points, [face])[0].tolist()]
+    return pieces
+
+
+def _outline(faces: Sequence[tuple[int, ...]]) -> tuple[int, ...] | None:
+    """The loop around faces that share edges; None if there are several, or one meets itself."""
+    sides = {(f[i - 1], f[i]) for f in faces for i in range(len(f))}
+    following = {i: k for i, k in sides if (k, i) not in sides}
+    if len(following) < sum((k, i) not in sides for i, k in sides):
+        return None
+    first = next(i for f in faces for i in f if i in following)
+    loop = [first]
+    while (ahead := following.get(loop[-1])) is not None and ahead != first:
+        if len(loop) >= len(following):
+            return None
+        loop.append(ahead)
+    return tuple(loop) if len(loop) == len(following) else None
+
+
+def _is_convex(corners: FloatArray) -> bool:
+    """True for counter-clockwise convex polygons (k, 2), straight corners included."""
+    along = np.roll(corners, -1, axis=0) - corners
+    ahead = np.roll(along, -1, axis=0)
+    lengths = np.hypot(along[:, 0], along[:, 1])
+    turns = along[:, 0] * ahead[:, 1] - along[:, 1] * ahead[:, 0]
+    scale = lengths * np.roll(lengths, -1)
+    bends = np.arctan2(turns, (along * ahead).sum(axis=1))
+    once = abs(float(bends.sum()) - 2.0 * np.pi) < 1.0
+    return once and bool((turns >= -_STRAIGHT * scale).all())
+
+
+_STRAIGHT = 1e-9
+"""Sine of a bend that is rounding: coordinates of 16 digits over sides of 1e-7 of the size."""
+
+
+def _without_straight(
+    points: FloatArray, loop: tuple[int, ...], axes: FloatArray
+) -> tuple[int, ...]:
+    """A convex loop without corners on the line between their neighbours."""
+    flat = points[list(loop)] @ axes.T
+    back, ahead = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
+    turns = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
+    lengths = np.hypot(*back.T) * np.hypot(*ahead.T)
+    return tuple(i for i, bent in zip(loop, turns > _STRAIGHT * lengths, strict=True) if bent)

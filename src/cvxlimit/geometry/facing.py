@@ -1,0 +1,229 @@
+"""Facets of all blocks in one table, and pairs of them that face each other."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.blocks import JOINT_TOLERANCE, Block
+from cvxlimit.geometry.facets import Facets
+from cvxlimit.geometry.mesh import Faces
+from cvxlimit.geometry.overlaps import members_of
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NEAR = 30.0
+"""Joints that miss the joint tolerance by less than this factor are near misses."""
+
+_THROUGH = 0.3
+"""A gap wider than this share of a block's mean thickness is no near miss: with a tolerance that
+is coarse for thin blocks, the next block but one would be."""
+
+_FACING = -0.9
+"""Cosine between the normals of facets that face each other, at most: 26 degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Per block (n,): how far a joint may be off, and how far off is still a near miss."""
+
+    size: FloatArray
+    tolerance: FloatArray
+    near: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FacetTable:
+    """Convex pieces of all facets, block by block and facet by facet.
+
+    ``corners`` (f, k, 3) repeat a piece's last corner up to k, ``sides`` counts them without.
+    ``facet`` numbers the facets of the whole scene; ``normal`` and ``point`` give the facet's mean
+    plane, the same for all of its pieces.
+    """
+
+    block: IntArray
+    facet: IntArray
+    corners: FloatArray
+    sides: IntArray
+    normal: FloatArray
+    point: FloatArray
+
+    def take(self, rows: IntArray) -> FacetTable:
+        """Some of the pieces."""
+        return FacetTable(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
+    """All facets, and the reach of every block.
+
+    Blocks with the same pieces (all bricks, say) are handled in one array operation.
+    """
+    size, thickness = _extents(blocks)
+    tolerance = (
+        JOINT_TOLERANCE * thickness
+        if joint_tolerance is None
+        else np.full(len(blocks), joint_tolerance)
+    )
+    near = np.maximum(np.minimum(NEAR * tolerance, _THROUGH * thickness), tolerance)
+    shapes: dict[Facets, list[int]] = defaultdict(list)
+    for i, shape in enumerate(_shapes(blocks, tolerance)):
+        shapes[shape].append(i)
+    width = max(len(piece) for shape in shapes for piece in shape.pieces)
+    parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
+    joined = FacetTable(
+        *(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0]))
+    )
+    order = np.argsort(joined.block, kind="stable")
+    table = joined.take(order)
+    new = np.flatnonzero(np.diff(table.facet, prepend=-1) | np.diff(table.block, prepend=-1))
+    number = np.repeat(np.arange(len(new)), np.diff(new, append=len(table.facet)))
+    return FacetTable(
+        table.block, number, table.corners, table.sides, table.normal, table.point
+    ), Reach(size, tolerance, near)
+
+
+def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
+    result: dict[Faces, list[int]] = defaultdict(list)
+    for i, block in enumerate(blocks):
+        result[block.faces].append(i)
+    return result
+
+
+def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
+    """``size`` and ``thickness`` of every block, alike ones at once."""
+    size, thickness = np.empty(len(blocks)), np.empty(len(blocks))
+    for faces, which in _same_faces(blocks).items():
+        if len(which) == 1:
+            size[which], thickness[which] = blocks[which[0]].size, blocks[which[0]].thickness
+            continue
+        points = np.stack([blocks[i].vertices for i in which])
+        surface = np.linalg.norm(_vectors(_padded(points, faces)), axis=2).sum(axis=1)
+        size[which] = np.linalg.norm(np.ptp(points, axis=1), axis=1)
+        thickness[which] = 2.0 * np.array([blocks[i].volume for i in which]) / surface
+    return size, thickness
+
+
+def _padded(points: FloatArray, faces: Faces, width: int = 0) -> FloatArray:
+    """Corners (n, f, k, 3) of the faces of bodies with vertices (n, v, 3), last ones repeated."""
+    width = max(width, *(len(f) for f in faces))
+    return points[:, [[*f, *f[-1:] * (width - len(f))] for f in faces]]
+
+
+def _vectors(corners: FloatArray) -> FloatArray:
+    """Area times normal of polygons (..., k, 3)."""
+    spokes = corners[..., 1:, :] - corners[..., :1, :]
+    result: FloatArray = 0.5 * np.cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    return result
+
+
+def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
+    """Facets of every block; a convex one without faces that nearly agree has its faces."""
+    result: list[Facets | None] = [None] * len(blocks)
+    for faces, which in _same_faces(blocks).items():
+        plain = np.zeros(len(which), dtype=bool)
+        if len(faces) <= _FEW_FACES and all(blocks[i].is_convex for i in which):
+            points = np.stack([blocks[i].vertices for i in which])
+            plain = _is_plain(points, faces, tolerance[which])
+        alike = Facets(faces, tuple(range(len(faces))))
+        for i, is_plain in zip(which, plain.tolist(), strict=True):
+            result[i] = alike if is_plain else blocks[i].facets(float(tolerance[i]))
+    return [shape for shape in result if shape is not None]
+
+
+_FEW_FACES = 32
+"""So many faces are compared each with each; more are grouped one block at a time."""
+
+_ROUNDING = 1e-9
+"""Sine of a bend that is rounding."""
+
+
+def _is_plain(points: FloatArray, faces: Faces, tolerance: FloatArray) -> BoolArray:
+    """Which bodies (n, v, 3) have flat convex faces of which no two look nearly the same way."""
+    result = np.ones(len(points), dtype=bool)
+    normals = []
+    for count in sorted({len(f) for f in faces}):
+        corners = points[:, [f for f in faces if len(f) == count]]
+        vectors = _vectors(corners)
+        normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
+        normals.append(normal)
+        if count > 3:
+            spokes = corners - corners.mean(axis=2)[:, :, None]
+            off = np.abs(np.einsum("nfkc,nfc->nfk", spokes, normal)).max(axis=(1, 2))
+            result &= off <= tolerance
+            along = np.roll(corners, -1, axis=2) - corners
+            ahead = np.roll(along, -1, axis=2)
+            turns = np.einsum("nfkc,nfc->nfk", np.cross(along, ahead), normal)
+            scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
+            result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
+    normal = np.concatenate(normals, axis=1)
+    cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
+    return result & (cosine.max(axis=(1, 2)) <= -_FACING)
+
+
+def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
+    """Rows of the blocks ``which`` have one shape, block by block."""
+    n, pieces = len(which), len(shape.pieces)
+    corners = _padded(np.stack([blocks[i].vertices for i in which.tolist()]), shape.pieces, width)
+    vectors = _vectors(corners)
+    middle = corners[:, :, 0]
+    if shape.facet[-1] + 1 < pieces:
+        begin = np.searchsorted(shape.facet, np.arange(shape.facet[-1] + 1))
+        weight = np.linalg.norm(vectors, axis=2)[:, :, None]
+        means = np.stack([corners[:, i, : len(p)].mean(axis=1) for i, p in enumerate(shape.pieces)],
+                         axis=1)  # fmt: skip
+        middle = np.add.reduceat(weight * means, begin, axis=1) / np.add.reduceat(
+            weight, begin, axis=1
+        )
+        middle = middle[:, shape.facet]
+        vectors = np.add.reduceat(vectors, begin, axis=1)[:, shape.facet]
+    elif any(i > 3 for i in map(len, shape.pieces)):
+        middle = np.stack([corners[:, i, : len(p)].mean(axis=1) for i, p in enumerate(shape.pieces)],
+                          axis=1)  # fmt: skip
+    normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
+    return FacetTable(
+        np.repeat(which, pieces),
+        np.tile(np.array(shape.facet), n),
+        corners.reshape(-1, width, 3),
+        np.tile([len(p) for p in shape.pieces], n),
+        normal.reshape(-1, 3),
+        middle.reshape(-1, 3),
+    )
+
+
+def facing_pairs(
+    table: FacetTable, first: IntArray, second: IntArray, reach: Reach
+) -> tuple[IntArray, IntArray]:
+    """Rows of pieces that face each other from near planes, and whose bounding boxes meet.
+
+    The pieces of each pair belong to a pair of ``first`` and ``second`` blocks. Pairs come in the
+    order of the blocks' pairs and, within, of their facets.
+    """
+    margin = reach.near[table.block][:, None]
+    low, high = table.corners.min(axis=1) - margin, table.corners.max(axis=1) + margin
+    start = np.flatnonzero(np.diff(table.block, prepend=-1))
+    block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
+    pair, lower = members_of(start, len(table.block), first)
+    other = second[pair]
+    meet = ((low[lower] <= block_high[other]) & (block_low[other] <= high[lower])).all(axis=1)
+    row, upper = members_of(start, len(table.block), other[meet])
+    lower = lower[meet][row]
+    facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= _FACING
+    lower, upper = lower[facing], upper[facing]
+    meet = ((low[lower] <= high[upper]) & (low[upper] <= high[lower])).all(axis=1)
+    lower, upper = lower[meet], upper[meet]
+    length = np.minimum(reach.near[table.block[lower]], reach.near[table.block[upper]])
+    near = _within(table, lower, upper, length) & _within(table, upper, lower, length)
+    return lower[near], upper[near]
+
+
+def _within(table: FacetTable, plane: IntArray, other: IntArray, length: FloatArray) -> BoolArray:
+    """Pairs where some corner of the ``other`` piece, or a point between, is near the plane."""
+    offset = table.corners[other] - table.point[plane][:, None]
+    height = np.einsum("fkc,fc->fk", offset, table.normal[plane])
+    return np.asarray((height.min(axis=1) <= length) & (height.max(axis=1) >= -length))

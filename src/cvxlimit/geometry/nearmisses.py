@@ -1,0 +1,89 @@
+"""Joints that are nearly there: what the joint tolerance leaves out by little is reported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+Kind = Literal["gap", "angle", "overlap", "sliver"]
+
+_WORDS = {
+    "gap": "a gap of {size:.3g}{unit}, joined up to {allowed:.3g}",
+    "angle": "faces at an angle, {size:.3g}{unit} apart at the far end, joined up to {allowed:.3g}",
+    "overlap": "an overlap of {size:.3g}{unit}, joined up to {allowed:.3g}",
+    "sliver": "a joint {size:.3g}{unit} wide, kept from {allowed:.3g}",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class NearMiss:
+    """Two facets that are no contact, by little.
+
+    Attributes
+    ----------
+    a, b : str
+        Ids of the two blocks.
+    kind : str
+        ``"gap"``: the facets are apart; ``"angle"``: they are at an angle that opens by more than
+        the tolerance; ``"overlap"``: they reach into each other, less than what is refused;
+        ``"sliver"``: they meet, on a width within the tolerance.
+    size, allowed : float
+        What was measured (the widest gap, the depth, the width), and the joint tolerance it was
+        held against; length unit of the scene.
+    place : (3,) array
+        Middle of the joint that is not there.
+    outline : (k, 3) array
+        Its corners, for pictures.
+    """
+
+    a: str
+    b: str
+    kind: Kind
+    size: float
+    allowed: float
+    place: FloatArray
+    outline: FloatArray
+
+    @property
+    def factor(self) -> float:
+        """How many times off the tolerance it is, from 1; slivers count by how wide they are."""
+        share = self.size / self.allowed
+        return 2.0 - share if self.kind == "sliver" else share
+
+    def sentence(self, unit: str = "") -> str:
+        """What is nearly there, in words.
+
+        >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
+        >>> miss.sentence("m")
+        'b1-b2: a gap of 0.002 m, joined up to 0.001'
+        """
+        words = _WORDS[self.kind].format(
+            size=self.size, allowed=self.allowed, unit=f" {unit}" if unit else ""
+        )
+        return f"{self.a}-{self.b}: {words}"
+
+
+def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
+    """One line with the number of near misses and the worst, which is the nearest to a joint.
+
+    Empty if there are none.
+
+    >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
+    >>> near_miss_sentence([miss], "m")
+    '1 joint is nearly there but is none; b1-b2: a gap of 0.002 m, joined up to 0.001'
+    """
+    if not near_misses:
+        return ""
+    worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))
+    if len(near_misses) == 1:
+        return f"1 joint is nearly there but is none; {worst.sentence(unit)}"
+    return (
+        f"{len(near_misses)} joints are nearly there but are none; the nearest is "
+        f"{worst.sentence(unit)}"
+    )
