@@ -27,7 +27,7 @@ from rich.text import Text
 
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.naming import scene_named
-from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture
+from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture, check_suffix
 from cvxlimit.cli.report import (
     advice,
     history,
@@ -39,8 +39,9 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.cli.showing import show_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.io import write_result
+from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
+from cvxlimit.io.geometry import EXPORTS
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
@@ -62,6 +63,7 @@ class Order:
     tolerance: float | None
     json: Path | None
     plot: Path | None
+    export: Path | None
 
 
 app = typer.Typer(
@@ -123,6 +125,13 @@ def _solve_command(
             help="Draw the mechanism: a picture, an interactive page, or files for ParaView.",
         ),
     ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.csv|.obj|.glb",
+            help="Write the contacts with their forces (CSV), or the blocks, for other programs.",
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None,
         typer.Option(
@@ -135,7 +144,7 @@ def _solve_command(
     ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, tolerance, json, plot)
+    order = Order(scene, surface, interaction, moments, tolerance, json, plot, export)
     return partial(_solve_job, order)
 
 
@@ -300,7 +309,9 @@ def _progress() -> Iterator[Tell | None]:
 def _check_outputs(order: Order) -> None:
     """Refuse before the long work what is known to fail after it."""
     inputs = {} if order.scene in BUILTIN else {order.scene: "the scene"}
-    check_outputs({"--json": order.json, "--plot": order.plot}, inputs)
+    check_outputs({"--json": order.json, "--plot": order.plot, "--export": order.export}, inputs)
+    if order.export is not None:
+        check_suffix("--export", order.export, EXPORTS)
     if order.plot is not None:
         check_picture(order.plot, PICTURES)
 
@@ -311,6 +322,8 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written.append(str(order.json))
     if order.plot is not None:
         written += [str(path) for path in plot(scene, solution, order.plot)]
+    if order.export is not None:
+        written += [str(path) for path in export(scene, order.export, solution)]
 
 
 # --- cvxlimit scenes ----------------------------------------------------------------------------

@@ -47,12 +47,16 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, str])
             raise InputError(f"{option} {path}: this is the file of {taken}; choose another name")
 
 
+def check_suffix(option: str, path: Path, kinds: Sequence[str]) -> None:
+    """Refuse a file whose suffix is not one of ``kinds``."""
+    if path.suffix.lower() not in kinds:
+        raise InputError(f"{option} {path}: the name must end in {', '.join(kinds)}")
+
+
 def check_picture(path: Path, kinds: Sequence[str]) -> None:
     """Refuse a picture whose suffix is not one of ``kinds``, or that needs what is missing."""
-    suffix = path.suffix.lower()
-    if suffix not in kinds:
-        raise InputError(f"--plot {path}: the name must end in {', '.join(kinds)}")
-    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+    check_suffix("--plot", path, kinds)
+    if path.suffix.lower() == ".png" and importlib.util.find_spec("matplotlib") is None:
         raise ModelError(
             f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
             "(.html and .vtu work without it)"

@@ -6,12 +6,13 @@ cannot be read is refused with an
 :class:`~cvxlimit.errors.InputError` of one line; nothing is padded, clipped or guessed.
 """
 
-from cvxlimit.io.geometry import Imported, import_geometry, read_bodies
+from cvxlimit.io.geometry import Imported, export, import_geometry, read_bodies
 from cvxlimit.io.results import read_result, result_from_dict, result_to_dict, write_result
 from cvxlimit.io.scenes import read_scene, scene_from_dict, scene_to_dict, write_scene
 
 __all__ = [
     "Imported",
+    "export",
     "import_geometry",
     "read_bodies",
     "read_result",

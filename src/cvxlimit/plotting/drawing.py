@@ -53,6 +53,9 @@ NARROWEST = 5.0
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 1.1, 0.6, 0.55
 """Inches around the painted part for tick labels, colour bar, title and legend."""
 
+LETTERS, LINE = 84, 0.15
+"""Letters in a line of a refusal, of the narrowest picture, and inches from line to line."""
+
 DPI = 150
 
 
@@ -117,8 +120,9 @@ def _drawn(
         zorder=2.0,
     )
     seen = [frame, draw_axes(axes, scene, camera), _draw_notes(axes, camera, notes)]
-    _arrange(result, axes, np.concatenate(seen))
-    _draw_title(result, heading, notes.refusal)
+    said = _wrapped(notes.refusal)
+    _arrange(result, axes, np.concatenate(seen), LINE * len(said))
+    _draw_title(result, heading, said)
     if moving.moves:
         _draw_colour_bar(result, axes)
     _draw_legend(result, moving, marking, notes)
@@ -156,13 +160,17 @@ def png(drawn: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _arrange(result: Figure, axes: Axes, seen: FloatArray) -> None:
-    """Fit the figure around the points (n, 2) that must be in view."""
+def _wrapped(refusal: str) -> list[str]:
+    return textwrap.wrap(printable(f"refused: {refusal}"), LETTERS) if refusal else []
+
+
+def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
+    """Fit the figure around the points (n, 2) in view, with ``more`` inches above them."""
     low, high = seen.min(axis=0), seen.max(axis=0)
     width, height = high - low
     scale = min(WIDEST / width, TALLEST / height)
     inner = np.array([max(scale * width, NARROWEST), scale * height])
-    outer = inner + np.array([LEFT + RIGHT, TOP + BOTTOM])
+    outer = inner + np.array([LEFT + RIGHT, TOP + more + BOTTOM])
     result.set_size_inches(*outer)
     axes.set_position((LEFT / outer[0], BOTTOM / outer[1], *(inner / outer)))
     axes.set_xlim(low[0], high[0])
@@ -171,17 +179,15 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray) -> None:
     axes.set_axis_off()
 
 
-def _draw_title(result: Figure, heading: str, refusal: str) -> None:
+def _draw_title(result: Figure, heading: str, refusal: list[str]) -> None:
     result.text(
         0.5, 1.0 - 0.32 / result.get_figheight(), heading,
         ha="center", va="center", fontsize=11, parse_math=False, wrap=True,
     )  # fmt: skip
-    if refusal:
-        lines = textwrap.wrap(printable(f"refused: {refusal}"), int(13 * result.get_figwidth()))
-        result.text(
-            0.5, 1.0 - 0.48 / result.get_figheight(), "\n".join(lines),
-            ha="center", va="top", fontsize=8.5, color=MARK_COLOUR, parse_math=False,
-        )  # fmt: skip
+    result.text(
+        0.5, 1.0 - 0.48 / result.get_figheight(), "\n".join(refusal),
+        ha="center", va="top", fontsize=8.5, color=MARK_COLOUR, parse_math=False,
+    )  # fmt: skip
 
 
 def _draw_colour_bar(result: Figure, axes: Axes) -> None:
@@ -208,7 +214,8 @@ def _draw_legend(
     if moving.moves:
         handles.append(Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed"))
     else:
-        handles.append(Patch(color=STONE_COLOUR, label="block"))
+        label = "block (no mechanism)" if moving.is_solved else "block"
+        handles.append(Patch(color=STONE_COLOUR, label=label))
     handles.append(Patch(color=SUPPORT_COLOUR, label="support"))
     if notes.culprits:
         handles.append(Patch(color=CULPRIT_COLOUR, label="refused"))
@@ -217,7 +224,7 @@ def _draw_legend(
         Line2D([], [], color=CASE_COLOURS[case], lw=2.2, label=f"{case} load") for case in cases
     ]
     if notes.marks:
-        label = "here" if notes.refusal else f"near miss ({len(notes.marks)})"
+        label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
         ring = {"marker": "o", "ms": 7, "mfc": "none", "mec": MARK_COLOUR, "mew": 1.6}
         handles.append(Line2D([], [], ls="none", label=label, **ring))  # type: ignore[arg-type]
     columns = min(len(handles), max(3, int(result.get_figwidth() / 1.25)))

@@ -79,6 +79,8 @@ class Motion:
     scale : float
         Drawn displacement per rate, see :data:`DEFORMATION`; 0 without a mechanism.
     contacts : ContactMotion
+    is_solved : bool
+        False for a scene that is drawn before it is solved.
     """
 
     rates: FloatArray
@@ -86,6 +88,7 @@ class Motion:
     speed: FloatArray
     scale: float
     contacts: ContactMotion
+    is_solved: bool = True
 
     @property
     def moves(self) -> bool:
@@ -125,7 +128,7 @@ def still(scene: Scene) -> Motion:
     nothing = np.empty(0)
     contacts = ContactMotion(nothing, nothing, nothing, np.empty(0, dtype=np.int64))
     count = len(scene.blocks)
-    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts)
+    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts, is_solved=False)
 
 
 def free_bounds(scene: Scene) -> FloatArray:

@@ -131,6 +131,7 @@ def _page_data(
         "largest": moving.largest,
         "stops": SPEED_STOPS,
         "stone": STONE_COLOUR,
+        "stoneText": "block (no mechanism)" if moving.is_solved else "block",
         "refused": False,
         "mesh": _mesh_data(scene, drawn_mesh(scene)),
         "blocks": _block_data(scene, moving, notes.culprits),

@@ -1,6 +1,7 @@
 """Geometry files read as scenes: OBJ, STL, PLY, glTF, COMPAS assemblies and tables of boxes."""
 
 from cvxlimit.io.geometry.bodies import Body
+from cvxlimit.io.geometry.export import EXPORTS, export
 from cvxlimit.io.geometry.importing import (
     LOWEST,
     READERS,
@@ -10,4 +11,14 @@ from cvxlimit.io.geometry.importing import (
     sketch,
 )
 
-__all__ = ["LOWEST", "READERS", "Body", "Imported", "import_geometry", "read_bodies", "sketch"]
+__all__ = [
+    "EXPORTS",
+    "LOWEST",
+    "READERS",
+    "Body",
+    "Imported",
+    "export",
+    "import_geometry",
+    "read_bodies",
+    "sketch",
+]
