@@ -16,7 +16,14 @@ from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.crossings import check_faces, check_no_crossing
 from cvxlimit.geometry.facets import Facets, facets
-from cvxlimit.geometry.mesh import Faces, area_vectors, outward, volume_and_centroid
+from cvxlimit.geometry.mesh import (
+    Faces,
+    area_vectors,
+    cross,
+    outward,
+    surface,
+    volume_and_centroid,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -212,7 +219,7 @@ class Block:
     @cached_property
     def surface(self) -> float:
         """Area of all faces, in the scene's length unit squared."""
-        return float(np.linalg.norm(area_vectors(self.vertices, self.faces), axis=1).sum())
+        return surface(self.vertices, self.faces)
 
     @property
     def thickness(self) -> float:
@@ -222,7 +229,7 @@ class Block:
     @property
     def joint_tolerance(self) -> float:
         """Default joint tolerance of this block, :data:`JOINT_TOLERANCE` of its thickness."""
-        return JOINT_TOLERANCE * self.thickness
+        return default_tolerance(self.volume, self.surface)
 
     def facets(self, tolerance: float) -> Facets:
         """Faces grouped into planar facets within ``tolerance`` (length), kept once found."""
@@ -372,7 +379,7 @@ def _bounds_convex_body(
     if heights.max() > tolerance or ((corners - corners[0]) @ normal).min() < -tolerance:
         return False
     edges = np.roll(corners, -1, axis=0) - corners
-    turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ normal
+    turns = cross(edges, np.roll(edges, -1, axis=0)) @ normal
     lengths = np.linalg.norm(edges, axis=1)
     return bool(lengths.min() > tolerance and (turns >= -tolerance * lengths).all())
 
@@ -383,7 +390,6 @@ def assembled(
     faces: Faces,
     density: float | None,
     joint_tolerance: float | None = None,
-    repairs: tuple[Repair, ...] = (),
 ) -> Block:
     """A block of any shape from vertices and faces that are numbers and indices; nothing mended.
 
@@ -392,9 +398,7 @@ def assembled(
     GeometryError
         If they enclose no body; see :meth:`Block.polyhedron`.
     """
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    exact = RELATIVE_TOLERANCE * size
-    check_faces(id, points, faces, exact)
+    check_faces(id, points, faces, RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, 0))))
     unused = set(range(len(points))) - {i for f in faces for i in f}
     if unused:
         raise GeometryError(
@@ -402,7 +406,26 @@ def assembled(
             points=points[min(unused)],
             blocks=(id,),
         )
-    oriented, _ = outward(id, points, faces)
+    return enclosed(id, points, outward(id, points, faces)[0], density, joint_tolerance)
+
+
+def enclosed(
+    id: str,
+    points: FloatArray,
+    oriented: Faces,
+    density: float | None,
+    joint_tolerance: float | None,
+    repairs: tuple[Repair, ...] = (),
+) -> Block:
+    """The block inside a closed surface whose normals point out.
+
+    Raises
+    ------
+    GeometryError
+        If it has no volume, cuts itself, or has a face that is not flat.
+    """
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    exact = RELATIVE_TOLERANCE * size
     volume, centroid = volume_and_centroid(points, oriented)
     if not volume > exact**2 * size:
         raise GeometryError(
@@ -412,8 +435,7 @@ def assembled(
         )
     vectors = area_vectors(points, oriented)
     areas = np.linalg.norm(vectors, axis=1)
-    default = JOINT_TOLERANCE * 2.0 * volume / float(areas.sum())
-    allowed = default if joint_tolerance is None else joint_tolerance
+    allowed = joint_tolerance or default_tolerance(volume, float(areas.sum()))
     normals = vectors / areas[:, None]
     _check_flat(id, points, oriented, allowed)
     convex = _all_behind(points, oriented, normals, allowed)
@@ -431,24 +453,33 @@ def assembled(
     )
 
 
+def default_tolerance(volume: float, surface: float) -> float:
+    """:data:`JOINT_TOLERANCE` of the mean thickness."""
+    return JOINT_TOLERANCE * 2.0 * volume / surface
+
+
 def _check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> None:
+    off = warps(points, faces)
+    number = int(off.argmax())
+    if off[number] > (1.0 + RELATIVE_TOLERANCE) * tolerance:  # sums in another order may differ
+        raise GeometryError(
+            f"face {number} of block {id!r} is not flat: a vertex lies {off[number]:g} off its "
+            f"plane, more than the joint tolerance {tolerance:.3g}; raise joint_tolerance or cut "
+            "the face into triangles",
+            points=points[list(faces[number])],
+            blocks=(id,),
+        )
+
+
+def warps(points: FloatArray, faces: Faces) -> FloatArray:
+    """How far each face's corners are off its mean plane at most, (f,)."""
     normals = area_vectors(points, faces)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
+    result = np.zeros(len(faces))
     for number in (i for i, face in enumerate(faces) if len(face) > 3):
-        off = off_plane(points[list(faces[number])], normals[number])
-        if off > tolerance:
-            raise GeometryError(
-                f"face {number} of block {id!r} is not flat: a vertex lies {off:g} off its plane, "
-                f"more than the joint tolerance {tolerance:.3g}; raise joint_tolerance or cut the "
-                "face into triangles",
-                points=points[list(faces[number])],
-                blocks=(id,),
-            )
-
-
-def off_plane(corners: FloatArray, normal: FloatArray) -> float:
-    """Largest distance of a face's corners from the plane through their mean."""
-    return float(np.abs((corners - corners.mean(axis=0)) @ normal).max())
+        corners = points[list(faces[number])]
+        result[number] = np.abs((corners - corners.mean(axis=0)) @ normals[number]).max()
+    return result
 
 
 def _all_behind(points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float) -> bool:

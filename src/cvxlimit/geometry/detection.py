@@ -181,12 +181,12 @@ class _Joints:
         wide = self.found.width > self.allowed
         close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
         off = (self.gaps[:, 1] <= self.near) & (self.gaps[:, 0] >= -self.allowed)
-        rows = ~self.is_contact & ((wide & off) | (close & ~wide))
+        rows = (wide & off & ~close) | (close & ~wide & (self.sine <= _STEEPEST))
         ends = np.append(self.found.start, len(self.found.corners))
         for j in np.flatnonzero(rows).tolist():
             low, high = self.gaps[j].tolist()
             kind: Kind = "sliver" if close[j] and not wide[j] else "gap"
-            if kind == "gap" and (high - low > self.allowed[j] or self.sine[j] > _STEEPEST):
+            if kind == "gap" and high - low > self.allowed[j]:
                 kind = "angle"
             corners = self.found.corners[ends[j] : ends[j + 1]]
             yield NearMiss(

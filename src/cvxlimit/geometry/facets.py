@@ -34,13 +34,27 @@ at for a common plane. Wide enough for facets of 1/20 of the body within any sen
 
 @dataclass(frozen=True)
 class Facets:
-    """Convex pieces (vertex indices, counter-clockwise from outside), and the facet of each.
+    """Planar facets of a body, numbered from 0.
 
-    Facets are numbered from 0 in the order of ``facet``, which does not fall.
+    Attributes
+    ----------
+    faces : tuple of tuples of int
+        The body's faces that make up each facet, by their numbers.
+    pieces : tuple of tuples of int
+        Convex polygons that tile the facets: vertex indices, counter-clockwise from outside.
+    facet : tuple of int
+        The facet of each piece; it does not fall from one piece to the next.
     """
 
+    faces: Faces
     pieces: Faces
     facet: tuple[int, ...]
+
+    @classmethod
+    def of_faces(cls, faces: Faces) -> Facets:
+        """Every face a facet of its own."""
+        numbers = tuple(range(len(faces)))
+        return cls(tuple((i,) for i in numbers), faces, numbers)
 
 
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
@@ -61,7 +75,7 @@ def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
         found = _convex_pieces(points, [faces[i] for i in group], surface.plane(np.array(group))[0])
         pieces += found
         owner += [number] * len(found)
-    return Facets(tuple(pieces), tuple(owner))
+    return Facets(tuple(map(tuple, members.values())), tuple(pieces), tuple(owner))
 
 
 class _Surface:

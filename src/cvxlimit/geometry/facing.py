@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.blocks import JOINT_TOLERANCE, Block
 from cvxlimit.geometry.facets import Facets
-from cvxlimit.geometry.mesh import Faces
+from cvxlimit.geometry.mesh import Faces, cross
 from cvxlimit.geometry.overlaps import members_of
 
 FloatArray = NDArray[np.float64]
@@ -118,50 +118,78 @@ def _padded(points: FloatArray, faces: Faces, width: int = 0) -> FloatArray:
 def _vectors(corners: FloatArray) -> FloatArray:
     """Area times normal of polygons (..., k, 3)."""
     spokes = corners[..., 1:, :] - corners[..., :1, :]
-    result: FloatArray = 0.5 * np.cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    result: FloatArray = 0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
     return result
 
 
 def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
-    """Facets of every block; a convex one without faces that nearly agree has its faces."""
+    """Facets of every block.
+
+    Blocks with the same faces mostly have the same facets: those of one are tried on all others at
+    once, first each face for itself, and only where they do not fit a block is looked at alone.
+    """
     result: list[Facets | None] = [None] * len(blocks)
     for faces, which in _same_faces(blocks).items():
-        plain = np.zeros(len(which), dtype=bool)
-        if len(faces) <= _FEW_FACES and all(blocks[i].is_convex for i in which):
-            points = np.stack([blocks[i].vertices for i in which])
-            plain = _is_plain(points, faces, tolerance[which])
-        alike = Facets(faces, tuple(range(len(faces))))
-        for i, is_plain in zip(which, plain.tolist(), strict=True):
-            result[i] = alike if is_plain else blocks[i].facets(float(tolerance[i]))
+        left = np.array(which)
+        if len(faces) <= _FEW and all(blocks[i].is_convex for i in which):
+            left = _tried(Facets.of_faces(faces), blocks, left, tolerance, result)
+        while len(left):
+            shape = blocks[left[0]].facets(float(tolerance[left[0]]))
+            result[left[0]] = shape
+            left = left[1:]
+            if len(left) and len(shape.faces) <= _FEW:
+                left = _tried(shape, blocks, left, tolerance, result)
     return [shape for shape in result if shape is not None]
 
 
-_FEW_FACES = 32
-"""So many faces are compared each with each; more are grouped one block at a time."""
+_FEW = 32
+"""So many facets are compared each with each; bodies with more are grouped one at a time."""
 
 _ROUNDING = 1e-9
 """Sine of a bend that is rounding."""
 
 
-def _is_plain(points: FloatArray, faces: Faces, tolerance: FloatArray) -> BoolArray:
-    """Which bodies (n, v, 3) have flat convex faces of which no two look nearly the same way."""
+def _tried(
+    shape: Facets,
+    blocks: Sequence[Block],
+    which: IntArray,
+    tolerance: FloatArray,
+    result: list[Facets | None],
+) -> IntArray:
+    """Give ``shape`` to those of the blocks it fits, and return the others."""
+    points = np.stack([blocks[i].vertices for i in which.tolist()])
+    fits = _fits(points, blocks[which[0]].faces, shape, tolerance[which])
+    for i in which[fits].tolist():
+        result[i] = shape
+    return which[~fits]
+
+
+def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray) -> BoolArray:
+    """Which bodies (n, v, 3) have flat facets of this shape, with convex pieces, no two nearly
+    looking the same way."""
+    vectors = np.zeros((len(points), len(shape.faces), 3))
+    normals = {}
     result = np.ones(len(points), dtype=bool)
-    normals = []
-    for count in sorted({len(f) for f in faces}):
-        corners = points[:, [f for f in faces if len(f) == count]]
-        vectors = _vectors(corners)
-        normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
-        normals.append(normal)
-        if count > 3:
-            spokes = corners - corners.mean(axis=2)[:, :, None]
-            off = np.abs(np.einsum("nfkc,nfc->nfk", spokes, normal)).max(axis=(1, 2))
-            result &= off <= tolerance
-            along = np.roll(corners, -1, axis=2) - corners
-            ahead = np.roll(along, -1, axis=2)
-            turns = np.einsum("nfkc,nfc->nfk", np.cross(along, ahead), normal)
-            scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
-            result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
-    normal = np.concatenate(normals, axis=1)
+    sizes = np.array([len(piece) for piece in shape.pieces])
+    owner = np.array(shape.facet)
+    for size in np.unique(sizes).tolist():
+        members = np.flatnonzero(sizes == size)
+        corners = points[:, [shape.pieces[i] for i in members.tolist()]]
+        found = _vectors(corners)
+        np.add.at(vectors, (slice(None), owner[members]), found)
+        normals[size] = corners, members
+    normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
+    for corners, members in normals.values():
+        along = np.roll(corners, -1, axis=2) - corners
+        ahead = np.roll(along, -1, axis=2)
+        turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, owner[members]])
+        scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
+        result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
+    for number, group in enumerate(shape.faces):
+        held = points[:, sorted({i for face in group for i in faces[face]})]
+        spokes = held - held.mean(axis=1)[:, None]
+        off = np.abs(np.einsum("nvc,nc->nv", spokes, normal[:, number])).max(axis=1)
+        result &= off <= tolerance
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
     return result & (cosine.max(axis=(1, 2)) <= -_FACING)
 
@@ -171,20 +199,15 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
     n, pieces = len(which), len(shape.pieces)
     corners = _padded(np.stack([blocks[i].vertices for i in which.tolist()]), shape.pieces, width)
     vectors = _vectors(corners)
-    middle = corners[:, :, 0]
-    if shape.facet[-1] + 1 < pieces:
-        begin = np.searchsorted(shape.facet, np.arange(shape.facet[-1] + 1))
+    middle = np.stack(
+        [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
+    )
+    if len(shape.faces) < pieces:
+        begin = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
         weight = np.linalg.norm(vectors, axis=2)[:, :, None]
-        means = np.stack([corners[:, i, : len(p)].mean(axis=1) for i, p in enumerate(shape.pieces)],
-                         axis=1)  # fmt: skip
-        middle = np.add.reduceat(weight * means, begin, axis=1) / np.add.reduceat(
-            weight, begin, axis=1
-        )
-        middle = middle[:, shape.facet]
+        whole = np.add.reduceat(weight, begin, axis=1)
+        middle = (np.add.reduceat(weight * middle, begin, axis=1) / whole)[:, shape.facet]
         vectors = np.add.reduceat(vectors, begin, axis=1)[:, shape.facet]
-    elif any(i > 3 for i in map(len, shape.pieces)):
-        middle = np.stack([corners[:, i, : len(p)].mean(axis=1) for i, p in enumerate(shape.pieces)],
-                          axis=1)  # fmt: skip
     normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
     return FacetTable(
         np.repeat(which, pieces),

@@ -78,13 +78,25 @@ def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray,
     return np.concatenate(corners), np.concatenate(owners)
 
 
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Cross products of vectors (..., 3): ``np.cross`` takes three times as long on small arrays."""
+    x, y, z = u[..., 0], u[..., 1], u[..., 2]
+    p, q, r = v[..., 0], v[..., 1], v[..., 2]
+    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=-1)
+
+
 def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
     """Area times unit normal of every face, (f, 3)."""
     triangles, face = fan(points, faces)
-    halves = 0.5 * np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    halves = 0.5 * cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     result = np.zeros((len(faces), 3))
     np.add.at(result, face, halves)
     return result
+
+
+def surface(points: FloatArray, faces: Sequence[Sequence[int]]) -> float:
+    """Area of all faces, warped ones projected on their mean planes."""
+    return float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
 
 
 def volume_and_centroid(

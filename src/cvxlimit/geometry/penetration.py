@@ -14,7 +14,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import Reach
 from cvxlimit.geometry.mesh import area_vectors, place
 from cvxlimit.geometry.nearmisses import NearMiss
-from cvxlimit.geometry.shared_volume import body, shared_depth
+from cvxlimit.geometry.shared_volume import Body, shared_depth
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,8 +43,9 @@ def check_no_interpenetration(
     touching = np.isin(first * len(blocks) + second, contacts.a * len(blocks) + contacts.b)
     simple = np.array([b.is_convex and len(b.faces) <= _MOST_FACES for b in blocks])
     simple = simple[first] & simple[second]
+    origin = 0.5 * (low.min(axis=0) + high.max(axis=0))
     normals = cache(lambda i: _face_normals(blocks[i]))
-    bodies = cache(lambda i: body(blocks[i]))
+    bodies = cache(lambda i: Body.of(blocks[i], origin))
     sunk = []
     looked = (shared.min(axis=1) > margin) & ~(touching & simple)
     for j in np.flatnonzero(looked).tolist():
@@ -58,7 +59,7 @@ def check_no_interpenetration(
             continue
         if _least_overlap(a, b, np.concatenate([normals(i), -normals(k)])) <= allowed:
             continue
-        overlap, where = shared_depth(bodies(i), bodies(k), a, b)
+        overlap, where = shared_depth(bodies(i), bodies(k))
         if overlap > _REFUSED * allowed:
             raise _refusal(a, b, overlap, where.mean(axis=0))
         if overlap > allowed:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +14,23 @@ from cvxlimit.geometry.triangles import triangulated
 FloatArray = NDArray[np.float64]
 
 
-def body(block: Block) -> manifold3d.Manifold:
-    """The block as a body to intersect, in double precision."""
-    corners, _ = triangulated(block.vertices, block.faces)
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(np.ascontiguousarray(block.vertices), corners.astype(np.uint64))
-    )
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A block to intersect with others: its triangles (t, 3, 3), and its solid about ``origin``."""
+
+    triangles: FloatArray
+    origin: FloatArray
+    manifold: manifold3d.Manifold
+
+    @classmethod
+    def of(cls, block: Block, origin: FloatArray) -> Body:
+        """In double precision; bodies to intersect have one ``origin`` (3,) near them."""
+        corners, _ = triangulated(block.vertices, block.faces)
+        mesh = manifold3d.Mesh64(block.vertices - origin, corners.astype(np.uint64))
+        return cls(block.vertices[corners], origin, manifold3d.Manifold(mesh))
 
 
-def shared_depth(
-    one: manifold3d.Manifold, other: manifold3d.Manifold, a: Block, b: Block
-) -> tuple[float, FloatArray]:
+def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray]:
     """How deep two bodies are in each other, and corners (k, 3) of the deepest common part.
 
     The larger of two measures, each exact where the other sees nothing. The mean thickness,
@@ -30,34 +38,37 @@ def shared_depth(
     through a plate has corners on both surfaces only. And the largest distance of its corners from
     the surface of either block: the depth of a corner poked into a face.
     """
-    common = one ^ other
     depth, where = 0.0, np.empty((0, 3))
-    if common.is_empty():
-        return depth, where
-    for part in common.decompose():
-        corners = np.asarray(part.to_mesh64().vert_properties)[:, :3]
-        if not part.surface_area() > 0.0:
+    for part in (one.manifold ^ other.manifold).decompose():
+        surface = float(part.surface_area())
+        if part.is_empty() or not surface > 0.0:
             continue
-        thick = 2.0 * float(part.volume()) / float(part.surface_area())
-        deep = max(float(distance_from_surface(corners, x).max()) for x in (a, b))
-        if max(thick, deep) > depth:
-            depth, where = max(thick, deep), corners
+        corners = np.asarray(part.to_mesh64().vert_properties)[:, :3] + one.origin
+        thick = 2.0 * float(part.volume()) / surface
+        deep = max(thick, *(float(_distance(corners, x.triangles).max()) for x in (one, other)))
+        if deep > depth:
+            depth, where = deep, corners
     return depth, where
 
 
-def distance_from_surface(points: FloatArray, block: Block) -> FloatArray:
-    """Distance of points (k, 3) from the nearest face of a block, (k,)."""
-    corners = block.vertices[triangulated(block.vertices, block.faces)[0]]
-    return np.array([_distance(p, corners).min() for p in points])
+def _distance(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Distance of points (k, 3) from the nearest of triangles (t, 3, 3), (k,)."""
+    middle = triangles.mean(axis=1)
+    reach = np.linalg.norm(triangles - middle[:, None], axis=2).max(axis=1)
+    result = np.empty(len(points))
+    for i, point in enumerate(points):
+        away = np.linalg.norm(middle - point, axis=1)
+        near = triangles[away - reach <= (away + reach).min()]
+        result[i] = _distances(point, near).min()
+    return result
 
 
-def _distance(point: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Distance of a point from triangles (t, 3, 3): from their planes, or from their sides."""
-    start = triangles
-    along = np.roll(triangles, -1, axis=1) - start
-    offset = point - start
+def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Distance of a point from each triangle: from its plane, or from its sides."""
+    along = np.roll(triangles, -1, axis=1) - triangles
+    offset = point - triangles
     share = np.einsum("tsk,tsk->ts", offset, along) / np.einsum("tsk,tsk->ts", along, along)
-    nearest = start + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    nearest = triangles + np.clip(share, 0.0, 1.0)[:, :, None] * along
     result: FloatArray = np.linalg.norm(point - nearest, axis=2).min(axis=1)
     normal = np.cross(along[:, 0], along[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, None]

@@ -19,10 +19,12 @@ from cvxlimit.geometry.blocks import (
     Block,
     Repair,
     _points,
-    assembled,
     checked_faces,
-    off_plane,
+    default_tolerance,
+    enclosed,
+    warps,
 )
+from cvxlimit.geometry.crossings import check_faces
 from cvxlimit.geometry.mesh import (
     EdgeTable,
     Faces,
@@ -30,6 +32,7 @@ from cvxlimit.geometry.mesh import (
     fan,
     outward,
     place,
+    surface,
     volume_and_centroid,
 )
 from cvxlimit.geometry.triangles import triangulated
@@ -100,9 +103,9 @@ def solid(
     mesh.close_seams(JOINT_TOLERANCE * mesh.rough_thickness if allowed is None else allowed)
     mesh.drop_unused()
     mesh.turn_out()
-    flat = mesh.default_tolerance() if allowed is None else allowed
-    mesh.split_warped(flat)
-    return assembled(id, mesh.points, mesh.faces, density, flat, tuple(mesh.repairs))
+    mesh.split_warped(allowed)
+    check_faces(id, mesh.points, mesh.faces, RELATIVE_TOLERANCE * mesh.size)
+    return enclosed(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
 
 
 class _Mesh:
@@ -120,14 +123,13 @@ class _Mesh:
         """Mean thickness of an open mesh: the volume between its faces and their middle."""
         triangles, _ = fan(self.points, self.faces)
         corners = triangles - self.points.mean(axis=0)
-        area = np.linalg.norm(area_vectors(self.points, self.faces), axis=1).sum()
-        return float(np.abs(np.linalg.det(corners)).sum() / 3.0 / area)
+        volume = float(np.abs(np.linalg.det(corners)).sum()) / 6.0
+        return 2.0 * volume / surface(self.points, self.faces)
 
     def default_tolerance(self) -> float:
-        """:data:`JOINT_TOLERANCE` of the mean thickness."""
+        """The joint tolerance a block of these faces has."""
         volume, _ = volume_and_centroid(self.points, self.faces)
-        area = np.linalg.norm(area_vectors(self.points, self.faces), axis=1).sum()
-        return JOINT_TOLERANCE * 2.0 * abs(volume) / float(area)
+        return default_tolerance(volume, surface(self.points, self.faces))
 
     def weld(self, distance: float, among: IntArray | None = None) -> None:
         """Make one of vertices nearer than ``distance``; of all, or of those ``among`` only."""
@@ -249,23 +251,23 @@ class _Mesh:
         whole = " (the whole shell was inside out)" if turned == len(self.faces) else ""
         self._report("turned", turned, f"faces whose normals pointed in{whole}")
 
-    def split_warped(self, tolerance: float) -> None:
-        """Cut faces into triangles that are warped by more than the tolerance."""
-        normals = area_vectors(self.points, self.faces)
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
-        off = [
-            off_plane(self.points[list(f)], n) if len(f) > 3 else 0.0
-            for f, n in zip(self.faces, normals, strict=True)
-        ]
-        warped = [i for i, distance in enumerate(off) if distance > tolerance]
-        if not warped:
-            return
-        cut, _ = triangulated(self.points, [self.faces[i] for i in warped])
-        flat = [f for f, distance in zip(self.faces, off, strict=True) if distance <= tolerance]
-        self.faces = (*flat, *(tuple(t) for t in cut.tolist()))
-        self._report(
-            "split", len(warped), f"faces warped by up to {max(off):.3g}, cut into triangles"
-        )
+    def split_warped(self, tolerance: float | None) -> None:
+        """Cut faces into triangles that are warped by more than the tolerance.
+
+        Cutting adds surface and so lowers the default tolerance a little: again until all fit.
+        """
+        split, most = 0, 0.0
+        while True:
+            allowed = self.default_tolerance() if tolerance is None else tolerance
+            off = warps(self.points, self.faces)
+            warped = np.flatnonzero(off > allowed).tolist()
+            if not warped:
+                break
+            split, most = split + len(warped), max(most, float(off.max()))
+            cut, _ = triangulated(self.points, [self.faces[i] for i in warped])
+            flat = [self.faces[i] for i in np.flatnonzero(off <= allowed).tolist()]
+            self.faces = (*flat, *(tuple(t) for t in cut.tolist()))
+        self._report("split", split, f"faces warped by up to {most:.3g}, cut into triangles")
 
     def _report(self, kind: str, count: int, detail: str) -> None:
         if count:
