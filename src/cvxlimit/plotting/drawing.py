@@ -15,6 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
@@ -140,6 +141,7 @@ def _draw_notes(axes: Axes, camera: Camera, notes: Annotations) -> FloatArray:
             arrowprops={
                 "arrowstyle": "-|>,head_length=0.5,head_width=0.22", "lw": 2.2,
                 "color": CASE_COLOURS[arrow.case], "shrinkA": 0, "shrinkB": 0,
+                "path_effects": [withStroke(linewidth=3.6, foreground="#ffffffb0")],
             },
         )  # fmt: skip
     if notes.marks:

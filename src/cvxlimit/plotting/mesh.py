@@ -64,6 +64,14 @@ def drawn_mesh(scene: Scene) -> Mesh:
     return _joined(parts)
 
 
+def shown_bounds(scene: Scene) -> FloatArray:
+    """Lowest and highest coordinates (2, 3) of the free blocks, and of supports drawn whole."""
+    fixed = set(scene.supports)
+    whole = [b.vertices for b in scene.blocks if b.id in fixed and not b.is_convex]
+    points = np.concatenate([free_bounds(scene), *whole])
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
 def cropped(
     vertices: FloatArray, faces: Sequence[Sequence[int]], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, Sequence[Sequence[int]]]:

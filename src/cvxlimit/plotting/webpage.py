@@ -35,8 +35,8 @@ from cvxlimit.plotting.look import (
     scene_title,
     title,
 )  # fmt: skip
-from cvxlimit.plotting.mesh import Mesh, drawn_mesh
-from cvxlimit.plotting.movement import Motion, contact_forces, free_bounds, free_size, motion, still
+from cvxlimit.plotting.mesh import Mesh, drawn_mesh, shown_bounds
+from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -122,7 +122,7 @@ def _page_data(
     colours = {} if marking is None else marking.colours
     return {
         "units": {"length": scene.units.length, "force": scene.units.force},
-        "bounds": _coordinates(scene, free_bounds(scene)),
+        "bounds": _coordinates(scene, shown_bounds(scene)),
         "size": free_size(scene),
         "up": upright(scene).tolist(),
         "viewer": default_camera(scene, moving).axes[2].tolist(),

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io.documents import decoded, file_prefix, parsed, read_bytes
-from cvxlimit.io.fields import one_line, refusals, shown
+from cvxlimit.io.fields import LARGEST, one_line, refusals, shown
 from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import is_compas, read_compas
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
@@ -137,9 +138,12 @@ def import_geometry(
     with refusals():
         if up not in AXES:
             raise InputError(f"up must be x, y or z, got {up!r}")
+        if joint_tolerance is not None:
+            positive(joint_tolerance, "joint_tolerance")
         files = _files([paths] if isinstance(paths, str | os.PathLike) else list(paths))
         notes: list[str] = []
         bodies = _named(files, notes)
+        _check_coordinates(bodies)
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         fixed = _supports(bodies, supports, axis, notes)
@@ -223,7 +227,8 @@ def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         if not path.is_dir():
             result.append(path)
             continue
-        inside = sorted(path.iterdir(), key=lambda p: natural(p.name))
+        visible = [p for p in path.iterdir() if not p.name.startswith(".")]
+        inside = sorted(visible, key=lambda p: natural(p.name))
         if len(inside) > MOST_FILES:
             raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
         known = [p for p in inside if p.suffix.lower() in READERS]
@@ -243,9 +248,9 @@ def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
     result: list[Body] = []
     for file in files:
         bodies = read_bodies(file)
-        alone = len(bodies) == 1 and len(files) > 1
+        alone = len(bodies) == 1
         for i, body in enumerate(bodies, 1):
-            own = file.stem if alone else body.name or f"b{i}"
+            own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
             result.append(replace(body, name=own))
     counts, seen = Counter(body.name for body in result), Counter[str]()
     unique = []
@@ -259,6 +264,17 @@ def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
             f"{several} names stand for several blocks: the later ones are numbered #2 ..."
         )
     return unique
+
+
+def _check_coordinates(bodies: Sequence[Body]) -> None:
+    for body in bodies:
+        fine = (np.abs(body.vertices) <= LARGEST).all(axis=1)
+        if not fine.all():
+            worst = int(np.flatnonzero(~fine)[0])
+            raise InputError(
+                f"vertex {worst} of block {shown(body.name)} must be finite and at most "
+                f"{LARGEST:g}, got {body.vertices[worst].tolist()}"
+            )
 
 
 def _with_densities(

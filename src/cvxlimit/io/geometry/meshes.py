@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -30,6 +31,9 @@ _GLB_HEADER = 20
 """Bytes of a GLB before the text that says what is in it."""
 
 _GLB_TEXT = 0x4E4F534A
+
+_MADE_UP = re.compile(r"geometry_\d+")
+"""Names that trimesh gives to what has none."""
 
 
 def read_mesh(path: Path) -> list[Body]:
@@ -88,7 +92,7 @@ def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
 
 def _body(name: str, mesh: tuple[Any, Any]) -> Body:
     vertices, faces = merged(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1], dtype=np.int64))
-    return Body(name, vertices, faces.tolist())
+    return Body("" if _MADE_UP.fullmatch(name) else name, vertices, faces.tolist())
 
 
 def _check_stl(data: bytes) -> None:
