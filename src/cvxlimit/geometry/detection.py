@@ -174,7 +174,7 @@ class _Joints:
             area=found.area,
             friction=np.full(len(a), friction),
             cohesion=np.zeros(len(a)),
-            pieces={k: tuple(p) for k, p in enumerate(found.pieces) if p is not None},
+            pieces={k: p for k, p in enumerate(found.pieces.tolist()) if p is not None},
         )
 
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:

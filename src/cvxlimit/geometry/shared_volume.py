@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.geometry.triangles import triangulated
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,25 +32,52 @@ class Body:
         return cls(block.vertices[corners], origin, manifold3d.Manifold(mesh))
 
 
-def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray]:
-    """How deep two bodies are in each other, and corners (k, 3) of the deepest common part.
+def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:
+    """How deep two bodies are in each other; the centroid and corners (k, 3) of the common part.
 
-    The larger of two measures, each exact where the other sees nothing. The mean thickness,
-    2 volume / surface, of a common part: that of a plate whatever its outline, while a beam passed
-    through a plate has corners on both surfaces only. And the largest distance of its corners from
-    the surface of either block: the depth of a corner poked into a face.
+    The deepest one, if there are several.
+
+    Of a convex part, its least width along the normals of its faces. Of any other the larger of
+    two measures, each exact where the other sees nothing: the mean thickness, 2 volume / surface,
+    which is that of a bent plate too, and the largest distance of its corners from the surface of
+    either block, the depth of a corner poked into a face.
     """
-    depth, where = 0.0, np.empty((0, 3))
+    depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
     for part in (one.manifold ^ other.manifold).decompose():
         surface = float(part.surface_area())
         if part.is_empty() or not surface > 0.0:
             continue
-        corners = np.asarray(part.to_mesh64().vert_properties)[:, :3] + one.origin
-        thick = 2.0 * float(part.volume()) / surface
-        deep = max(thick, *(float(_distance(corners, x.triangles).max()) for x in (one, other)))
+        mesh = part.to_mesh64()
+        corners = np.asarray(mesh.vert_properties)[:, :3] + one.origin
+        triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+        if part.volume() >= _CONVEX * part.hull().volume():
+            deep = _least_width(corners, triangles)
+        else:
+            deep = max(float(_distance(corners, x.triangles).max()) for x in (one, other))
+            deep = max(deep, 2.0 * float(part.volume()) / surface)
         if deep > depth:
-            depth, where = deep, corners
-    return depth, where
+            _, where = volume_and_centroid(corners, triangles.tolist())
+            depth, deepest = deep, corners
+    return depth, where, deepest
+
+
+_CONVEX = 0.99
+"""Share of its hull's volume from which a common part counts as convex: a bent plate as long as
+ten times its thickness fills 0.2 of it."""
+
+
+_REAL = 1e-3
+"""Share of the largest triangle's area from which a triangle's normal is one: booleans leave
+slivers whose normals are rounding, and the least width is across large faces."""
+
+
+def _least_width(corners: FloatArray, triangles: IntArray) -> float:
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    real = length > _REAL * length.max()
+    heights = corners @ (normal[real] / length[real, None]).T
+    return float(np.ptp(heights, axis=0).min())
 
 
 def _distance(points: FloatArray, triangles: FloatArray) -> FloatArray:
