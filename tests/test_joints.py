@@ -285,7 +285,7 @@ class TestInterpenetration:
     @pytest.mark.parametrize("deep", [0.1, 0.02])
     @pytest.mark.parametrize("seed", range(3))
     def test_a_brick_in_the_notch_of_a_quoin(self, deep: float, seed: int) -> None:
-        """It fits, and makes two contacts; moved into one arm it is refused with depth and place."""
+        """It fits, with two contacts; moved into one arm it is refused with depth and place."""
         outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
         points = np.array([(x, y, z) for z in (0, 1) for x, y in outline], float)
         sides = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
@@ -326,7 +326,7 @@ class TestInterpenetration:
         nut = Block.polyhedron("nut", points, faces)
         post = Block.box("post", (1, 1, -1), (2, 2, 2))
         assert detect_contacts([nut, post]).area == pytest.approx([1.0] * 4)
-        with pytest.raises(GeometryError, match="'nut' and 'post' interpenetrate by about 0.1"):
+        with pytest.raises(GeometryError, match=r"'nut' and 'post' interpenetrate by about 0\.1 "):
             detect([nut, post.moved(np.eye(3), (0.1, 0, 0))])
         free = detect([nut, Block.box("thin", (1.2, 1.2, -1), (1.8, 1.8, 2)),
                        Block.box("base", (-1, -1, -2), (4, 4, -1)),

@@ -175,7 +175,7 @@ class TestRepairs:
 
     @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
     def test_an_open_seam_is_closed_within_the_tolerance(self, scale: float) -> None:
-        lid = CUBE.vertices[4:] + (0.0, 0.0, 1e-3)
+        lid = np.add(CUBE.vertices[4:], (0.0, 0.0, 1e-3))
         points, faces = np.vstack([CUBE.vertices, lid]), [CUBE.faces[0], (8, 9, 10, 11)]
         faces += list(CUBE.faces[2:])
         block = solid("b", scale * points, faces)
@@ -225,7 +225,7 @@ def _klein() -> tuple[np.ndarray, list[tuple[int, ...]]]:
     return points, faces
 
 
-TWO_CUBES = np.vstack([CUBE.vertices, CUBE.vertices + (3, 0, 0)])
+TWO_CUBES = np.vstack([CUBE.vertices, np.add(CUBE.vertices, (3, 0, 0))])
 SPIKE = [*CUBE.faces[:1], *CUBE.faces[2:], (4, 5, 8), (5, 6, 8), (6, 7, 8), (7, 4, 8)]
 
 BROKEN = {
@@ -240,7 +240,7 @@ BROKEN = {
         r"not closed",
     ),
     "two cubes that share an edge": (
-        np.vstack([CUBE.vertices, CUBE.vertices + (1, 1, 0)]),
+        np.vstack([CUBE.vertices, np.add(CUBE.vertices, (1, 1, 0))]),
         [*CUBE.faces, *(tuple(i + 8 for i in f) for f in CUBE.faces)],
         r"not closed.*exactly two faces but to 4",
     ),

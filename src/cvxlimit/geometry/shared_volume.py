@@ -37,47 +37,40 @@ def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]
 
     The deepest one, if there are several.
 
-    Of a convex part, its least width along the normals of its faces. Of any other the larger of
-    two measures, each exact where the other sees nothing: the mean thickness, 2 volume / surface,
-    which is that of a bent plate too, and the largest distance of its corners from the surface of
-    either block, the depth of a corner poked into a face.
+    The larger of two measures, each exact where the other sees nothing: the thickness of the part
+    along the normal across which it is thinnest, volume / area seen along it, which is that of a
+    plate; and the largest distance of its corners from the surface of either block, which is the
+    depth of a corner poked into a face. Neither minds the parts without thickness that booleans
+    leave where bodies only touch.
     """
     depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
     for part in (one.manifold ^ other.manifold).decompose():
-        surface = float(part.surface_area())
-        if part.is_empty() or not surface > 0.0:
+        if part.is_empty() or not part.volume() > 0.0:
             continue
         mesh = part.to_mesh64()
         corners = np.asarray(mesh.vert_properties)[:, :3] + one.origin
         triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
-        if part.volume() >= _CONVEX * part.hull().volume():
-            deep = _least_width(corners, triangles)
-        else:
-            deep = max(float(_distance(corners, x.triangles).max()) for x in (one, other))
-            deep = max(deep, 2.0 * float(part.volume()) / surface)
+        deep = max(float(_distance(corners, x.triangles).max()) for x in (one, other))
+        deep = max(deep, float(part.volume()) / _widest_view(corners, triangles))
         if deep > depth:
             _, where = volume_and_centroid(corners, triangles.tolist())
             depth, deepest = deep, corners
     return depth, where, deepest
 
 
-_CONVEX = 0.99
-"""Share of its hull's volume from which a common part counts as convex: a bent plate as long as
-ten times its thickness fills 0.2 of it."""
-
-
 _REAL = 1e-3
 """Share of the largest triangle's area from which a triangle's normal is one: booleans leave
-slivers whose normals are rounding, and the least width is across large faces."""
+slivers whose normals are rounding, and plates are thin across large faces."""
 
 
-def _least_width(corners: FloatArray, triangles: IntArray) -> float:
+def _widest_view(corners: FloatArray, triangles: IntArray) -> float:
+    """Largest area that a body shows, seen along the normals of its larger faces."""
     a, b, c = (corners[triangles[:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1)
-    real = length > _REAL * length.max()
-    heights = corners @ (normal[real] / length[real, None]).T
-    return float(np.ptp(heights, axis=0).min())
+    vectors = 0.5 * np.cross(b - a, c - a)
+    area = np.linalg.norm(vectors, axis=1)
+    real = area > _REAL * area.max()
+    directions = np.unique((vectors[real] / area[real, None]).round(3), axis=0)
+    return float(0.5 * np.abs(directions @ vectors.T).sum(axis=1).max())
 
 
 def _distance(points: FloatArray, triangles: FloatArray) -> FloatArray:
