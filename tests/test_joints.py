@@ -271,8 +271,8 @@ class TestSceneKnowsIt:
 
     def test_scene_files_keep_it(self) -> None:
         points = GROUND.vertices.copy()
-        points[6, 2] = 0.03  # warped by 0.0075, beyond the default for what stands on it
-        warped = Block.polyhedron("ground", points, GROUND.faces)
+        points[6, 2] = 0.03  # warped by 0.0075, more than its default of 0.0067
+        warped = Block.polyhedron("ground", points, GROUND.faces, joint_tolerance=0.02)
         scene = replace(pair(0.01, joint_tolerance=0.02), blocks=(warped, *pair().blocks[1:]))
         document = scene_to_dict(scene)
         assert document["joint_tolerance"] == 0.02
