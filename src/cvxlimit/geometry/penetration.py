@@ -82,7 +82,7 @@ def _refusal(
 ) -> GeometryError:
     return GeometryError(
         f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near {place(where)}: "
-        "move or cut one of them",
+        "move or cut one of them, or raise joint_tolerance if the model is no more exact",
         points=corners,
         blocks=(a.id, b.id),
     )
