@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.baselines import Literal, LiteralConic, ScipyLinprog
+from benchmarks.cases import s10_class, s12_class
 from benchmarks.cases.panel import build as panel_of
 from benchmarks.results import environment
 from cvxlimit.compare.chart import fitted_exponent
 from cvxlimit.compare.models import Method, Model
 from cvxlimit.compare.rows import Row, side_by_side
 from cvxlimit.compare.runs import Limits
-from cvxlimit.masonry import builtin_scene
 from cvxlimit.solvers.sparse import best_backend
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
@@ -27,7 +27,7 @@ AGAINST: tuple[Method, ...] = (
     ScipyLinprog(),
 )
 ALL_CORES = Literal("literal/octagon/kN-m/all-cores")
-PANELS = ("s12-panel", "s10-panel")
+PANELS = {"s12-class": s12_class.build, "s10-class": s10_class.build}
 SIZES = (500, 1_900, 5_000, 9_000, 16_452)
 QUICK_SIZES = (500, 1_900)
 
@@ -90,11 +90,9 @@ def run(repeat: int, limits: Limits, folder: Path, quick: bool, say: Say) -> str
 def speed_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
     """Ours and the baselines on the two panels."""
     rows = []
-    for name in PANELS:
+    for name, build in PANELS.items():
         methods = (OURS, OCTAGON, *AGAINST)
-        rows += side_by_side(
-            methods, builtin_scene(name), repeat, limits, lambda m, n=name: say(f"{n}: {m}")
-        )
+        rows += side_by_side(methods, build(), repeat, limits, lambda m, n=name: say(f"{n}: {m}"))
     return rows
 
 
@@ -103,8 +101,8 @@ def all_core_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
     free = Limits(limits.seconds, limits.memory, threads=None)
     method = ALL_CORES
     rows = []
-    for name in PANELS:
-        rows += side_by_side([method], builtin_scene(name), repeat, free, reference_limits=limits)
+    for name, build in PANELS.items():
+        rows += side_by_side([method], build(), repeat, free, reference_limits=limits)
         say(f"{name}: {method.name}")
     return rows
 

@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 from scipy.sparse import coo_array, csr_array, hstack
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Contacts, Load, Scene, Solution, Status
+from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_scene
 from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
@@ -315,6 +315,20 @@ def panels(draw: st.DrawFn) -> Scene:
     front, side = 0.2 + 0.1 * draw(SHARES), 0.1 + 0.1 * draw(SHARES)
     courses = draw(st.integers(1, 4))
     return panel(front, courses, left_return=side, friction=draw(FRICTION), live=draw(live_loads()))
+
+
+CLASS_PANELS = {
+    "s12-class": lambda: panel(0.80, 19, left_return=0.52, name="s12-class"),
+    "s10-class": lambda: panel(0.88, 34, left_return=0.36, right_return=0.36, name="s10-class"),
+}
+"""Panels about as large as the paper's S12 and S10, whose own layouts are built in. Published and
+earlier values exist for them (0.175819 and 0.165318 with the cone), on S10-class for rocking only.
+"""
+
+
+def named_scene(name: str) -> Scene:
+    """One of :data:`CLASS_PANELS`, or a built-in scene."""
+    return CLASS_PANELS[name]() if name in CLASS_PANELS else builtin_scene(name)
 
 
 def scenes() -> st.SearchStrategy[Scene]:

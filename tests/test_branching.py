@@ -145,7 +145,7 @@ def test_the_frozen_problem_at_the_forces_found(moments: str) -> None:
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_polygons_are_bounded_without_being_split(moments: str) -> None:
     scene = hexagons()
-    bracket = branch_and_bound(scene, moments, TOLERANCE, seconds=5.0)
+    bracket = branch_and_bound(scene, moments, TOLERANCE)
     assert bracket.is_proved
     assert bracket.lower - 1e-8 <= exact("hexagons", moments) <= bracket.upper + 1e-8
     assert bracket.upper <= global_upper_bound(scene, moments).upper + 1e-8

@@ -13,6 +13,7 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.interaction.pressure import interaction_excess
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
+from helpers import named_scene
 
 MOMENTS = ("independent", "signed")
 
@@ -114,8 +115,8 @@ def test_tuff_wall(moments: str, lower: float, upper: float) -> None:
     assert lowers == sorted(lowers)
 
 
-def test_s12_panel_reaches_the_marks() -> None:
-    scene = builtin_scene("s12-panel")
+def test_s12_class_panel_reaches_the_marks() -> None:
+    scene = named_scene("s12-class")
     solution = solve(scene, interaction="certified", tolerance=0.02)
     assert_bracket(scene, solution)
     assert solution.status is Status.CERTIFIED

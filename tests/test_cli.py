@@ -10,14 +10,16 @@ import signal
 import stat
 import subprocess
 import sys
-import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import cvxlimit
 from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report
@@ -134,7 +136,10 @@ def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.Mo
     monkeypatch.setattr(cli, "solve", keep)
     run("solve", "single-block", "--json", "out.json")
     expected, result = returned[0], read_result("out.json")
-    for name in ("scene", "surface", "load_factor", "lower", "upper", "status", "history", "note"):
+    for name in (
+        "scene", "surface", "load_factor", "lower", "upper", "status", "history", "note",
+        "versions",
+    ):  # fmt: skip
         assert getattr(result, name) == getattr(expected, name), name
     assert dict(result.seconds) == dict(expected.seconds)
     np.testing.assert_array_equal(result.forces, expected.forces)
@@ -214,6 +219,10 @@ def test_scenes_lists_all(run: Run) -> None:
     assert [line.split()[0] for line in lines] == list(BUILTIN)
     assert re.search(r"^tuff-wall +54 +146 +\S", out, re.MULTILINE)
     assert all(scene.description in out for scene in BUILTIN.values())
+
+
+def test_version(run: Run) -> None:
+    assert run("--version") == (0, f"cvxlimit {cvxlimit.__version__}\n", "")
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",), ("solve", "--help"), ("scenes", "--help")])
@@ -397,33 +406,90 @@ def test_keyboard_interrupt(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert_refused(run("solve", "arch", "--json", "o.json"), "interrupted", code=130)
 
 
-def _interrupted(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Ctrl-C as people press it: again if nothing happens (one may fall into an import)."""
-    for _ in range(30):
-        time.sleep(0.2)
-        process.send_signal(signal.SIGINT)
-        try:
-            return process.communicate(timeout=2)
-        except subprocess.TimeoutExpired:
-            continue
-    process.kill()
-    return process.communicate()
+AMPLE = 600
+"""Seconds that no command here needs, however busy the machine is: a hang ends as a failure."""
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_interrupt_from_outside_ends_a_running_solver(tmp_path: Path) -> None:
-    """A pipe in place of the scene file says when the program is under way."""
-    os.mkfifo(tmp_path / "scene")
-    process = subprocess.Popen(
-        command("solve", str(tmp_path / "scene")),
+def started(*arguments: str, **options: Any) -> subprocess.Popen[str]:
+    """A process of its own with pipes."""
+    return subprocess.Popen(
+        arguments,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        **options,
     )
-    with (tmp_path / "scene").open("w"):  # opens when the reader is there
-        out, err = _interrupted(process)
+
+
+def assert_interrupted(process: subprocess.Popen[str]) -> None:
+    out, err = process.communicate(timeout=AMPLE)
     assert (process.returncode, out, err) == (130, "", "cvxlimit: interrupted\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_interrupt_while_the_scene_is_read(tmp_path: Path) -> None:
+    """A pipe in place of the scene file says when the program is under way."""
+    os.mkfifo(tmp_path / "scene")
+    process = started(*command("solve", str(tmp_path / "scene")))
+    with (tmp_path / "scene").open("w"):  # opens when the reader is there
+        process.send_signal(signal.SIGINT)
+        assert_interrupted(process)
+
+
+BUSY = """
+import time
+from cvxlimit.cli import main as cli
+
+def busy(*_, **__):
+    print("under way", flush=True)
+    time.sleep(3600)
+
+cli.solve = busy
+cli.main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_interrupt_while_native_code_runs() -> None:
+    process = started(sys.executable, "-c", BUSY, "solve", "stack")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "under way\n"
+    process.send_signal(signal.SIGINT)
+    assert_interrupted(process)
+
+
+ENTRIES = {
+    "module": ("-m", "cvxlimit"),
+    "command": ("-c", "from cvxlimit.__main__ import main; main()"),
+}
+CTRL_C = """
+import os, signal
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(10**9): pass
+except BaseException:  # as libraries do that try one extension after another
+    pass
+raise ImportError("this one is not there")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("library", ["numpy", "scipy", "cvxpy", "typer"])
+@pytest.mark.parametrize("entry", ENTRIES.values(), ids=ENTRIES.keys())
+def test_interrupt_during_imports(entry: tuple[str, ...], library: str, tmp_path: Path) -> None:
+    """A library that presses Ctrl-C while it is loaded."""
+    (tmp_path / f"{library}.py").write_text(CTRL_C)
+    path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    process = started(
+        sys.executable, *entry, "solve", "stack", env={**os.environ, "PYTHONPATH": path}
+    )
+    assert_interrupted(process)
+
+
+def test_the_console_script_is_the_module() -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))
+    assert project["project"]["scripts"] == {"cvxlimit": "cvxlimit.__main__:main"}
 
 
 # --- streams ------------------------------------------------------------------------------------

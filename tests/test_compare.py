@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import signal
+import subprocess
 import sys
 import threading
 from dataclasses import dataclass, replace
@@ -28,7 +29,8 @@ from cvxlimit.scene import Load
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 
 TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
-LIMITS = Limits(60.0)
+LIMITS = Limits(600.0)
+"""Seconds that no run needs, however busy the machine is."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,7 @@ def test_nothing_to_draw_is_refused():
     ],
 )
 def test_failures_become_rows(how, reason):
-    limits = Limits(4.0)
+    limits = Limits(4.0) if how == "hang" else LIMITS
     failure = run_apart(Misbehaving("bad", how), builtin_scene("stack"), limits)
     assert isinstance(failure, Failure)
     assert reason in failure.reason
@@ -193,6 +195,86 @@ def test_a_failure_is_not_repeated_and_the_others_go_on():
     assert [row.failed for row in rows] == [True, False]
     assert [row.runs for row in rows] == [0, 2]
     assert len(steps) == number_of_steps(methods, 2)
+
+
+def interrupted_at(run: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C during the run of this number, counted from the reference's."""
+    runs = iter(range(run))
+
+    def measured(method, scene, limits):
+        if next(runs, None) is None:
+            raise KeyboardInterrupt
+        return Misbehaving("run", "not at all").measure(scene)
+
+    monkeypatch.setattr("cvxlimit.compare.rows.run_apart", measured)
+
+
+@pytest.mark.parametrize(
+    ("run", "kept"), [(2, [1]), (3, [1, 1]), (4, [1, 1, 1]), (5, [2, 1, 1]), (6, [2, 2, 1])]
+)
+def test_rows_measured_before_an_interrupt_are_returned(run, kept, monkeypatch):
+    models = ["cvxlimit", "cvxlimit/1e-6", "cvxlimit/1e-8"]
+    interrupted_at(run, monkeypatch)
+    found = compare(builtin_scene("stack"), models, repeat=2, progress=False)
+    assert found.is_interrupted
+    assert [row.method for row in found.rows] == models[: len(kept)]
+    assert [row.runs for row in found.rows] == kept
+    assert found.table().splitlines()[-1].startswith("interrupted")
+
+
+def test_an_interrupt_after_the_last_run_does_not_exist(monkeypatch):
+    interrupted_at(7, monkeypatch)
+    models = ["cvxlimit", "cvxlimit/1e-6", "cvxlimit/1e-8"]
+    found = compare(builtin_scene("stack"), models, repeat=2, progress=False)
+    assert not found.is_interrupted
+    assert "interrupted" not in found.table()
+
+
+STUCK = """
+import signal
+from pathlib import Path
+from cvxlimit.compare import compare
+from cvxlimit.compare.models import Method
+from cvxlimit import builtin_scene
+
+class Stuck(Method):
+    name = line = "stuck"
+
+    def measure(self, scene):
+        if len(scene.contacts) > 1:
+            Path("UNDER WAY").write_text("x")
+            signal.pause()
+
+found = compare(builtin_scene("stack"), ["cvxlimit", Stuck()], repeat=1, progress=False)
+print([row.method for row in found.rows], found.is_interrupted)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_in_a_script_of_ones_own(tmp_path):
+    """To the whole group of processes, as a terminal sends it, once the second model runs."""
+    os.mkfifo(tmp_path / "under way")
+    script = tmp_path / "script.py"
+    script.write_text(STUCK.replace("UNDER WAY", str(tmp_path / "under way")))
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    assert (tmp_path / "under way").read_text() == "x"  # opens when the writer is there
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=LIMITS.seconds)
+    assert (process.returncode, out, err) == (0, "['cvxlimit'] True\n", "")
+
+
+@pytest.mark.parametrize("run", [0, 1])
+def test_an_interrupt_before_anything_was_measured_goes_on_upward(run, monkeypatch):
+    interrupted_at(run, monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        compare(builtin_scene("stack"), ["cvxlimit"], repeat=2, progress=False)
 
 
 def test_what_cannot_be_sent_is_refused_by_name():
@@ -244,7 +326,7 @@ def test_surfaces_and_functions_that_no_module_holds():
     ],
 )
 def test_refused_before_anything_runs(make, message):
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises((InputError, ModelError), match=message):
         make()
 
 
@@ -304,10 +386,11 @@ def test_patterns_choose_in_registered_order():
     ]
 
 
-@pytest.mark.parametrize("kind", ["made", "frozen"])
-def test_a_model_that_makes_no_sense_is_refused(kind):
-    with pytest.raises(ModelError):
-        Model("x", surface="2-gon") if kind == "made" else FrozenModel("x", parameters="none")
+def test_a_model_that_makes_no_sense_is_refused():
+    with pytest.raises(ModelError, match="at least 3 facets, got 2"):
+        Model("x", surface="2-gon")
+    with pytest.raises(ModelError, match="one of dpp, recompiled, got 'none'"):
+        FrozenModel("x", parameters="none")
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
-from cvxlimit.model.formulations import resultants
+from cvxlimit.model.flow import FlowRule, corner_openings
+from cvxlimit.model.formulations import ForceVariables, resultants
 from cvxlimit.model.statics import Statics
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
-from cvxlimit.surfaces.flow import FlowRule, corner_openings
+from cvxlimit.surfaces.base import admissible, stated
 from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations
 
 SETS: dict[str, list[YieldSurface]] = {
@@ -37,11 +38,12 @@ def contacts_of(sides: int) -> Contacts:
 
 def least_power(surfaces: Sequence[YieldSurface], contacts: Contacts, rates: np.ndarray) -> float:
     """The least power of admissible forces with N = 1 on ``rates``: primal side, by CVXPY."""
-    model = resultants(contacts)
-    constraints = [*model.constraints, model.components["N"] == 1.0]
-    for surface in surfaces:
-        constraints += surface.constraints(model.components, contacts)
-    power = sum(rates[0, k] * model.components[c][0] for k, c in enumerate(COMPONENTS))
+    force = ForceVariables.of(resultants(contacts), 1.0, 1.0).components
+    constraints = [force["N"] == 1.0]
+    for surface in (Rocking(), *surfaces):
+        for condition in stated(surface, contacts):
+            constraints += admissible(condition, force, surface.cone)
+    power = sum(rates[0, k] * force[c][0] for k, c in enumerate(COMPONENTS))
     problem = cp.Problem(cp.Minimize(power), constraints)
     problem.solve(solver=cp.CLARABEL)
     return float(problem.value)
@@ -57,9 +59,12 @@ def test_shortfall_is_minus_the_least_power(name: str, sides: int) -> None:
     contacts = contacts_of(sides)
     flow = FlowRule(SETS[name], contacts)
     for rates in np.random.default_rng(sides).normal(size=(4, 1, 6)):
-        missing, leftover = flow.shortfall(rates)
-        np.testing.assert_allclose(leftover, 0.0, atol=1e-12)
-        assert missing[0] == pytest.approx(-least_power(SETS[name], contacts, rates), abs=1e-6)
+        found = flow.shortfall(rates)
+        np.testing.assert_allclose(found.unresisted, 0.0, atol=1e-12)
+        assert found.dissipation == 0.0
+        assert found.missing[0] == pytest.approx(
+            -least_power(SETS[name], contacts, rates), abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("name", ["rocking", "core alone"])
@@ -67,17 +72,11 @@ def test_without_tangential_rates_openings_remain(name: str) -> None:
     contacts = contacts_of(5)
     for rates in np.random.default_rng(7).normal(size=(4, 1, 6)):
         rates[0, [0, 1, 5]] = 0.0
-        missing, leftover = FlowRule(SETS[name], contacts).shortfall(rates)
-        assert not leftover.any()
-        surfaces = SETS[name]
-        model = resultants(contacts)
-        extra = [c for s in surfaces for c in s.constraints(model.components, contacts)]
-        power = sum(rates[0, k] * model.components[c][0] for k, c in enumerate(COMPONENTS))
-        problem = cp.Problem(
-            cp.Minimize(power), [*model.constraints, *extra, model.components["N"] == 1.0]
+        found = FlowRule(SETS[name], contacts).shortfall(rates)
+        assert not found.unresisted.any()
+        assert found.missing[0] == pytest.approx(
+            -least_power(SETS[name], contacts, rates), abs=1e-6
         )
-        problem.solve(solver=cp.CLARABEL)
-        assert missing[0] == pytest.approx(-problem.value, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", sorted(SETS))
@@ -87,7 +86,10 @@ def test_admissible_forces_do_no_less_work_than_promised(name: str) -> None:
     contacts, surfaces = scene.contacts, [Rocking(), *SETS[name]]
     generator = np.random.default_rng(3)
     rates = generator.normal(size=(len(contacts), 6))
-    missing, leftover = FlowRule(surfaces, contacts).shortfall(rates)
+    flow = FlowRule(surfaces, contacts)
+    found = flow.shortfall(rates)
+    missing, slip = found.missing, found.unresisted.reshape(3, -1).T
+    size = np.median(np.sqrt(contacts.area))
     tested = 0
     for _ in range(200):
         x = generator.normal(size=rates.shape) * [0.2, 0.2, 1, 0.01, 0.01, 0.005]
@@ -99,7 +101,7 @@ def test_admissible_forces_do_no_less_work_than_promised(name: str) -> None:
             ],
             axis=0,
         )
-        free = (leftover * x[:, [0, 1, 5]]).sum(axis=1)  # what no surface resists
+        free = (slip * x[:, [0, 1, 5]] / [1, 1, size]).sum(axis=1)  # what no surface resists
         power = (x * rates).sum(axis=1) + free
         assert (power[ok] >= -missing[ok] * x[ok, 2] - 1e-9).all()
         tested += int(ok.sum())
@@ -109,15 +111,15 @@ def test_admissible_forces_do_no_less_work_than_promised(name: str) -> None:
 def test_leftovers_are_what_no_surface_resists() -> None:
     contacts = contacts_of(4)
     rates = np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 4.0]])
-    nothing = np.zeros((1, 3))
+    nothing, size = np.zeros((1, 3)), np.sqrt(contacts.area[0])
     for surfaces, expected in (
         ([TorsionShear()], nothing),
-        ([Sliding()], -np.array([[0.0, 0.0, 4.0]])),
+        ([Sliding()], -np.array([[0.0, 0.0, 4.0 * size]])),
         ([Torsion()], -np.array([[1.0, 2.0, 0.0]])),
-        ([], -np.array([[1.0, 2.0, 4.0]])),
+        ([], -np.array([[1.0, 2.0, 4.0 * size]])),
     ):
-        leftover = FlowRule(surfaces, contacts).shortfall(rates)[1]
-        np.testing.assert_allclose(leftover, expected, atol=1e-12)
+        found = FlowRule(surfaces, contacts).shortfall(rates).unresisted
+        np.testing.assert_allclose(found, expected[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["conic", "octagon", "sliding+torsion", "ellipse", "core"])
@@ -127,11 +129,11 @@ def test_constraints_allow_what_numpy_allows(name: str) -> None:
     flow = FlowRule(SETS[name], contacts)
     for rates in np.random.default_rng(11).normal(size=(3, 1, 6)):
         extra = cp.Variable()
-        symbolic = {c: cp.Constant(rates[:, k]) for k, c in enumerate(COMPONENTS)}
         openings = corner_openings(rates, contacts) + extra
-        problem = cp.Problem(cp.Minimize(extra), flow.constraints(symbolic, openings))
+        inner = cp.hstack([openings, rates[:, 0], rates[:, 1], rates[:, 5]])
+        problem = cp.Problem(cp.Minimize(extra), flow.symbolic(inner).limits)
         problem.solve(solver=cp.CLARABEL)
-        assert flow.shortfall(rates)[0][0] == pytest.approx(extra.value, abs=1e-6)
+        assert flow.shortfall(rates).missing[0] == pytest.approx(extra.value, abs=1e-6)
 
 
 @given(scene=piles(), turn=rotations(), seed=st.integers(0, 2**32 - 1))
@@ -141,8 +143,8 @@ def test_block_motions_by_hand(scene: Scene, turn: np.ndarray, seed: int) -> Non
     scene = scene.moved(turn, (1.0, -2.0, 3.0))
     statics = Statics.of(scene)
     rates = np.random.default_rng(seed).normal(size=(len(scene.free), 6))
-    missing, _ = FlowRule([TorsionShear()], scene.contacts).shortfall(statics.relative_rates(rates))
-    np.testing.assert_allclose(missing, missing_opening(scene, rates), atol=1e-9)
+    found = FlowRule([TorsionShear()], scene.contacts).shortfall(statics.relative_rates(rates))
+    np.testing.assert_allclose(found.missing, missing_opening(scene, rates), atol=1e-9)
 
 
 def test_shortfall_is_homogeneous_and_falls_with_opening() -> None:
@@ -150,7 +152,7 @@ def test_shortfall_is_homogeneous_and_falls_with_opening() -> None:
     rates = np.random.default_rng(5).normal(size=(len(contacts), 6))
     for surfaces in (SETS["conic"], SETS["octagon"]):
         flow = FlowRule(surfaces, contacts)
-        missing = flow.shortfall(rates)[0]
-        np.testing.assert_allclose(flow.shortfall(3.0 * rates)[0], 3.0 * missing, atol=1e-12)
+        missing = flow.shortfall(rates).missing
+        np.testing.assert_allclose(flow.shortfall(3.0 * rates).missing, 3.0 * missing, atol=1e-12)
         opened = rates + np.array([0, 0, 0.7, 0, 0, 0])
-        np.testing.assert_allclose(flow.shortfall(opened)[0], missing - 0.7, atol=1e-12)
+        np.testing.assert_allclose(flow.shortfall(opened).missing, missing - 0.7, atol=1e-12)

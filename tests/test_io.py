@@ -172,6 +172,7 @@ def solutions(draw: st.DrawFn) -> Solution:
         forces=draw(st.sampled_from([None, np.array(forces).reshape(-1, 6)])),
         mechanism=draw(st.none() | st.dictionaries(TEXTS, rates, max_size=4)),
         note=draw(TEXTS),
+        versions=draw(st.dictionaries(TEXTS, TEXTS, max_size=3)),
     )
 
 
@@ -184,6 +185,7 @@ def assert_same_solution(a: Solution, b: Solution) -> None:
     assert list(first) == list(second)
     assert all(same_bits(first[k], second[k]) for k in first)
     assert isinstance(b.status, Status)
+    assert dict(a.versions) == dict(b.versions)
 
 
 def a_solution(**changes: Any) -> Solution:
@@ -583,6 +585,14 @@ class TestResult:
 
     def test_note_only_where_there_is_one(self) -> None:
         assert list(result_to_dict(a_solution(note="why"))) == [*KEYS, "note"]
+
+    def test_versions_are_an_addition(self) -> None:
+        """Files written before there were any are read; what is no text is refused by name."""
+        assert result_from_dict(result_to_dict(a_solution())).versions == {}
+        document = result_to_dict(a_solution(versions={"cvxpy": "1.9.3"}))
+        assert list(document) == [*KEYS, "versions"]
+        with pytest.raises(InputError, match="version of 'cvxpy' must be a text in quotes, got 1"):
+            result_from_dict({**document, "versions": {"cvxpy": 1}})
 
     def test_missing_bounds_are_null(self) -> None:
         solution = a_solution(lower=-math.inf, upper=math.inf, load_factor=None)

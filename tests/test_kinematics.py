@@ -8,13 +8,13 @@ from hypothesis import assume, given, settings
 
 from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.model.kinematics import KinematicProblem
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import missing_opening, rotations, scenes
+from kinematics import KinematicProblem
 
 AGREE = 1e-6
 """Asked of static and kinematic factors; both solvers stop at 1e-10, so this leaves room."""

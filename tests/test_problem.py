@@ -12,7 +12,7 @@ from cvxlimit import Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.model.formulations import corner_compressions, resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import (
@@ -212,7 +212,7 @@ class TestFormulations:
 class TestLimitProblem:
     @pytest.mark.parametrize("most", [0.1, 0.3, 0.5])
     def test_most(self, most: float) -> None:
-        state = LimitProblem(single_block(), most=most).solve()
+        state = LimitProblem(single_block(), objective=LargestFactor(most=most)).solve()
         assert state.load_factor == pytest.approx(min(most, 0.4), rel=1e-7)
 
     def test_needs_rocking(self) -> None:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.errors import InputError
 from cvxlimit.masonry import single_block
-from cvxlimit.model.statics import DOF, Scaling, Statics, corner_map
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import DOF, Scaling, Statics
 from helpers import hand_equilibrium, rotations, scenes
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -86,7 +87,7 @@ class TestCornerCompressions:
         contacts = scene.contacts
         n, m = len(contacts), len(contacts.corner_xy)
         z = np.random.default_rng(seed).normal(size=m + 3 * n)
-        forces = (corner_map(contacts) @ z).reshape(-1, DOF)
+        forces = (corner_compressions(contacts).meaning @ z).reshape(-1, DOF)
         for j, contact in enumerate(contacts):
             push = z[:m][contacts.corner_contact == j][:, None] * contact.normal
             moment = np.cross(contact.corners - contact.origin, push).sum(axis=0)

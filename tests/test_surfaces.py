@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -271,7 +272,7 @@ class TestPaperRows:
         worst = contacts.corner_minimum(-Rocking().excess(forces, contacts)[0])
         n, m1, m2 = forces[:, 2:5].T
         l1, l2 = contacts.sides.T
-        expected = np.minimum(n * l2 / 2 - np.abs(m1), n * l1 / 2 - np.abs(m2))
+        expected = np.minimum(n - np.abs(m1) / (l2 / 2), n - np.abs(m2) / (l1 / 2))
         np.testing.assert_allclose(worst, expected, atol=ROUNDING)
 
     def test_hand_written_excess_agrees(self) -> None:
@@ -306,18 +307,37 @@ class TestRockingOnPolygons:
             assert Rocking().excess(-forces, contacts)[0].max() > 0.0  # no tension anywhere
         assert 50 < inside < 450
 
-    def test_excess_is_the_moment_about_the_edge(self) -> None:
+    def test_excess_is_the_moment_over_the_distance_to_the_edge(self) -> None:
         contacts = single_block((2.0, 1.0, 1.0)).contacts
         edge = np.array([[0.0, 0.0, 3.0, 0.0, 3.0 * 1.0, 0.0]])  # pressure centre at e1 = -1
         assert Rocking().excess(edge, contacts)[0].max() == pytest.approx(0.0, abs=ROUNDING)
         beyond = edge + np.array([0, 0, 0, 0, 0.5, 0])
-        assert Rocking().excess(beyond, contacts)[0].max() == pytest.approx(0.5)
+        assert Rocking().excess(beyond, contacts)[0].max() == pytest.approx(0.5 / 1.0)
 
 
 class TestConditions:
-    def test_norms_have_one_row_per_contact(self) -> None:
-        with pytest.raises(ModelError, match="one row per contact"):
-            Condition([Norm({"V1": 1})], {"N": 1.0}, contact=np.array([0, 0]))
+    @pytest.mark.parametrize(
+        ("condition", "message"),
+        [
+            (Condition([Norm({"Mt": 1})], {"N": 0.5}), "component 'Mt': did you mean 'MT'"),
+            (Condition([Norm({"V1": 1})], {"cohesion": 1.0}), "component 'cohesion': known are"),
+            (Condition([Norm({"V1": 1})], {"N": np.nan}), "coefficient of N .* must be finite"),
+            (Condition([Norm({"V1": np.ones(7)})], {"N": 1}), r"one number or 1 of them.*(7,)"),
+            (Condition([Norm({"V1": "mu"})], {"N": 1}), "must be a number, got 'mu'"),
+            (Condition([Norm({"V1": 1}, weight=None)], {"N": 1}), "weight of a norm"),
+            ("abs(V) <= mu N", "must state Condition objects"),
+        ],
+    )
+    def test_what_is_mistyped_is_refused_by_name(self, condition: Condition, message: str) -> None:
+        class Mistyped(YieldSurface):
+            name = "mistyped"
+
+            def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+                return [condition]
+
+        with pytest.raises(ModelError, match="surface 'mistyped'") as refusal:
+            solve(single_block(), [Rocking(), Mistyped()])
+        assert re.search(message, str(refusal.value))
 
     def test_facets_refuse_three_components(self) -> None:
         contacts = single_block().contacts
@@ -362,7 +382,7 @@ class TestRowsWritten:
 
     def test_names_kept(self) -> None:
         kept = needed_surfaces([Sliding(), Rocking(), Torsion(), TorsionShear()])
-        assert [s.name for s in kept] == ["torsion-shear"]
+        assert [s.name for s in kept] == ["rocking", "torsion-shear"]
 
     @pytest.mark.parametrize(
         ("sum_cone", "slide_cone", "share"),

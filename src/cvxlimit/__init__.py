@@ -2,41 +2,95 @@
 
 A scene goes in; a load factor with a bracket recomputed outside the solver, contact forces and the
 collapse mechanism come out. Start with :func:`solve` and :func:`builtin_scene`.
+
+A module is loaded when a name of it is first asked for: CVXPY and SciPy take a second, during which
+the command line must be able to answer Ctrl-C.
 """
 
-import cvxlimit.compare as compare
-from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.contacts import COMPONENTS, Contact, Contacts
-from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
-from cvxlimit.masonry import builtin_scene
-from cvxlimit.methods.analysis import analyse
-from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.solving import solve
-from cvxlimit.proof.certificate import Certificate, Certifier
-from cvxlimit.scene import Scene, Units
-from cvxlimit.solution import Iterate, Solution, Status
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "COMPONENTS",
-    "GRAVITY",
-    "Block",
-    "Certificate",
-    "Certified",
-    "Certifier",
-    "Contact",
-    "Contacts",
-    "FixedPoint",
-    "Iterate",
-    "Load",
-    "PointForce",
-    "Pressure",
-    "Scene",
-    "Solution",
-    "Status",
-    "Units",
-    "analyse",
-    "builtin_scene",
-    "compare",
-    "solve",
-]
+from cvxlimit.versions import __version__ as __version__
+
+if TYPE_CHECKING:
+    from cvxlimit import compare as compare
+    from cvxlimit import errors as errors
+    from cvxlimit import geometry as geometry
+    from cvxlimit import io as io
+    from cvxlimit import loads as loads
+    from cvxlimit import masonry as masonry
+    from cvxlimit import methods as methods
+    from cvxlimit import model as model
+    from cvxlimit import plotting as plotting
+    from cvxlimit import proof as proof
+    from cvxlimit import scene as scene
+    from cvxlimit import solution as solution
+    from cvxlimit import solvers as solvers
+    from cvxlimit import surfaces as surfaces
+    from cvxlimit.geometry.blocks import Block as Block
+    from cvxlimit.geometry.contacts import COMPONENTS as COMPONENTS
+    from cvxlimit.geometry.contacts import Contact as Contact
+    from cvxlimit.geometry.contacts import Contacts as Contacts
+    from cvxlimit.loads import GRAVITY as GRAVITY
+    from cvxlimit.loads import Load as Load
+    from cvxlimit.loads import PointForce as PointForce
+    from cvxlimit.loads import Pressure as Pressure
+    from cvxlimit.masonry import builtin_scene as builtin_scene
+    from cvxlimit.methods.analysis import analyse as analyse
+    from cvxlimit.methods.certified import Certified as Certified
+    from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
+    from cvxlimit.methods.solving import solve as solve
+    from cvxlimit.proof.certificate import Certificate as Certificate
+    from cvxlimit.proof.certificate import Certifier as Certifier
+    from cvxlimit.scene import Scene as Scene
+    from cvxlimit.scene import Units as Units
+    from cvxlimit.solution import Iterate as Iterate
+    from cvxlimit.solution import Solution as Solution
+    from cvxlimit.solution import Status as Status
+
+_MODULES = (
+    "compare", "errors", "geometry", "io", "loads", "masonry", "methods", "model",
+    "plotting", "proof", "scene", "solution", "solvers", "surfaces",
+)  # fmt: skip
+
+_HOME = {
+    "COMPONENTS": "geometry.contacts",
+    "GRAVITY": "loads",
+    "Block": "geometry.blocks",
+    "Certificate": "proof.certificate",
+    "Certified": "methods.certified",
+    "Certifier": "proof.certificate",
+    "Contact": "geometry.contacts",
+    "Contacts": "geometry.contacts",
+    "FixedPoint": "methods.fixed_point",
+    "Iterate": "solution",
+    "Load": "loads",
+    "PointForce": "loads",
+    "Pressure": "loads",
+    "Scene": "scene",
+    "Solution": "solution",
+    "Status": "solution",
+    "Units": "scene",
+    "analyse": "methods.analysis",
+    "builtin_scene": "masonry",
+    "solve": "methods.solving",
+}
+"""The module of every public name; above once more, for type checkers."""
+
+__all__ = ["__version__", *_MODULES, *_HOME]
+
+
+if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
+
+    def __getattr__(name: str) -> Any:
+        if name in _MODULES:
+            return import_module(f"cvxlimit.{name}")
+        if name not in _HOME:
+            raise AttributeError(f"module 'cvxlimit' has no attribute {name!r}")
+        value = getattr(import_module(f"cvxlimit.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,6 +1,38 @@
-"""``python -m cvxlimit`` is ``cvxlimit``."""
+"""The command ``cvxlimit``, which is ``python -m cvxlimit`` as well.
 
-from cvxlimit.cli.main import main
+Nothing heavy is imported here before Ctrl-C is taken care of.
+"""
+
+import os
+import signal
+from types import FrameType
+from typing import NoReturn
+
+INTERRUPTED = 130
+"""128 plus the number of the signal, as shells have it."""
+
+
+def main() -> NoReturn:
+    """Run the command line of the process and end it."""
+    is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if is_ours:
+        signal.signal(signal.SIGINT, _stop)
+    from cvxlimit.cli.main import main as run
+
+    try:
+        if is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        run()
+    except KeyboardInterrupt:
+        _stop()
+
+
+def _stop(number: int = signal.SIGINT, frame: FrameType | None = None) -> NoReturn:
+    """End at once: an exception would get lost in imports that try one library after another."""
+    with open(2, "w", closefd=False) as errors:
+        errors.write("cvxlimit: interrupted\n")
+    os._exit(INTERRUPTED)
+
 
 if __name__ == "__main__":
     main()

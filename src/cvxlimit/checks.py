@@ -1,4 +1,4 @@
-"""Checks of numbers given by users; each refusal names the object and shows the value."""
+"""Checks of what users give; each refusal names the object and shows the value."""
 
 from __future__ import annotations
 
@@ -8,7 +8,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
+
+
+def is_number(value: Any) -> bool:
+    """True for integers and floats, Python's or NumPy's; False for truth values and texts."""
+    number = (int, float, np.floating, np.integer)
+    return isinstance(value, number) and not isinstance(value, bool)
+
+
+def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = "") -> Any:
+    """``value`` if it is a ``kind``; the refusal says ``what`` it should be and the ``cure``.
+
+    >>> of_type(5, str, "name of the scene must be a text")
+    Traceback (most recent call last):
+    cvxlimit.errors.InputError: name of the scene must be a text, got 5
+    """
+    if not isinstance(value, kind):
+        text = repr(value)
+        short = text if len(text) <= 80 else f"{text[:60]} ..."
+        raise InputError(f"{what}, got {short}{cure and f': {cure}'}")
+    return value
+
+
+def positive(value: Any, what: str) -> float:
+    """``value`` as a finite float above 0; ``what`` names it in the refusal."""
+    if not_negative(value, what) == 0.0:
+        raise InputError(f"{what} must be above 0, got {value!r}")
+    return float(value)
 
 
 def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
@@ -26,16 +53,23 @@ def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
 
 def not_negative(value: Any, what: str) -> float:
     """``value`` as a finite float >= 0; ``what`` names it in the refusal."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+    if not is_number(value):
         raise InputError(f"{what} must be a number, got {value!r}")
     if not 0.0 <= value <= sys.float_info.max:
         raise InputError(f"{what} must be finite and not negative, got {value!r:.40}")
     return float(value)
 
 
-def positive(value: Any, what: str) -> float:
-    """``value`` as a finite float > 0; ``what`` names it in the refusal."""
-    number = not_negative(value, what)
-    if number == 0.0:
-        raise InputError(f"{what} must be positive, got {value!r}")
-    return number
+def ratio(value: Any, what: str) -> float:
+    """A setting as a float between 0 and 1, both excluded; ``what`` names it in the refusal."""
+    if not (is_number(value) and 0.0 < value < 1.0):
+        raise ModelError(f"{what} must be between 0 and 1, got {value!r}")
+    return float(value)
+
+
+def count(value: Any, least: int, what: str) -> int:
+    """A setting as a whole number of at least ``least``; ``what`` names it in the refusal."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not (whole and value >= least):
+        raise ModelError(f"{what} must be at least {least} and whole, got {value!r}")
+    return int(value)

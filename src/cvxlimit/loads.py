@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import finite_vector
+from cvxlimit.checks import finite_vector, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 
@@ -182,6 +182,14 @@ class Load:
                 f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
                 "weight per volume; use acceleration for multiples of the weight"
             )
+        cure = "write {'b1': (fx, fy, fz, mx, my, mz)}"
+        of_type(
+            {} if self.forces is None else self.forces, Mapping, "forces must be a mapping", cure
+        )
+        cure = "write {'b1': (0, 0, -1)}"
+        of_type(
+            {} if self.weights is None else self.weights, Mapping, "weights must be a mapping", cure
+        )
         _set(self, "forces", _vectors(self.forces, 6, "force on block"))
         _set(self, "weights", _vectors(self.weights, 3, "multiple of the weight of block"))
         _set(self, "points", _members(self.points, PointForce, "points"))

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import not_negative, positive
+from cvxlimit.checks import not_negative, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -36,6 +36,10 @@ class Units:
     length: str = "m"
     force: str = "kN"
 
+    def __post_init__(self) -> None:
+        for name in ("length", "force"):
+            of_type(getattr(self, name), str, f"unit of {name} must be a text")
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -46,7 +50,7 @@ class Scene:
     blocks : tuple of Block
         Free and fixed blocks; order gives the rows of mechanisms.
     supports : tuple of str
-        Ids of fixed blocks (the ground is one).
+        Ids of fixed blocks (the ground is one); a single id may stand alone.
     live : Load
         Multiplied by the unknown load factor.
     dead : Load
@@ -54,7 +58,12 @@ class Scene:
     friction : float
         Coulomb coefficient of all contacts without their own.
     contact_friction : mapping of (id, id) to float
-        Coefficient of the contacts between two blocks, in either order.
+        Coefficient of the contacts between two blocks, in either order; None is no exception.
+    cohesion : float
+        Force per area that every contact without its own resists in shear besides friction;
+        none by default.
+    contact_cohesion : mapping of (id, id) to float
+        Likewise.
     units : Units
     name : str
     joint_tolerance : float or None
@@ -65,8 +74,8 @@ class Scene:
     ------
     InputError
         For duplicate or unknown ids, a free block without density, no free block, a live load
-        that is zero everywhere, friction that is negative or not finite. Geometric faults
-        (overlap, loose blocks) are found with the contacts.
+        that is zero everywhere, friction that is negative or not finite, anything that is not of
+        its kind. Geometric faults (overlap, loose blocks) are found with the contacts.
 
     Example
     -------
@@ -85,20 +94,21 @@ class Scene:
     contact_friction: Mapping[tuple[str, str], float] = field(default_factory=dict)
     units: Units = Units()
     name: str = "scene"
+    cohesion: float = 0.0
+    contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
     joint_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "blocks", tuple(self.blocks))
-        object.__setattr__(self, "supports", tuple(self.supports))
-        object.__setattr__(self, "friction", not_negative(self.friction, "friction of the scene"))
-        overrides = {
-            tuple(sorted(pair)): not_negative(mu, f"friction of contact {pair[0]!r}-{pair[1]!r}")
-            for pair, mu in self.contact_friction.items()
-        }
-        if len(overrides) < len(self.contact_friction):
-            twice = next(p for p in self.contact_friction if p[::-1] in self.contact_friction)
-            raise InputError(f"friction of contact {twice[0]!r}-{twice[1]!r} is given twice")
-        object.__setattr__(self, "contact_friction", MappingProxyType(overrides))
+        blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
+        supports = _members(self.supports, str, "supports must be ids", "write ['ground']")
+        object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "supports", supports)
+        _check_kinds(self)
+        for what in _BY_CONTACT:
+            value = not_negative(getattr(self, what), f"{what} of the scene")
+            object.__setattr__(self, what, value)
+            overrides = _overrides(what, getattr(self, f"contact_{what}") or {})
+            object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
         if self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
@@ -107,13 +117,14 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
-        overrides = dict(self.contact_friction)
-        return Scene, (*fields, overrides, self.units, self.name, self.joint_tolerance)
+        own = dict(self.contact_friction), self.units, self.name
+        cohesion = self.cohesion, dict(self.contact_cohesion)
+        return Scene, (*fields, *own, *cohesion, self.joint_tolerance)
 
     @cached_property
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
-        return self._with_own_friction(self._detection.contacts)
+        return self._with_own(self._detection.contacts)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
@@ -173,6 +184,10 @@ class Scene:
         kept = self.contact_friction if contact_friction is None else contact_friction
         return self._copy(friction=friction, contact_friction=kept)
 
+    def with_cohesion(self, cohesion: float) -> Scene:
+        """The same scene with other cohesion (force per area); overrides are kept."""
+        return self._copy(cohesion=cohesion)
+
     def with_name(self, name: str) -> Scene:
         """The same scene under another name."""
         return self._copy(name=name)
@@ -191,13 +206,25 @@ class Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.
 
         From m and kN to mm and N: ``scene.in_units(Units("mm", "N"), 1e3, 1e3)``.
+
+        Raises
+        ------
+        InputError
+            If a factor is not a finite number above 0.
         """
+        of_type(units, Units, "units must be Units", 'write Units("mm", "N")')
+        length = positive(length, "length, how many new units one old unit of length is,")
+        force = positive(force, "force, how many new units one old unit of force is,")
         return replace(
             self,
             blocks=tuple(b.scaled(length, force / length**3) for b in self.blocks),
             dead=self.dead.scaled(length, force),
             live=self.live.scaled(length, force),
             units=units,
+            cohesion=self.cohesion * force / length**2,
+            contact_cohesion={
+                pair: c * force / length**2 for pair, c in self.contact_cohesion.items()
+            },
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 
@@ -222,22 +249,82 @@ class Scene:
             copy.__dict__["_detection"] = self._detection
         return copy
 
-    def _with_own_friction(self, contacts: Contacts) -> Contacts:
-        friction = np.full(len(contacts), self.friction)
+    def _with_own(self, contacts: Contacts) -> Contacts:
+        """Contacts with the scene's friction and cohesion, or the pair's own."""
+        return contacts.with_friction(self._by_contact("friction", contacts)).with_cohesion(
+            self._by_contact("cohesion", contacts)
+        )
+
+    def _by_contact(self, what: str, contacts: Contacts) -> FloatArray:
+        default, own = getattr(self, what), getattr(self, f"contact_{what}")
+        result = np.full(len(contacts), default)
+        if not own:
+            return result
         ids = contacts.block_ids
         pairs = [
             tuple(sorted((ids[a], ids[b]))) for a, b in zip(contacts.a, contacts.b, strict=True)
-        ] if self.contact_friction else []  # fmt: skip
-        unknown = set(self.contact_friction) - set(pairs)
+        ]
+        unknown = set(own) - set(pairs)
         if unknown:
             a, b = sorted(unknown)[0]
             raise InputError(
-                f"friction is given for contact {a!r}-{b!r}, but these blocks do not touch: "
+                f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
                 "remove the entry or move the blocks"
             )
-        for j, pair in enumerate(pairs):
-            friction[j] = self.contact_friction.get(pair, self.friction)
-        return contacts.with_friction(friction)
+        return np.array([own.get(pair, default) for pair in pairs])
+
+
+_BY_CONTACT = ("friction", "cohesion")
+"""What contacts have from the scene, or of their own."""
+
+
+def _overrides(what: str, given: Mapping[tuple[str, str], float]) -> dict[tuple[str, ...], float]:
+    checked = {
+        tuple(sorted(pair)): not_negative(value, f"{what} of contact {pair[0]!r}-{pair[1]!r}")
+        for pair, value in given.items()
+    }
+    if len(checked) < len(given):
+        twice = next(p for p in given if p[::-1] in given)
+        raise InputError(f"{what} of contact {twice[0]!r}-{twice[1]!r} is given twice")
+    return checked
+
+
+def check_scene(value: Any) -> None:
+    """Refuse anything but a scene, and say how to make one.
+
+    >>> check_scene("arch")
+    Traceback (most recent call last):
+    cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
+or read_scene('arch') if it is a file
+    """
+    name = repr(value)
+    cure = "builtin_scene('arch') makes one"
+    if isinstance(value, str):
+        cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
+    of_type(value, Scene, "scene must be a Scene", cure)
+
+
+def _members(value: Any, kind: type, what: str, cure: str) -> tuple[Any, ...]:
+    """``value`` as a tuple; one that stands alone counts as a list of one."""
+    if isinstance(value, kind):
+        return (value,)
+    return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
+
+
+def _check_kinds(scene: Scene) -> None:
+    of_type(scene.name, str, "name of the scene must be a text")
+    of_type(scene.units, Units, "units of the scene must be Units", 'write Units("mm", "N")')
+    for case in ("live", "dead"):
+        cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
+        of_type(getattr(scene, case), Load, f"the {case} load must be a Load", cure)
+    for what in _BY_CONTACT:
+        given = getattr(scene, f"contact_{what}")
+        kind = f"contact_{what} must be a mapping of two ids to a number"
+        cure = "write {('b1', 'b2'): 0.5}"
+        for pair in of_type({} if given is None else given, Mapping, kind, cure):
+            two = isinstance(pair, tuple) and len(pair) == 2
+            if not (two and all(isinstance(key, str) for key in pair)):
+                raise InputError(f"{kind}, got {pair!r}: {cure}")
 
 
 def _check_ids(scene: Scene) -> None:
@@ -252,13 +339,14 @@ def _check_ids(scene: Scene) -> None:
     if len(set(scene.supports)) < len(scene.supports):
         twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
         raise InputError(f"support {twice!r} is listed twice")
-    for pair in scene.contact_friction:
-        for key in pair:
-            if key not in known:
-                raise InputError(
-                    f"friction is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
-                    f"block {key!r}"
-                )
+    for what in _BY_CONTACT:
+        for pair in getattr(scene, f"contact_{what}"):
+            for key in pair:
+                if key not in known:
+                    raise InputError(
+                        f"{what} is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
+                        f"block {key!r}"
+                    )
     if not len(scene.free):
         raise InputError(
             f"scene {scene.name!r} has no free block: at least one block must not be a support"

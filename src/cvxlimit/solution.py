@@ -126,6 +126,8 @@ class Solution:
         power 1.
     note : str
         What the status rests on, in a sentence; empty if there is nothing to add.
+    versions : mapping of distribution to version
+        cvxlimit, CVXPY and every solver that ran; empty where they are not known.
     """
 
     scene: str
@@ -143,6 +145,7 @@ class Solution:
     forces: FloatArray | None = field(default=None, repr=False)
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
     note: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def is_proved(self) -> bool:

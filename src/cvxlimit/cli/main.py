@@ -47,6 +47,7 @@ from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.versions import __version__
 
 Job = Callable[[], int]
 Tell = Callable[[str], None]
@@ -72,6 +73,24 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Certified collapse loads of dry-jointed masonry. Start with: cvxlimit solve tuff-wall",
 )
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        show(Text(f"cvxlimit {__version__}"))
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Options of ``cvxlimit`` itself; Typer shows the help of ``app``."""
 
 
 @app.command(

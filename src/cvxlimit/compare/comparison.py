@@ -17,11 +17,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import Method, Model
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Row, number_of_steps, side_by_side
+from cvxlimit.compare.rows import Interrupted, Row, number_of_steps, side_by_side
 from cvxlimit.compare.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
 from cvxlimit.files import write_file
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, check_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +46,14 @@ DEFAULT_MODELS = (
 class Comparison:
     """Rows of one comparison, in the order of the models.
 
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    rows : tuple of Row
+    is_interrupted : bool
+        True after Ctrl-C: the rows are those of the models that had run by then.
+
     Example
     -------
     >>> from cvxlimit import builtin_scene
@@ -56,6 +64,7 @@ class Comparison:
 
     scene: str
     rows: tuple[Row, ...]
+    is_interrupted: bool = False
 
     @property
     def front(self) -> tuple[str, ...]:
@@ -68,7 +77,9 @@ class Comparison:
         head = ("", "model", "load factor", "true error", "seconds", "of it solver", "MB", "status")
         best = set(self.front)
         lines = [head, *(("*" if row.method in best else "", *_cells(row)) for row in self.rows)]
-        notes = dict.fromkeys(_reference_note(row) for row in self.rows)
+        notes = [*dict.fromkeys(_reference_note(row) for row in self.rows)]
+        if self.is_interrupted:
+            notes.append("interrupted: the models above had run by then")
         return "\n".join([*_aligned(lines), *notes])
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -143,14 +154,16 @@ def compare(
     Returns
     -------
     Comparison
-        Models that fail are rows with a reason.
+        Models that fail are rows with a reason. On Ctrl-C, the rows measured by then.
 
     Raises
     ------
     ModelError
         For an unknown name, two models of one name, no model, or a repeat below 1.
     InputError
-        If the scene's geometry is not valid.
+        If ``scene`` is no scene, or its geometry is not valid.
+    KeyboardInterrupt
+        On Ctrl-C before anything was measured.
 
     Example
     -------
@@ -163,15 +176,20 @@ def compare(
     """
     if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
         raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
-    if not isinstance(scene, Scene):
-        raise ModelError(f"scene must be a Scene, got {scene!r}: builtin_scene('arch') makes one")
+    check_scene(scene)
     if limits is not None and not isinstance(limits, Limits):
         raise ModelError(f"limits must be Limits, got {limits!r}: Limits(seconds=30) makes them")
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
+    is_interrupted = False
     with _bar(progress, number_of_steps(methods, repeat)) as advance:
-        rows = side_by_side(methods, scene, repeat, limits or Limits(), advance)
-    return Comparison(scene.name, tuple(rows))
+        try:
+            rows = side_by_side(methods, scene, repeat, limits or Limits(), advance)
+        except Interrupted as interrupt:
+            if not interrupt.rows:
+                raise
+            rows, is_interrupted = interrupt.rows, True
+    return Comparison(scene.name, tuple(rows), is_interrupted)
 
 
 def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:

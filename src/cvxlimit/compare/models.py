@@ -226,9 +226,7 @@ class Model(Method):
         state = problem.solve(settings)
         watch.lap("solve")
         watch.move(watch.seconds["solve"] - state.outcome.solve_seconds, "solve", "compile")
-        bounds = Certifier(scene, problem.surfaces).certificate(
-            state.forces, state.load_factor, state.mechanism
-        )
+        bounds = Certifier(scene, problem.surfaces, self.formulation).of(state)
         watch.lap("certify")
         return packed(state, bounds, watch, len(contacts))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
 
@@ -82,6 +82,17 @@ class Row:
         return bool(self.reason)
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while methods were measured; ``rows`` are those of the methods that have run.
+
+    Their medians are over fewer runs than asked for where the last turn was not finished.
+    """
+
+    def __init__(self, rows: list[Row]) -> None:
+        super().__init__(f"{len(rows)} methods were measured")
+        self.rows = rows
+
+
 def find_bracket(method: Method, scene: Scene, limits: Limits) -> Bracket:
     """The reference that fits the method's interaction, in a process of its own."""
     reference = Reference(interaction=method.interaction, moments=method.moments)
@@ -102,33 +113,62 @@ def side_by_side(
     """Measure all methods on one scene in turns, so that a busy machine hits them alike.
 
     A method that fails is not run again. ``advance`` is told after every run.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, with the rows of what was measured before.
     """
     brackets: dict[tuple[str, str], Bracket] = {}
     for method in methods:
-        key = (method.interaction, method.moments)
-        if key not in brackets:
-            brackets[key] = find_bracket(method, scene, reference_limits or limits)
+        if _truth(method) not in brackets:
+            brackets[_truth(method)] = find_bracket(method, scene, reference_limits or limits)
             advance("reference")
-    found: dict[str, list[Measurement]] = {method.name: [] for method in methods}
-    failures: dict[str, Failure] = {}
-    for _ in range(repeat):
-        for method in methods:
-            if method.name not in failures:
-                result = run_apart(method, scene, limits)
-                if isinstance(result, Failure):
-                    failures[method.name] = result
-                else:
-                    found[method.name].append(result)
-            advance(method.name)
-    return [
-        row_of(m, scene, found[m.name], failures.get(m.name), brackets[m.interaction, m.moments])
-        for m in methods
-    ]
+    tallies = [_Tally(method, scene, brackets[_truth(method)]) for method in methods]
+    try:
+        for _ in range(repeat):
+            for tally in tallies:
+                if tally.failure is None:
+                    tally.add(run_apart(tally.method, scene, limits))
+                advance(tally.method.name)
+    except KeyboardInterrupt as error:
+        raise Interrupted([tally.row for tally in tallies if tally.has_run]) from error
+    return [tally.row for tally in tallies]
+
+
+def _truth(method: Method) -> tuple[str, str]:
+    """Methods with the same one are measured against the same reference."""
+    return method.interaction, method.moments
+
+
+@dataclass
+class _Tally:
+    """The runs of one method so far."""
+
+    method: Method
+    scene: Scene
+    bracket: Bracket
+    runs: list[Measurement] = field(default_factory=list)
+    failure: Failure | None = None
+
+    def add(self, result: Measurement | Failure) -> None:
+        if isinstance(result, Failure):
+            self.failure = result
+        else:
+            self.runs.append(result)
+
+    @property
+    def has_run(self) -> bool:
+        return bool(self.runs) or self.failure is not None
+
+    @property
+    def row(self) -> Row:
+        return row_of(self.method, self.scene, self.runs, self.failure, self.bracket)
 
 
 def number_of_steps(methods: Sequence[Method], repeat: int) -> int:
     """How often :func:`side_by_side` will call ``advance``."""
-    return len({(m.interaction, m.moments) for m in methods}) + repeat * len(methods)
+    return len({_truth(method) for method in methods}) + repeat * len(methods)
 
 
 def row_of(

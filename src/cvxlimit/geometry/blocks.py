@@ -24,6 +24,7 @@ from cvxlimit.geometry.mesh import (
     surface,
     volume_and_centroid,
 )
+from cvxlimit.geometry.readonly import ReadOnlyArrays
 
 FloatArray = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ class Repair:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(ReadOnlyArrays):
     """A rigid polyhedron. Build it with :meth:`box`, :meth:`polyhedron` or :meth:`hull`.
 
     It is closed, and may have notches, holes through it and cavities in it. Meshes as programs

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
+from cvxlimit.geometry.readonly import ReadOnlyArrays, read_only
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,8 +47,10 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(ReadOnlyArrays):
     """All contacts of a scene, n of them with m corners in all, as read-only arrays.
+
+    ``contacts[3]`` and ``contacts["b1-b2"]`` are one of them, as a :class:`Contact`.
 
     Attributes
     ----------
@@ -61,7 +66,8 @@ class Contacts:
         these are the hull's corners, everything else belongs to the contact itself.
     sides : (n, 2)
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
-    area : (n,), friction : (n,)
+    area : (n,), friction : (n,), cohesion : (n,)
+        Cohesion is a force per area, zero unless the scene has one.
     pieces : mapping of int to tuple of (k, 2) arrays
         For contacts that are not convex, have holes or several parts: convex polygons that tile
         them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
@@ -78,7 +84,12 @@ class Contacts:
     sides: FloatArray
     area: FloatArray
     friction: FloatArray
+    cohesion: FloatArray
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            object.__setattr__(self, each.name, read_only(getattr(self, each.name)))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -86,7 +97,11 @@ class Contacts:
     def __iter__(self) -> Iterator[Contact]:
         return (self[j] for j in range(len(self)))
 
-    def __getitem__(self, j: int) -> Contact:
+    def __getitem__(self, j: int | str) -> Contact:
+        if isinstance(j, str):
+            j = self._index(j)
+        if not isinstance(j, (int, np.integer)):
+            raise InputError(f"a contact is named by its number or its name, got {j!r}")
         if not -len(self) <= j < len(self):
             raise IndexError(f"contact {j} of {len(self)}")
         j %= len(self)
@@ -106,6 +121,16 @@ class Contacts:
             area=float(self.area[j]),
             friction=float(self.friction[j]),
         )
+
+    def _index(self, name: str) -> int:
+        if name in self.names:
+            return self.names.index(name)
+        ids = zip(self.a, self.b, strict=True)
+        turned = [f"{self.block_ids[b]}-{self.block_ids[a]}" for a, b in ids]
+        twin = [self.names[turned.index(name)]] if name in turned else []
+        close = twin or get_close_matches(name, self.names, 1)
+        hint = f"did you mean {close[0]!r}?" if close else "contacts.names lists them"
+        raise InputError(f"there is no contact {name!r}; {hint}")
 
     def corners_of(self, j: int) -> FloatArray:
         """Corners (k, 2) of contact j in its plane (t1, t2)."""
@@ -180,6 +205,10 @@ class Contacts:
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""
         return replace(self, friction=friction)
+
+    def with_cohesion(self, cohesion: FloatArray) -> Contacts:
+        """The same contacts with cohesion (n,), force per area."""
+        return replace(self, cohesion=cohesion)
 
     def corner_sums(self, values: FloatArray) -> FloatArray:
         """Sum of corner values (m, ...) over each contact, (n, ...)."""

@@ -133,7 +133,7 @@ class _Joints:
         alone = np.bincount(pair)[pair] == 1
         boxes = alone & _is_aligned_rectangle(flat[0], table.sides[lower], size[pair])
         boxes &= _is_aligned_rectangle(flat[1], table.sides[upper], size[pair])
-        found = outlines(*flat, boxes, pair)
+        found = outlines(flat[0], flat[1], boxes, pair)
         allowed = np.minimum(reach.tolerance[one.block], reach.tolerance[other.block])
         least = RELATIVE_TOLERANCE * np.minimum(size, reach.size[other.block])
         found = found.take(np.flatnonzero(found.width > least[found.pair]))
@@ -173,13 +173,14 @@ class _Joints:
             sides=found.sides,
             area=found.area,
             friction=np.full(len(a), friction),
-            pieces={k: tuple(p) for k, p in enumerate(found.pieces) if p is not None},
+            cohesion=np.zeros(len(a)),
+            pieces={k: p for k, p in enumerate(found.pieces.tolist()) if p is not None},
         )
 
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
         """Joints that are no contacts by less than the reach."""
         wide = self.found.width > self.allowed
-        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
+        close: BoolArray = np.asarray((np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1))
         off = (self.gaps[:, 1] <= self.near) & (self.gaps[:, 0] >= -self.allowed)
         rows = (wide & off & ~close) | (close & ~wide & (self.sine <= _STEEPEST))
         ends = np.append(self.found.start, len(self.found.corners))

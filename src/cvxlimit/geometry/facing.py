@@ -175,8 +175,8 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
     for size in np.unique(sizes).tolist():
         members = np.flatnonzero(sizes == size)
         corners = points[:, [shape.pieces[i] for i in members.tolist()]]
-        found = _vectors(corners)
-        np.add.at(vectors, (slice(None), owner[members]), found)
+        for piece, area in zip(members.tolist(), _vectors(corners).transpose(1, 0, 2), strict=True):
+            vectors[:, owner[piece]] += area
         normals[size] = corners, members
     normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
     for corners, members in normals.values():

@@ -8,6 +8,7 @@ from dataclasses import fields as dataclass_fields
 
 import numpy as np
 
+from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -32,7 +33,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note",)
+_OPTIONAL = ("note", "versions")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -92,7 +93,8 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    The keys are those of the format, always all of them, plus ``note`` when there is one.
+    The keys are those of the format, always all of them, plus ``note`` and ``versions``
+    when there are any.
     A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
     finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
     history, fields that do not apply are left out.
@@ -112,6 +114,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
     >>> document["lower"], document["history"]
     (None, [{'load_factor': 0.25, 'seconds': 0.01, 'solver': 'CLARABEL', 'status': 'optimal'}])
     """
+    of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
     with refusals():
         factor = solution.load_factor
         document: JsonObject = {
@@ -134,6 +137,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
         }
         if solution.note:
             document["note"] = text(solution.note, "note")
+        if solution.versions:
+            document["versions"] = _versions(solution.versions)
         return document
 
 
@@ -176,6 +181,7 @@ this is not a result file
             forces=_forces(top["forces"], contacts),
             mechanism=_mechanism(top["mechanism"]),
             note=text(top.get("note", ""), "note"),
+            versions=_versions(top.get("versions", {})),
         )
 
 
@@ -236,6 +242,11 @@ def _iterate(index: int, value: object) -> Iterate:
 def _iterate_number(value: object, name: str, where: str) -> float:
     what = f"{name} of {where}"
     return _bound(value, name, what) if name in _NO_BOUND else _from_json(value, what)
+
+
+def _versions(value: object) -> dict[str, str]:
+    found = mapping(value, "versions")
+    return {name: text(x, f"version of {shown(name)}") for name, x in found.items()}
 
 
 def _forces_to_list(forces: FloatArray | None) -> list[list[float]] | None:

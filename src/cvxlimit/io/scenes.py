@@ -27,7 +27,7 @@ from cvxlimit.io.fields import (
     whole,
 )
 from cvxlimit.loads import Load, PointForce, Pressure
-from cvxlimit.scene import Scene, Units
+from cvxlimit.scene import Scene, Units, check_scene
 
 _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -115,6 +115,7 @@ def scene_to_dict(scene: Scene) -> JsonObject:
     >>> document["blocks"][0]
     {'id': 'ground', 'box': {'min': [0.0, 0.0, -1.0], 'max': [1.0, 1.0, 0.0]}}
     """
+    check_scene(scene)
     with refusals():
         document: JsonObject = {
             "format": "cvxlimit-scene",

@@ -1,23 +1,41 @@
 """Generators of masonry scenes, and the built-in scenes.
 
 Each generator takes sizes in the user's units (m and kN by default) and returns a
-:class:`~cvxlimit.scene.Scene`: :func:`wall` with :func:`running_bond`, :func:`panel`,
-:func:`arch`, :func:`stack` and :func:`single_block`. Named scenes live in
-:mod:`cvxlimit.masonry.builtin`: that is where to add the next one.
+:class:`~cvxlimit.scene.Scene`:
+
+- walls: :func:`wall` with :func:`running_bond`, :func:`panel`, :func:`facade` with
+  :class:`Opening`, :func:`house_corner`, :func:`random_wall`;
+- arches: :func:`arch`, :func:`arch_on_piers`, :func:`flying_buttress`;
+- vaults: :func:`barrel_vault`, :func:`dome`;
+- :func:`stack` and :func:`single_block`.
+
+Named scenes live in :mod:`cvxlimit.masonry.builtin`: that is where to add the next one.
 """
 
-from cvxlimit.masonry.arches import arch
+from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.builtin import BUILTIN, BuiltinScene, builtin_scene
+from cvxlimit.masonry.buttresses import flying_buttress
+from cvxlimit.masonry.facades import Opening, facade, house_corner
 from cvxlimit.masonry.panels import panel
+from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.masonry.stacks import single_block, stack
+from cvxlimit.masonry.vaults import barrel_vault, dome
 from cvxlimit.masonry.walls import running_bond, wall
 
 __all__ = [
     "BUILTIN",
     "BuiltinScene",
+    "Opening",
     "arch",
+    "arch_on_piers",
+    "barrel_vault",
     "builtin_scene",
+    "dome",
+    "facade",
+    "flying_buttress",
+    "house_corner",
     "panel",
+    "random_wall",
     "running_bond",
     "single_block",
     "stack",

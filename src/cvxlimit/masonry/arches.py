@@ -1,19 +1,13 @@
-"""Circular arches of straight-sided voussoirs between radial joints."""
+"""Circular arches of straight-sided voussoirs between radial joints, on abutments or on piers."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import count, positive
+from cvxlimit.masonry.rings import abutment, between, radial_joints
+from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, positive
 from cvxlimit.scene import Load, Scene
-
-FloatArray = NDArray[np.float64]
-
-_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 3, 7, 4), (1, 2, 6, 5))
-"""Faces of a block between two joints, whose corners are 0-3 and 4-7 in the same order."""
 
 
 def arch(
@@ -79,23 +73,17 @@ def arch(
     >>> len(scene.free), len(scene.contacts)
     (12, 13)
     """
-    number = count(voussoirs, "voussoirs")
-    radius, ratio = (
-        positive(mean_radius, "mean_radius"),
-        positive(thickness_ratio, "thickness_ratio"),
-    )
-    angle = positive(embrace, "embrace")
-    _check_shape(number, ratio, angle)
+    number, radius = count(voussoirs, "voussoirs"), positive(mean_radius, "mean_radius")
+    ratio, angle = positive(thickness_ratio, "thickness_ratio"), positive(embrace, "embrace")
+    check_ring(number, ratio, angle)
+    weight = positive(density, "density of the arch")
+    depth, sides = ratio * radius, (0.0, positive(width, "width"))
     half = np.radians(angle) / 2.0
     angles = np.pi / 2.0 + np.linspace(half, -half, number + 1)
-    joints = _joints(angles, radius, ratio * radius, positive(width, "width"))
-    weight = positive(density, "density of the arch")
-    blocks = [
-        Block.polyhedron(f"v{i + 1}", np.concatenate(joints[i : i + 2]), _FACES, weight)
-        for i in range(number)
-    ]
-    left = _abutment("left-abutment", joints[0], angles[0], ratio * radius)
-    right = _abutment("right-abutment", joints[-1], angles[-1], -ratio * radius)
+    joints = radial_joints(angles, radius, depth, sides)
+    blocks = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
+    left = abutment("left-abutment", joints[0], angles[0], depth)
+    right = abutment("right-abutment", joints[-1], angles[-1], -depth)
     return Scene(
         blocks=(left, *blocks, right),
         supports=(left.id, right.id),
@@ -105,7 +93,109 @@ def arch(
     )
 
 
-def _check_shape(number: int, ratio: float, angle: float) -> None:
+def arch_on_piers(
+    voussoirs: int = 20,
+    thickness_ratio: float = 0.15,
+    *,
+    mean_radius: float = 1.0,
+    pier_width: float = 0.4,
+    pier_height: float = 1.2,
+    pier_courses: int = 4,
+    width: float = 0.3,
+    density: float = 20.0,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "arch-on-piers",
+) -> Scene:
+    r"""A semicircular arch in the plane (x, z) on two free-standing piers::
+
+                . - ~ - .
+             ~ . - - - . ~
+           /  /             \  \      springing joints level with the piers' tops
+        +---+-+             +-+---+
+        |     |             |     |
+        +-----+             +-----+
+        |     |             |     |     pier_height, in pier_courses blocks
+        +-----+             +-----+
+        |     |<--- span -->|     |
+      ==+=====+=============+=====+==   ground, top at z = 0
+
+    The piers' inner faces are flush with the arch's inner side, so the clear span is
+    ``(2 - thickness_ratio) mean_radius``; what a pier is wider than the arch stands behind it.
+    Voussoirs are named ``v1``, ``v2`` ... from the left, pier blocks ``l1`` ... and ``r1`` ...
+    from the bottom.
+
+    Parameters
+    ----------
+    voussoirs : int
+        Number of voussoirs, 2 or more.
+    thickness_ratio : float
+        Thickness of the arch over its mean radius, below 2.
+    mean_radius : float
+        Radius of the joints' midpoints, m.
+    pier_width : float
+        Along x, m; no less than the arch is thick.
+    pier_height : float
+        From the ground to the springing, m.
+    pier_courses : int
+        Number of blocks in each pier.
+    width : float
+        Of arch and piers, out of the arch's plane (y), m.
+    density : float
+        Weight per volume, kN/m3.
+    friction : float
+        Coulomb coefficient of all joints.
+    live : Load, optional
+        Horizontal, along +x, in multiples of the weight, unless given.
+    name : str
+        Name of the scene.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, or piers narrower than the arch is thick.
+
+    Example
+    -------
+    >>> scene = arch_on_piers(8, 0.2, pier_courses=3)
+    >>> len(scene.free), len(scene.contacts)
+    (14, 15)
+    """
+    number, radius = count(voussoirs, "voussoirs"), positive(mean_radius, "mean_radius")
+    ratio = positive(thickness_ratio, "thickness_ratio")
+    check_ring(number, ratio, 180.0)
+    depth, broad = ratio * radius, positive(pier_width, "pier_width")
+    if not is_negligible(depth - broad, depth):
+        raise InputError(
+            f"pier_width must be no less than the arch's thickness, {depth:g}, got {broad:g}"
+        )
+    high, thick = positive(pier_height, "pier_height"), positive(width, "width")
+    weight = positive(density, "density of the arch")
+    angles = np.linspace(np.pi, 0.0, number + 1)
+    joints = radial_joints(angles, radius, depth, (0.0, thick), (0.0, high))
+    ring = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
+    inner = radius - depth / 2.0
+    levels = np.linspace(0.0, high, count(pier_courses, "pier_courses") + 1)
+    piers = [
+        block
+        for prefix, x in (("l", (-inner - broad, -inner)), ("r", (inner, inner + broad)))
+        for block in pile(prefix, x, (0.0, thick), levels, weight)
+    ]
+    return Scene(
+        blocks=(ground_below(piers, depth=depth), *piers, *ring),
+        supports=("ground",),
+        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
+        friction=friction,
+        name=name,
+    )
+
+
+def check_ring(number: int, ratio: float, angle: float) -> None:
+    """Refuse a ring of ``number`` voussoirs over ``angle`` degrees that cannot be built."""
     if ratio >= 2.0:
         raise InputError(
             f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
@@ -117,19 +207,3 @@ def _check_shape(number: int, ratio: float, angle: float) -> None:
         raise InputError(
             f"voussoirs must each span less than 180 degrees, got {number} over {angle:g} degrees"
         )
-
-
-def _joints(angles: FloatArray, radius: float, thickness: float, width: float) -> FloatArray:
-    """Corners (n, 4, 3) of the radial joints, in order around each of them."""
-    radii = radius + thickness * np.array([-0.5, 0.5, 0.5, -0.5])
-    corners = np.empty((len(angles), 4, 3))
-    corners[:, :, 0] = radii * np.cos(angles)[:, None]
-    corners[:, :, 1] = width * np.array([0.0, 0.0, 1.0, 1.0])
-    corners[:, :, 2] = radii * np.sin(angles)[:, None]
-    return corners
-
-
-def _abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
-    """The springing joint pushed out of the arch by ``depth`` along its normal."""
-    outward = depth * np.array([-np.sin(angle), 0.0, np.cos(angle)])
-    return Block.polyhedron(id, np.concatenate([joint, joint + outward]), _FACES)

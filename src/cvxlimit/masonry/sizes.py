@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError
@@ -45,6 +47,17 @@ def ground_below(blocks: Sequence[Block], depth: float) -> Block:
     low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
     high = np.max([b.vertices.max(axis=0) for b in blocks], axis=0)
     return Block.box("ground", (low[0], low[1], -depth), (high[0], high[1], 0.0))
+
+
+def pile(
+    prefix: str, x: tuple[float, float], y: tuple[float, float], levels: ArrayLike, density: float
+) -> list[Block]:
+    """Boxes on one another between ``levels`` (z, ascending): ``<prefix>1``, ``<prefix>2`` ..."""
+    heights = np.asarray(levels, dtype=float)
+    return [
+        Block.box(f"{prefix}{i + 1}", (x[0], y[0], z0), (x[1], y[1], z1), density)
+        for i, (z0, z1) in enumerate(pairwise(heights))
+    ]
 
 
 def is_negligible(length: float, unit: float) -> bool:

@@ -10,12 +10,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import ratio
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.selfstress import SelfStressProblem
+from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certificate, Certifier
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Load, Scene, check_scene
 from cvxlimit.solution import PROVED, Iterate, Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.surfaces import Cone, YieldSurface
@@ -26,6 +27,9 @@ Progress = Callable[[str], None]
 
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
+
+_WHOLE = 1.0 - 1e-6
+"""Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
 
 ROUNDING = 1e-9
 """Relative disagreement of two bounds that is put down to rounding."""
@@ -72,6 +76,8 @@ def analyse(
     >>> str(solution.status), solution.gap < 1e-5
     ('certified', True)
     """
+    check_scene(scene)
+    ratio(tolerance, "tolerance")
     tell = progress or (lambda message: None)
     surfaces, name = surfaces_of(surface)
     clock = Clock()
@@ -81,10 +87,12 @@ def analyse(
     clock.measure("detect", start)
     tell(f"compiling {len(scene.free)} blocks x {len(contacts)} contacts")
     start = time.perf_counter()
-    problem = LimitProblem(scene, surfaces, formulation, scaling)
+    assemblage = Assemblage.of(scene, scaling)
+    problem = LimitProblem(assemblage, surfaces, formulation)
     clock.measure("compile", start)
     ladder = ladder or problem.ladder(tolerance)
-    return _Run(scene, name, problem, surfaces, tolerance, ladder, clock, tell).solution()
+    run = _Run(assemblage, name, problem, surfaces, formulation, tolerance, ladder, clock, tell)
+    return run.solution()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,20 +108,22 @@ class _Run:
 
     def __init__(
         self,
-        scene: Scene,
+        assemblage: Assemblage,
         name: str,
         problem: LimitProblem,
         surfaces: tuple[YieldSurface, ...],
+        formulation: Formulation,
         tolerance: float,
         ladder: Sequence[SolverSettings],
         clock: Clock,
         tell: Progress,
     ) -> None:
-        self.scene, self.name, self.problem, self.surfaces = scene, name, problem, surfaces
+        self.assemblage, self.scene, self.name = assemblage, assemblage.scene, name
+        self.problem, self.surfaces, self.formulation = problem, surfaces, formulation
         self.tolerance, self.clock, self.tell = tolerance, clock, tell
         self.ladder = [settings for settings in ladder if suits(settings, problem.problem)]
         start = time.perf_counter()
-        self.certifier = Certifier(scene, problem.surfaces)
+        self.certifier = Certifier(assemblage, problem.surfaces, formulation)
         clock.measure("certify", start)
         self.history: list[Iterate] = []
         self.is_dead_load_solved = self.is_opening_solved = False
@@ -163,11 +173,12 @@ class _Run:
         """The certificate of a state; its bounds are kept where they are better."""
         self.tell("checking the bracket")
         start = time.perf_counter()
-        c = self.certifier.certificate(state.forces, state.load_factor, state.mechanism)
+        c = self.certifier.of(state)
         self.clock.measure("certify", start)
         if c.lower > self.lower[0]:
             self.lower = (c.lower, c.lower_is_proved, state)
-        if c.upper < self.upper[0]:
+        proved = c.upper_is_proved and not self.upper[1]
+        if c.upper < self.upper[0] * (1.0 + proved * ROUNDING):
             self.upper = (c.upper, c.upper_is_proved, state)
         return c
 
@@ -264,19 +275,22 @@ class _Run:
         projections do. Where there are none, returns rates on which the dead load alone does
         work, allowed by the flow rule.
 
-        Asks for the largest share t <= 1 of the dead load that can be carried: by homogeneity it
-        is 1 if the dead load stands and 0 if not, so an upper bound below 1 / 2 is a proof.
+        Asks for the largest share t <= 1 of the dead load that can be carried. Without constants
+        in the conditions it is 1 if the dead load stands and 0 if not, so an upper bound below
+        1 / 2 is a proof; with them only one below 1 is.
         """
         self.is_dead_load_solved = True
         if not np.any(self.scene.dead_forces):
             return None
         self.tell("checking that the dead load can stand")
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        for state, certificate in self._shares(alone, "dead load alone"):
-            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
-                if self.certifier.offer_dead_state(state.forces / state.load_factor):
+        enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
+        for state, certificate in self._shares(alone, "dead load alone", self.surfaces):
+            forces = self.certifier.given(state)
+            if forces is not None and state.load_factor and state.load_factor > enough:
+                if self.certifier.offer_dead_state(forces / state.load_factor):
                     return None
-            elif state.mechanism is not None and (bounds := certificate()).upper < 0.5:
+            elif state.mechanism is not None and (bounds := certificate()).upper < enough:
                 return _Fall(state.mechanism, bounds.upper_is_proved)
         return None
 
@@ -285,7 +299,9 @@ class _Run:
         self.is_opening_solved = True
         self.tell("checking that blocks do not wedge each other")
         start = time.perf_counter()
-        problem = SelfStressProblem(self.scene, self.surfaces)
+        problem = LimitProblem(
+            self.assemblage, self.surfaces, self.formulation, LargestSelfStress()
+        )
         self.clock.measure("compile", start)
         state = problem.solve()
         self._book(state)
@@ -297,31 +313,36 @@ class _Run:
         """Forces (contacts, 6) that carry the live load alone, hence any multiple of it."""
         self.tell("checking whether the live load does any harm")
         alone = self.scene.with_dead(Load())
-        certifier = Certifier(self.scene.with_dead(self.scene.live), self.surfaces)
-        for state, certificate in self._shares(alone, "live load alone"):
-            if state.forces is not None and state.load_factor and state.load_factor > 0.5:
-                forces = state.forces / state.load_factor
+        surfaces = self.certifier.strength.recession()
+        loaded = self.assemblage.under(self.scene.with_dead(self.scene.live))
+        certifier = Certifier(loaded, surfaces, self.formulation)
+        for state, certificate in self._shares(alone, "live load alone", surfaces):
+            given = certifier.given(state)
+            if given is not None and state.load_factor and state.load_factor > 0.5:
+                forces = given / state.load_factor
                 if certifier.bears(forces):
-                    return forces
+                    return certifier.strength.forces(forces)
             elif certificate().upper < 0.5:
                 break
         return None
 
     def _shares(
-        self, scene: Scene, what: str
+        self, scene: Scene, what: str, surfaces: Sequence[YieldSurface]
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Climb the first rungs on the question which share <= 1 of the live load is carried.
 
         Certificates are computed when called for.
         """
         start = time.perf_counter()
-        problem = LimitProblem(scene, self.surfaces, most=1.0)
+        assemblage = self.assemblage.under(scene)
+        reach = LargestFactor(most=1.0)
+        problem = LimitProblem(assemblage, surfaces, self.formulation, reach)
         self.clock.measure("compile", start)
-        certifier = Certifier(scene, problem.surfaces)
+        certifier = Certifier(assemblage, problem.surfaces, self.formulation)
 
         def certified(state: LimitState) -> Certificate:
             start = time.perf_counter()
-            result = certifier.certificate(state.forces, state.load_factor, state.mechanism)
+            result = certifier.of(state)
             self.clock.measure("certify", start)
             return result
 

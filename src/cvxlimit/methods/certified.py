@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import ROUNDING, Clock, Progress, by_block
 from cvxlimit.methods.interaction.branching import branch_and_bound
@@ -78,13 +79,22 @@ class Certified:
     branching_seconds: float = 60.0
 
     def __post_init__(self) -> None:
-        unknown = set(self.starts or ()) - {"middle", "relaxation"}
-        if unknown or self.starts == ():
+        if isinstance(self.starts, str):
+            object.__setattr__(self, "starts", (self.starts,))
+        known = ("middle", "relaxation")
+        if self.starts is not None and not (
+            isinstance(self.starts, Sequence)
+            and self.starts
+            and all(start in known for start in self.starts)
+        ):
             raise ModelError(
                 f"starts must be 'middle' or 'relaxation', at least one, got {self.starts!r}"
             )
-        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
-            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
+        if self.tolerance is not None:
+            ratio(self.tolerance, "tolerance")
+        count(self.solves, 1, "solves")
+        count(self.branching_contacts, 0, "branching_contacts")
+        not_negative(self.branching_seconds, "branching_seconds")
 
 
 def run_certified(

@@ -10,6 +10,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import count, is_number, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.analysis import Clock, by_block
@@ -59,15 +60,13 @@ class FixedPoint:
     most: int = 60
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.old_value_weight < 1.0:
+        if not (is_number(self.old_value_weight) and 0.0 <= self.old_value_weight < 1.0):
             raise ModelError(
                 "old_value_weight must be at least 0 and below 1 (1 would never move), "
                 f"got {self.old_value_weight!r}"
             )
-        if not 0.0 < self.tolerance < 1.0:
-            raise ModelError(f"tolerance must be between 0 and 1, got {self.tolerance!r}")
-        if self.most < 1:
-            raise ModelError(f"most must be at least 1 iteration, got {self.most!r}")
+        ratio(self.tolerance, "tolerance")
+        count(self.most, 1, "most")
 
 
 DPP_LIMIT = 3_000

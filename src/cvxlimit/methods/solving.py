@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, Progress, analyse
 from cvxlimit.methods.certified import Certified, run_certified
 from cvxlimit.methods.fixed_point import FixedPoint, run_fixed_point
-from cvxlimit.scene import Scene
+from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
+from cvxlimit.versions import versions
 
 INTERACTIONS = ("none", "fixed-point", "certified")
 MOMENTS = ("independent", "signed")
@@ -22,9 +25,10 @@ def solve(
     scene: Scene,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
-    interaction: str | FixedPoint | Certified = "none",
+    interaction: str | FixedPoint | Certified | None = "none",
     moments: str = "independent",
     tolerance: float | None = None,
+    formulation: Formulation = corner_compressions,
     ladder: Sequence[SolverSettings] | None = None,
     progress: Progress | None = None,
 ) -> Solution:
@@ -36,7 +40,7 @@ def solve(
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
-    interaction : {"none", "fixed-point", "certified"}, FixedPoint or Certified
+    interaction : {"none", "fixed-point", "certified"}, FixedPoint or Certified, or None
         Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
         the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
         as :class:`FixedPoint` or :class:`Certified`.
@@ -47,6 +51,10 @@ def solve(
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
         for the certified method as narrow as its budget allows, where 5 % counts as good.
+    formulation : callable
+        Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
+        :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
+        Without interaction only.
     ladder : sequence of SolverSettings or None
         Solvers to try in turn; None is the tested order.
     progress : callable or None
@@ -61,7 +69,7 @@ def solve(
     Raises
     ------
     InputError
-        If the scene's geometry is not valid.
+        If ``scene`` is no scene, or its geometry is not valid.
     ModelError
         If an option is not one of those above.
 
@@ -72,21 +80,76 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
+    check_scene(scene)
+    ladder = _checked_ladder(ladder)
+    solution = _solved(
+        scene, surface, interaction, moments, tolerance, formulation, ladder, progress
+    )
+    return replace(solution, versions=versions(_solvers(solution, ladder or ())))
+
+
+def _solvers(solution: Solution, ladder: Sequence[SolverSettings]) -> set[str]:
+    """Solvers that ran, as CVXPY calls them; our own labels begin with that name."""
+
+    def name(label: str) -> str:
+        own = [rung.name for rung in ladder if label.startswith(str(rung))]
+        return own[0] if own else label.replace(",", " ").split()[0]
+
+    return {name(iterate.solver) for iterate in solution.history}
+
+
+def _solved(
+    scene: Scene,
+    surface: str | Cone | Sequence[YieldSurface],
+    interaction: str | FixedPoint | Certified | None,
+    moments: str,
+    tolerance: float | None,
+    formulation: Formulation,
+    ladder: Sequence[SolverSettings] | None,
+    progress: Progress | None,
+) -> Solution:
     check_choice("moments", moments, MOMENTS)
-    if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise ModelError(f"tolerance must be between 0 and 1, got {tolerance!r}")
+    if tolerance is not None:
+        ratio(tolerance, "tolerance")
+    interaction = "none" if interaction is None else interaction
     if isinstance(interaction, str):
         check_choice("interaction", interaction, INTERACTIONS)
         if interaction == "none":
             asked = TOLERANCE if tolerance is None else tolerance
-            return analyse(scene, surface, tolerance=asked, ladder=ladder, progress=progress)
+            return analyse(
+                scene,
+                surface,
+                tolerance=asked,
+                ladder=ladder,
+                formulation=formulation,
+                progress=progress,
+            )
         interaction = FixedPoint() if interaction == "fixed-point" else Certified()
+    if not isinstance(interaction, (FixedPoint, Certified)):
+        check_choice("interaction", interaction, INTERACTIONS)
+    if formulation is not corner_compressions:
+        raise ModelError("interaction brings its own formulation: leave formulation out")
     if tolerance is not None:
         interaction = replace(interaction, tolerance=tolerance)
     cone = _single_cone(surface)
     if isinstance(interaction, FixedPoint):
         return run_fixed_point(scene, cone, moments, interaction, ladder, progress)
     return run_certified(scene, cone, moments, interaction, ladder, progress)
+
+
+def _checked_ladder(
+    ladder: Sequence[SolverSettings] | SolverSettings | None,
+) -> Sequence[SolverSettings] | None:
+    """Settings as a ladder; one that stands alone is a ladder of one rung."""
+    if ladder is None:
+        return None
+    rungs = [ladder] if isinstance(ladder, SolverSettings) else ladder
+    if not isinstance(rungs, Sequence) or not all(isinstance(x, SolverSettings) for x in rungs):
+        raise ModelError(
+            f"ladder must be a list of SolverSettings, got {ladder!r}: "
+            "write [SolverSettings('CLARABEL')], from cvxlimit.solvers"
+        )
+    return rungs
 
 
 def _single_cone(surface: str | Cone | Sequence[YieldSurface]) -> Cone:

@@ -1,51 +1,200 @@
-"""How contact forces become CVXPY variables: corner compressions, or the six resultants."""
+"""Which internal forces describe a contact: corner compressions, or the six resultants.
+
+A formulation is a function of contacts that names vectors of internal forces and says what each
+gives at its contact. Problems, flow rule and certificate follow from that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.model.statics import corner_map
-from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.base import (
+    CONSTANT,
+    Condition,
+    LinearForm,
+    YieldSurface,
+    check_condition,
+    number,
+    stated,
+)
+from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FORCES = ("V1", "V2", "N")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A vector of k internal forces of one kind, and what each gives at its contact.
+
+    Attributes
+    ----------
+    name : str
+        For conditions of the formulation's own; V1 ... MT always mean the contact's resultants.
+    gives : mapping of component to number or (k,) array
+        Contact force components per unit: ``{"N": 1, "M1": y, "M2": -x}`` for a compression at a
+        point (x, y) of the contact. User's units.
+    contact : (k,) int array
+    nonneg : bool
+        True for compressions.
+
+    Example
+    -------
+    >>> Part("MT", {"MT": 1}, np.arange(3)).is_moment
+    True
+    """
+
+    name: str
+    gives: Mapping[str, float | FloatArray]
+    contact: IntArray
+    nonneg: bool = False
+
+    @property
+    def is_moment(self) -> bool:
+        """True if it gives moments only, and hence is one."""
+        return not any(component in _FORCES for component in self.gives)
+
+    def meaning(self, contacts: int) -> sp.csr_array:
+        """Contact forces (6 n, k) per unit."""
+        k = len(self.contact)
+        rows = [len(COMPONENTS) * self.contact + COLUMN[c] for c in self.gives]
+        values = [np.broadcast_to(np.asarray(v, dtype=float), (k,)) for v in self.gives.values()]
+        index = (np.concatenate(rows), np.tile(np.arange(k), len(rows)))
+        shape = (len(COMPONENTS) * contacts, k)
+        return sp.csr_array((np.concatenate(values), index), shape=shape)
 
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """Variables for all contact forces, and what they mean.
+    """The internal forces s of all contacts, p of them, and what holds by their choice.
 
     Attributes
     ----------
-    maps : list of (variable, sparse (6 n, size))
-        The force vector of Eq. 7 is the sum of ``matrix @ vec(variable)`` (column order).
-    components : mapping of component name to expression (n,)
-    constraints : list
-        What the formulation needs so that every contact is free of tension (rocking).
+    contacts : Contacts
+    parts : sequence of Part
+        Contact forces are the sum of what they give.
+    conditions : sequence of Condition
+        Strength that the formulation states itself, on its parts' names or on components; both
+        sides forces in the user's units. It is certified like that of surfaces.
+    holds : frozenset of str
+        Names of surfaces whose conditions its forces satisfy by construction.
+    cone : Cone
+        For norms in ``conditions``.
+
+    Raises
+    ------
+    ModelError
+        For unknown components, twice the same name, or contacts that do not exist.
     """
 
-    maps: list[tuple[cp.Variable, sp.csr_array]]
-    components: Mapping[str, cp.Expression]
-    constraints: list[cp.Constraint]
+    contacts: Contacts
+    parts: Sequence[Part]
+    conditions: Sequence[Condition] = ()
+    holds: frozenset[str] = frozenset({"rocking"})
+    cone: Cone = field(default_factory=Conic)
 
-    def equilibrium(self, matrix: sp.csr_array) -> cp.Expression:
-        """A x as an expression (6 free blocks,)."""
-        terms = [
-            (matrix @ meaning).tocsr() @ (v if v.ndim == 1 else cp.vec(v, order="F"))
-            for v, meaning in self.maps
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.parts]
+        if len(set(names)) < len(names):
+            raise ModelError(f"parts of a formulation need names of their own, got {names}")
+        for part in self.parts:
+            unknown = [c for c in part.gives if c not in COLUMN]
+            if unknown:
+                raise ModelError(
+                    f"part {part.name!r} gives {unknown[0]!r}, which is no force component: "
+                    f"known are {', '.join(COMPONENTS)}"
+                )
+        for condition in self.conditions:
+            check_condition(condition, "the formulation", len(self.contacts), names)
+
+    @cached_property
+    def meaning(self) -> sp.csr_array:
+        """Contact forces (6 n, p) per unit of the internal ones."""
+        blocks = [part.meaning(len(self.contacts)) for part in self.parts]
+        return sp.hstack(blocks, format="csr")
+
+    @cached_property
+    def start(self) -> Mapping[str, slice]:
+        """Where each part stands in s."""
+        ends = np.cumsum([len(part.contact) for part in self.parts])
+        return {
+            part.name: slice(int(end) - len(part.contact), int(end))
+            for part, end in zip(self.parts, ends, strict=True)
+        }
+
+    @cached_property
+    def nonneg(self) -> NDArray[np.bool_]:
+        """True (p,) for compressions."""
+        return np.concatenate([np.full(len(p.contact), p.nonneg) for p in self.parts])
+
+    @cached_property
+    def is_moment(self) -> NDArray[np.bool_]:
+        """True (p,) for moments."""
+        return np.concatenate([np.full(len(p.contact), p.is_moment) for p in self.parts])
+
+    @cached_property
+    def contact(self) -> IntArray:
+        """Contact (p,) of every internal force."""
+        return np.concatenate([part.contact for part in self.parts])
+
+    def values(self, internal: FloatArray) -> dict[str, FloatArray]:
+        """Internal forces (p,) by part, and the contacts' components (n,)."""
+        forces = self.forces(internal)
+        parts = {name: internal[where] for name, where in self.start.items()}
+        return parts | {c: forces[:, column] for c, column in COLUMN.items()}
+
+    def forces(self, internal: FloatArray) -> FloatArray:
+        """Contact forces (n, 6) of internal ones (p,)."""
+        return np.asarray(self.meaning @ internal).reshape(-1, len(COMPONENTS))
+
+    def strength(self, surfaces: Sequence[YieldSurface]) -> list[tuple[Condition, Cone]]:
+        """Conditions that must be written: those of surfaces that do not hold, and its own."""
+        names = list(self.start)
+        written = [
+            (condition, surface.cone)
+            for surface in surfaces
+            if surface.name not in self.holds
+            for condition in stated(surface, self.contacts, names)
         ]
-        return sum(terms[1:], start=terms[0])
+        return written + [(condition, self.cone) for condition in self.conditions]
 
-    def values(self) -> FloatArray:
-        """Forces (n, 6) of the present solution."""
-        total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
-        return np.asarray(total).reshape(-1, len(COMPONENTS))
+    def rows(self, form: LinearForm, contact: IntArray | None) -> tuple[sp.csr_array, FloatArray]:
+        """A linear form as rows on s: matrix (k, p) and constants (k,)."""
+        at = np.arange(len(self.contacts)) if contact is None else contact
+        matrix = sp.csr_array((len(at), self.meaning.shape[1]))
+        constant = np.zeros(len(at))
+        for name, coefficient in form.items():
+            factor = np.broadcast_to(np.asarray(number(coefficient), dtype=float), (len(at),))
+            if name == CONSTANT:
+                constant = constant + factor
+            else:
+                matrix = matrix + sp.diags_array(factor) @ self._unit_rows(name, at)
+        return matrix.tocsr(), constant
+
+    def _unit_rows(self, name: str, at: IntArray) -> sp.csr_array:
+        if name in COLUMN:
+            return self.meaning[len(COMPONENTS) * at + COLUMN[name]]
+        where = self.start[name]
+        size = where.stop - where.start
+        if size != len(at):
+            raise ModelError(
+                f"a condition on {name!r} has {len(at)} rows where {name!r} has {size} entries: "
+                "give the condition the contact of each entry"
+            )
+        shape = (size, self.meaning.shape[1])
+        index = np.arange(size)
+        return sp.csr_array((np.ones(size), (index, where.start + index)), shape=shape)
 
 
 Formulation = Callable[[Contacts], ForceModel]
@@ -56,33 +205,88 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
 
     Rocking (Eq. 9) holds by construction for any convex polygon. The fastest form measured.
     """
-    n, corners = len(contacts), len(contacts.corner_xy)
-    compression = cp.Variable(corners, nonneg=True, name="n")
-    shear = cp.Variable((n, 2), name="V")
-    torsion = cp.Variable(n, name="MT")
-    whole = corner_map(contacts).tocsc()
-    maps = [
-        (compression, whole[:, :corners].tocsr()),
-        (shear, whole[:, corners : corners + 2 * n].tocsr()),
-        (torsion, whole[:, corners + 2 * n :].tocsr()),
-    ]
-    pressure = maps[0][1]
-    components: dict[str, cp.Expression] = {
-        c: pressure[COLUMN[c] :: len(COMPONENTS)] @ compression for c in ("N", "M1", "M2")
-    }
-    components |= {"V1": shear[:, 0], "V2": shear[:, 1], "MT": torsion}
-    return ForceModel(maps, components, [])
+    each = np.arange(len(contacts))
+    x, y = contacts.corner_xy.T
+    corner = Part("n", {"N": 1, "M1": y, "M2": -x}, contacts.corner_contact, nonneg=True)
+    return ForceModel(contacts, [corner, *(Part(c, {c: 1}, each) for c in ("V1", "V2", "MT"))])
 
 
 def resultants(contacts: Contacts) -> ForceModel:
-    """The six components of Eq. 1 as variables, and one row per contact edge for rocking."""
-    n = len(contacts)
-    force = cp.Variable((n, len(COMPONENTS)), name="x")
-    components = {name: force[:, COLUMN[name]] for name in COMPONENTS}
-    index = np.arange(len(COMPONENTS) * n)
-    interleave = sp.csr_array(
-        (np.ones(len(index)), (index, n * (index % len(COMPONENTS)) + index // len(COMPONENTS)))
-    )
-    return ForceModel(
-        [(force, interleave)], components, Rocking().constraints(components, contacts)
-    )
+    """The six components of Eq. 1 as variables; rocking is one row per contact edge."""
+    each = np.arange(len(contacts))
+    parts = [Part(c, {c: 1}, each) for c in COMPONENTS]
+    return ForceModel(contacts, parts, holds=frozenset())
+
+
+@dataclass(frozen=True, eq=False)
+class ForceVariables:
+    """CVXPY variables for all contact forces, scaled, and what they mean.
+
+    Attributes
+    ----------
+    maps : list of (variable (k,) or (k, 2), sparse (6 n, size))
+        The force vector of Eq. 7 is the sum of ``matrix @ vec(variable)`` (column order).
+    components : mapping of component or part to expression
+        Forces and moments over the force unit, so that conditions in the user's units bound them;
+        and :data:`CONSTANT`, the user's unit of force over it.
+    constraints : list
+        What the variables need besides.
+    """
+
+    maps: list[tuple[cp.Variable, sp.csr_array]]
+    components: Mapping[str, cp.Expression]
+    constraints: list[cp.Constraint]
+
+    @classmethod
+    def of(cls, model: ForceModel, force: float, length: float) -> ForceVariables:
+        """Variables of a model's parts in units of ``force`` and ``length``."""
+        units = np.where(np.arange(len(COMPONENTS)) < len(_FORCES), 1.0, length)
+        down = sp.diags_array(np.tile(1.0 / units, len(model.contacts)))
+        maps, components = [], {CONSTANT: 1.0 / force}
+        for part in model.parts:
+            unit = length if part.is_moment else 1.0
+            variable = cp.Variable(len(part.contact), name=part.name, nonneg=part.nonneg)
+            meaning = (unit * down @ part.meaning(len(model.contacts))).tocsr()
+            maps.append((variable, meaning))
+            components[part.name] = times_unit(unit, variable)
+        for column, name in enumerate(COMPONENTS):
+            components[name] = _component(maps, column, float(units[column]))
+        return cls(maps, components, [])
+
+    def internal(self) -> FloatArray:
+        """Present values of all variables, scaled, one part after the other."""
+        return np.concatenate([np.asarray(v.value).ravel(order="F") for v, _ in self.maps])
+
+    def values(self) -> FloatArray:
+        """Forces (n, 6) of the present solution, scaled."""
+        total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
+        return np.asarray(total).reshape(-1, len(COMPONENTS))
+
+
+def times_unit(unit: float, expression: cp.Expression) -> cp.Expression:
+    """The expression itself where the unit is one: nothing for CVXPY to do."""
+    return expression if unit == 1.0 else unit * expression
+
+
+def _component(
+    maps: list[tuple[cp.Variable, sp.csr_array]], column: int, unit: float
+) -> cp.Expression:
+    """One component (n,) of all contacts; a variable that is the component stands for itself."""
+    terms = []
+    for variable, meaning in maps:
+        rows = meaning[column :: len(COMPONENTS)]
+        if not rows.nnz:
+            continue
+        rows = (unit * rows).tocsr()
+        is_whole = rows.shape[0] == rows.shape[1] == rows.nnz
+        if is_whole and (rows.data == rows.data[0]).all() and _is_diagonal(rows):
+            terms.append(times_unit(float(rows.data[0]), variable))
+        else:
+            terms.append(rows @ variable)
+    if not terms:
+        return cp.Constant(np.zeros(maps[0][1].shape[0] // len(COMPONENTS)))
+    return sum(terms[1:], start=terms[0])
+
+
+def _is_diagonal(rows: sp.csr_array) -> bool:
+    return bool((rows.indices == np.arange(rows.shape[0])).all())

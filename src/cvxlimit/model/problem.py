@@ -1,41 +1,206 @@
-"""The static limit problem (Eq. 39) as one vectorised CVXPY problem."""
+"""The static problem (Eq. 39) as one vectorised CVXPY problem: a force model, and an objective."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
 
 import cvxpy as cp
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import (
+    ForceModel,
+    ForceVariables,
+    Formulation,
+    corner_compressions,
+)
+from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, limit_ladder, run
-from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.solvers import LimitState, Shape, SolverSettings, is_conic, limit_ladder, run
+from cvxlimit.surfaces.base import YieldSurface, admissible
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 
 FloatArray = NDArray[np.float64]
 
+_NOTHING = 1e-13
+"""Entries of equilibrium below this share of the largest are rounding: a row of them is empty."""
 
-class LimitProblem:
-    """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact.
 
-    Duals of equilibrium are the mechanism. Compiled once; surfaces with Parameters may change
-    between solves.
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What an objective makes of a problem: the goal, the loads, and limits of its own.
+
+    ``dead`` and ``live`` are scaled loads (6 free blocks,), arrays or expressions.
+    """
+
+    goal: cp.Expression
+    dead: cp.Expression | FloatArray
+    live: cp.Expression | FloatArray
+    limits: list[cp.Constraint] = field(default_factory=list)
+
+
+class Objective(Protocol):
+    """What a static problem maximises, and what that does to the loads."""
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """The scaled terms; ``alpha`` is the scaled load factor."""
+
+
+@dataclass(frozen=True)
+class LargestFactor:
+    """The load factor, at most ``most`` where only its reach is asked for.
+
+    With ``relief_price`` any share of the dead load may be taken off at this price in load
+    factors, so that the problem always has a solution and a mechanism: where no state carries the
+    dead load, the mechanism's bound falls to minus the price. ``cost`` is taken off the scaled
+    load factor.
+    """
+
+    most: float | None = None
+    relief_price: float | None = None
+    cost: cp.Expression | None = None
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """See :class:`Objective`."""
+        unit = assemblage.scaling.load_factor(1.0)
+        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
+        limits = [] if self.most is None else [alpha <= self.most / unit]
+        goal = alpha if self.cost is None else alpha - self.cost
+        if self.relief_price is None:
+            return Terms(goal, dead, live, limits)
+        relief = cp.Variable(name="relief", nonneg=True)
+        goal = goal - self.relief_price / unit * relief
+        return Terms(goal, dead - relief * dead, live, [*limits, relief <= 1.0])
+
+
+@dataclass(frozen=True)
+class LargestSelfStress:
+    """Sum of all compressions without any load, none above one: whether blocks hold each other.
+
+    The value is 0 if there is no self-stress; the duals of equilibrium then open every contact by
+    at least 1 more than the flow rule asks for (a theorem of the alternative: by virtual power,
+    forces that balance themselves do no work on any rates, but positive work where every contact
+    opens). Where the value is positive, duals mean nothing.
+    """
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """See :class:`Objective`."""
+        pressure = forces.components["N"]
+        nothing = np.zeros(len(assemblage.scaled.dead))
+        return Terms(cp.sum(pressure), nothing, nothing, [pressure <= 1.0, alpha == 0.0])
+
+
+class StaticProblem:
+    """max goal  subject to  A x + f_D + alpha f_L = 0  and what bounds the forces x.
+
+    The one static problem: duals of equilibrium are the mechanism. Compiled once; Parameters in
+    its limits may change between solves. Rows of equilibrium without forces and loads are left
+    out, as those across the plane of a planar formulation.
 
     Parameters
     ----------
-    scene : Scene
+    assemblage : Assemblage
+    forces : ForceVariables
+    limits : sequence of cvxpy.Constraint
+        What bounds the forces.
+    objective : Objective
+    """
+
+    def __init__(
+        self,
+        assemblage: Assemblage,
+        forces: ForceVariables,
+        limits: Sequence[cp.Constraint] = (),
+        objective: Objective | None = None,
+    ) -> None:
+        self.assemblage, self.forces = assemblage, forces
+        self.load_factor = cp.Variable(name="alpha")
+        terms = (objective or LargestFactor()).terms(assemblage, forces, self.load_factor)
+        self._matrices, self._rows = _equations(assemblage, forces)
+        balance = [
+            matrix @ (v if v.ndim == 1 else cp.vec(v, order="F"))
+            for matrix, (v, _) in zip(self._matrices, forces.maps, strict=True)
+        ]
+        load = terms.live + terms.dead
+        if len(self._rows) < len(assemblage.scaled.dead):
+            load = load[self._rows]
+        self.equilibrium = sum(balance[1:], start=balance[0]) == -load
+        constraints = [self.equilibrium, *forces.constraints, *limits, *terms.limits]
+        self.problem = cp.Problem(cp.Maximize(terms.goal), constraints)
+
+    @property
+    def scaling(self) -> Scaling:
+        """Units inside the problem."""
+        return self.assemblage.scaling
+
+    def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
+        """Solvers in the order in which to try them for a bracket within ``tolerance``."""
+        return limit_ladder(self.shape, tolerance)
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Size and structure, which decide about solvers."""
+        return Shape.of(sp.hstack(self._matrices, format="csr"), is_conic(self.problem))
+
+    def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
+        """One run of one solver, the ladder's first; never raises for what the solver does."""
+        outcome = run(self.problem, settings or self.ladder()[0], ignore_dpp)
+        alpha = self.load_factor.value
+        if not outcome.has_values or alpha is None:
+            return LimitState(outcome, None, None, None)
+        return LimitState(
+            outcome,
+            self.scaling.load_factor(float(alpha)),
+            self.scaling.forces(self.forces.values()),
+            self._mechanism(),
+            self._internal(),
+        )
+
+    def _internal(self) -> FloatArray | None:
+        """Internal forces (p,), in the user's units."""
+        return None
+
+    def _mechanism(self) -> FloatArray | None:
+        """Equilibrium duals, scaled to live power 1 (Eq. 37) where they have any."""
+        if self.equilibrium.dual_value is None:
+            return None
+        rates = np.zeros(len(self.assemblage.scaled.dead))
+        rates[self._rows] = np.asarray(self.equilibrium.dual_value)
+        return self.scaling.mechanism(rates.reshape(-1, DOF))
+
+
+def _equations(
+    assemblage: Assemblage, forces: ForceVariables
+) -> tuple[list[sp.csr_array], NDArray[np.int64]]:
+    """Matrices of A x over the variables, without its empty rows, and which rows those are not."""
+    matrix = assemblage.scaled.matrix
+    blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
+    size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(matrix.shape[0]))
+    loaded = (assemblage.scaled.dead != 0.0) | (assemblage.scaled.live != 0.0)
+    rows = np.flatnonzero((size > _NOTHING * size.max()) | loaded)
+    if len(rows) < len(size):
+        blocks = [block[rows] for block in blocks]
+    return blocks, rows
+
+
+class LimitProblem(StaticProblem):
+    """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact.
+
+    Parameters
+    ----------
+    scene : Scene or Assemblage
     surfaces : sequence of YieldSurface
         Their intersection is K. Rocking must be one of them; surfaces implied by another are
         not written.
     formulation : callable
-        :func:`corner_compressions` (default) or :func:`resultants`.
-    scaling : Scaling or None
-        Units inside the solver; None is the tested choice, :meth:`Scaling.of`.
-    most : float or None
-        Upper limit on the load factor, for problems that only ask whether it can be reached.
+        :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
+    objective : Objective or None
+        None is the load factor.
 
     Raises
     ------
@@ -52,49 +217,23 @@ class LimitProblem:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | Assemblage,
         surfaces: Sequence[YieldSurface] = DEFAULT_SURFACES,
         formulation: Formulation = corner_compressions,
-        scaling: Scaling | None = None,
-        most: float | None = None,
+        objective: Objective | None = None,
     ) -> None:
+        assemblage = Assemblage.of(scene)
         self.surfaces = needed_surfaces(surfaces)
-        self.scaling = Scaling.of(scene) if scaling is None else scaling
-        self.statics = self.scaling.apply(Statics.of(scene))
-        self.forces = formulation(self.statics.contacts)
-        self.load_factor = cp.Variable(name="alpha")
-        self.equilibrium = (
-            self.forces.equilibrium(self.statics.matrix) + self.load_factor * self.statics.live
-            == -self.statics.dead
-        )
-        constraints = [self.equilibrium, *self.forces.constraints]
-        for surface in self.surfaces:
-            constraints += surface.constraints(self.forces.components, self.statics.contacts)
-        if most is not None:
-            constraints.append(self.load_factor <= most * self.scaling.live / self.scaling.force)
-        self.problem = cp.Problem(cp.Maximize(self.load_factor), constraints)
+        self.model: ForceModel = formulation(assemblage.contacts)
+        scaling = assemblage.scaling
+        forces = ForceVariables.of(self.model, scaling.force, scaling.length)
+        limits = [
+            limit
+            for condition, cone in self.model.strength(self.surfaces)
+            for limit in admissible(condition, forces.components, cone)
+        ]
+        super().__init__(assemblage, forces, limits, objective)
 
-    def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
-        """Solvers in the order in which to try them for a bracket within ``tolerance``."""
-        blocks = len(self.statics.dead) // DOF
-        return limit_ladder(self.problem, len(self.statics.contacts) - blocks, tolerance)
-
-    def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
-        """One run of one solver, the ladder's first; never raises for what the solver does."""
-        outcome = run(self.problem, settings or self.ladder()[0], ignore_dpp)
-        alpha = self.load_factor.value
-        if not outcome.has_values or alpha is None:
-            return LimitState(outcome, None, None, None)
-        return LimitState(
-            outcome,
-            self.scaling.load_factor(float(alpha)),
-            self.scaling.forces(self.forces.values()),
-            self._mechanism(),
-        )
-
-    def _mechanism(self) -> FloatArray | None:
-        """Equilibrium duals, scaled to live power 1 (Eq. 37) where they have any."""
-        if self.equilibrium.dual_value is None:
-            return None
-        rates = np.asarray(self.equilibrium.dual_value).reshape(-1, DOF)
-        return self.scaling.mechanism(rates)
+    def _internal(self) -> FloatArray:
+        units = np.where(self.model.is_moment, self.scaling.length, 1.0) * self.scaling.force
+        return self.forces.internal() * units

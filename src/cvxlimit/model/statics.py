@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -64,30 +64,6 @@ def _side(
     return number[block[held]], held, entries
 
 
-def corner_map(contacts: Contacts) -> sp.csr_array:
-    """Contact forces (6 n,) from z = (corner compressions (m,), V1 (n,), V2 (n,), MT (n,)).
-
-    N is the sum of the compressions at a contact's corners and M1, M2 are linear in them, so
-    z with compressions >= 0 satisfies rocking (Eq. 9) for any convex polygon. Its transpose
-    gives the work-conjugate rates: openings at the corners, slips, twist.
-    """
-    n, m = len(contacts), len(contacts.corner_xy)
-    x, y = contacts.corner_xy.T
-    corner, each = np.arange(m), np.arange(n)
-    entries = [
-        ("N", contacts.corner_contact, corner, np.ones(m)),
-        ("M1", contacts.corner_contact, corner, y),
-        ("M2", contacts.corner_contact, corner, -x),
-        ("V1", each, m + each, np.ones(n)),
-        ("V2", each, m + n + each, np.ones(n)),
-        ("MT", each, m + 2 * n + each, np.ones(n)),
-    ]
-    rows = np.concatenate([len(COMPONENTS) * j + COLUMN[c] for c, j, _, _ in entries])
-    columns = np.concatenate([k for _, _, k, _ in entries])
-    values = np.concatenate([v for _, _, _, v in entries])
-    return sp.csr_array((values, (rows, columns)), shape=(len(COMPONENTS) * n, m + 3 * n))
-
-
 @dataclass(frozen=True, eq=False)
 class Statics:
     """Equilibrium data of a scene in one consistent set of units.
@@ -114,6 +90,12 @@ class Statics:
             dead=scene.dead_forces.ravel(),
             live=scene.live_forces.ravel(),
         )
+
+    def under(self, dead: FloatArray, live: FloatArray) -> Statics:
+        """The same under other loads (6 free blocks,); the matrix is kept."""
+        other = replace(self, dead=dead, live=live)
+        other.__dict__["matrix"] = self.matrix
+        return other
 
     @cached_property
     def matrix(self) -> sp.csr_array:
@@ -224,13 +206,18 @@ class Scaling:
         """Load factor in the user's sense."""
         return scaled * self.force / self.live
 
+    @property
+    def least(self) -> float:
+        """Size by which brackets that hold zero are measured: a millionth of the ratio."""
+        return _ZERO * self.ratio
+
     def unit(self, *load_factors: float) -> float:
         """What errors of load factors are measured by: the largest, or a millionth of the ratio.
 
         >>> Scaling(force=100.0, length=1.0, live=10.0, ratio=10.0).unit(-0.5, 0.2)
         0.5
         """
-        return max(*map(abs, load_factors), _ZERO * self.ratio)
+        return max(*map(abs, load_factors), self.least)
 
     def forces(self, scaled: FloatArray) -> FloatArray:
         """Contact forces (contacts, 6) in the user's units."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.files import write_file
 from cvxlimit.plotting.annotations import refused
@@ -68,7 +69,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     >>> [p.name for p in plot(scene, solution, Path(tempfile.mkdtemp()) / "tower.vtu")]
     ['tower.vtu', 'tower-contacts.vtu']
     """
-    target = Path(path)
+    target = Path(of_type(path, (str, os.PathLike), "path must name a file", "write 'wall.png'"))
     suffix = target.suffix.lower()
     if suffix == ".png":
         files = {target: _png(scene, solution)}

@@ -8,8 +8,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 
 FloatArray = NDArray[np.float64]
@@ -102,8 +103,10 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     Raises
     ------
     InputError
-        If the mechanism's blocks are not the scene's free blocks.
+        If the mechanism's blocks are not the scene's free blocks, or there is no scene or solution.
     """
+    check_scene(scene)
+    of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
     rates = _block_rates(scene, solution)
     speeds = np.array(
         [

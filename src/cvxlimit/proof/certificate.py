@@ -9,18 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.errors import ModelError
-from cvxlimit.model.statics import DOF, Statics, block_sizes
-from cvxlimit.proof.witnesses import Flow, Witnesses
+from cvxlimit.bracket import Bracket
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.flow import corner_openings
+from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.proof.strength import Flow, Strength, finite
+from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Scene
+from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.coulomb import Rocking
-from cvxlimit.surfaces.flow import corner_openings
 
 FloatArray = NDArray[np.float64]
 
@@ -33,23 +35,16 @@ _BORNE = 1e-8
 """Yield excess, as a share of the forces on the less loaded block of the contact, that is put down
 to the solver where forces are on the boundary of a surface and cannot be anywhere else."""
 
-_HUGE = 1e100
-"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
-
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """Bounds on the load factor and what they were computed from.
+class Certificate(Bracket):
+    """A bracket and what it was computed from.
 
     Attributes
     ----------
-    lower, upper : float
-        Static and kinematic bound; infinite where nothing could be concluded.
-    lower_is_proved, upper_is_proved : bool
-        True if the bound needs no assumption (see :class:`Certifier`), up to rounding.
     equilibrium_residual, yield_excess : float
         Largest over blocks and contacts, in units of the total load (moments over the typical
         contact size).
@@ -57,25 +52,9 @@ class Certificate:
         Largest missing opening at a contact over the mechanism's largest rate.
     """
 
-    lower: float
-    upper: float
-    lower_is_proved: bool
-    upper_is_proved: bool
-    equilibrium_residual: float
-    yield_excess: float
-    flow_violation: float
-
-    @property
-    def gap(self) -> float:
-        """Width of the bracket relative to the larger bound; infinite without a bracket."""
-        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
-            return float("inf")
-        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
-
-    @property
-    def is_proved(self) -> bool:
-        """True if neither bound needs an assumption."""
-        return self.lower_is_proved and self.upper_is_proved
+    equilibrium_residual: float = np.nan
+    yield_excess: float = np.nan
+    flow_violation: float = np.nan
 
 
 class Certifier:
@@ -88,29 +67,38 @@ class Certifier:
 
     *Upper bound.* The mechanism u, scaled to live power 1, misses openings s at contacts. If a
     field u_0 opens every contact with r to spare, u + t u_0 with t = max s / r is admissible,
-    and the ratio of dead to live power bounds the load factor.
+    and the ratio of dead to live power bounds the load factor. Surfaces with constants (cohesion)
+    add their dissipation to the dead load's power.
 
     Where x_d or u_0 do not exist (a dead load about to fall; blocks wedged between supports),
     the violations are weighted by :data:`REFERENCE` forces and rates, and the certificate says
     that the bound rests on that assumption. Where they do exist the proof is never given up for
     a tighter bound with the assumption, which a pebble on a boulder breaks.
 
-    ``flow`` replaces the flow rule of the surfaces in upper bounds; any sublinear shortfall does.
+    ``formulation`` matters where it states conditions of its own: forces are then its internal
+    ones. ``flow`` replaces the flow rule in upper bounds; any sublinear shortfall does.
     """
 
     def __init__(
-        self, scene: Scene, surfaces: Sequence[YieldSurface], flow: Flow | None = None
+        self,
+        scene: Scene | Assemblage,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation = corner_compressions,
+        flow: Flow | None = None,
     ) -> None:
-        self.statics = Statics.of(scene)
-        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != "rocking"))
-        self.witnesses = Witnesses(self.statics, self.surfaces, flow)
-        self.size = float(np.median(np.sqrt(scene.contacts.area)))
+        self.assemblage = Assemblage.of(scene)
+        self.statics = self.assemblage.statics
+        self.strength = Strength(self.assemblage, surfaces, formulation, flow)
+        self.witnesses = Witnesses(self.assemblage, self.strength)
+        self.size = float(np.median(np.sqrt(self.statics.contacts.area)))
 
     def with_flow(self, flow: Flow) -> Certifier:
         """The same under another flow rule; reference states are kept, not sought again."""
         result = copy(self)
+        result.strength = copy(self.strength)
+        result.strength.flow = flow
         result.witnesses = copy(self.witnesses)
-        result.witnesses.flow = flow
+        result.witnesses.strength = result.strength
         return result
 
     def offer_dead_state(self, forces: ArrayLike) -> bool:
@@ -132,11 +120,11 @@ class Certifier:
         return reserve > 0.0
 
     def _balanced(self, forces: ArrayLike) -> FloatArray | None:
-        """Forces (n, 6) put into equilibrium with the dead load, or None."""
-        given = _finite(forces, len(self.statics.contacts), "contact")
+        """A state put into equilibrium with the dead load, or None."""
+        given = self.strength.state(forces)
         if given is None:
             return None
-        balanced = self.witnesses.balanced(given, 0.0)
+        balanced = self.strength.balanced(given, 0.0, self.statics)
         good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
         return balanced if good else None
 
@@ -156,13 +144,11 @@ class Certifier:
             return False
         contacts = self.statics.contacts
         number = self.statics.row_of_block
-        acting = np.append(self.statics.acting(balanced, 0.0, self.size), np.inf)
+        forces = self.strength.forces(balanced)
+        acting = np.append(self.statics.acting(forces, 0.0, self.size), np.inf)
         size = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
-        edge_contact, _, _ = contacts.edges
-        return all(
-            (y <= _BORNE * size[edge_contact if len(y) == len(edge_contact) else ...]).all()
-            for y in self._excess(balanced)
-        )
+        found = zip(self.strength.excess(balanced), self.strength.rows, strict=True)
+        return all((y <= _BORNE * size[rows]).all() for y, rows in found)
 
     def offer_opening_field(self, rates: ArrayLike) -> None:
         """Take block rates (free, 6) that may open every contact, if they really do.
@@ -172,7 +158,7 @@ class Certifier:
         ModelError
             If there is not one row per free block.
         """
-        given = _finite(rates, len(self.statics.dead) // DOF, "free block")
+        given = self._rates(rates)
         if given is not None and self._spare_opening(given).min() > 0.0:
             self.witnesses.opening_field = given
 
@@ -181,29 +167,30 @@ class Certifier:
 
         Nothing is spare where no surface resists some of the slip.
         """
-        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(rates))
-        spare: FloatArray = -missing - self._rounding(rates)
-        return np.where(_is_resisted(leftover, rates), spare, -np.inf)
+        found = self.strength.flow.shortfall(self.statics.relative_rates(rates))
+        spare: FloatArray = -found.missing - self._rounding(rates)
+        return np.where(_is_resisted(found.unresisted, rates), spare, -np.inf)
 
     def _reserve(self, forces: FloatArray) -> float:
         """Least distance from yield, as a force; negative outside."""
-        return -max(float(y.max()) for y in self._excess(forces))
+        return -max(float(y.max()) for y in self.strength.excess(forces))
 
     def certificate(
         self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
     ) -> Certificate:
         """The bracket from forces (n, 6) at ``load_factor`` and a mechanism (free blocks, 6).
 
-        Either side may be None: its bound is then infinite. Numbers that are not finite give
-        infinite bounds as well.
+        Forces are internal ones (p,) where the formulation states conditions of its own. Either
+        side may be None: its bound is then infinite. Numbers that are not finite give infinite
+        bounds as well.
 
         Raises
         ------
         ModelError
             If an array does not have the scene's number of contacts or free blocks.
         """
-        x = _finite(forces, len(self.statics.contacts), "contact")
-        u = _finite(mechanism, len(self.statics.dead) // DOF, "free block")
+        x = self.strength.state(forces)
+        u = self._rates(mechanism)
         lower = (-np.inf, False, np.nan, np.nan)
         upper = (np.inf, False, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
@@ -212,17 +199,35 @@ class Certifier:
             lower = self._lower(x, load_factor, rate)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
-        return Certificate(lower[0], upper[0], lower[1], upper[1], lower[2], lower[3], upper[2])
+        return Certificate(
+            lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
+            lower[2], lower[3], upper[2],
+        )  # fmt: skip
+
+    def of(self, state: LimitState) -> Certificate:
+        """The bracket of a solver's answer."""
+        return self.certificate(self.given(state), state.load_factor, state.mechanism)
+
+    def given(self, state: LimitState) -> FloatArray | None:
+        """What a solver's answer has to say about forces, in the form that is checked."""
+        return state.internal if self.strength.is_internal else state.forces
+
+    def _rates(self, mechanism: ArrayLike | None) -> FloatArray | None:
+        if isinstance(mechanism, np.ndarray) and mechanism.size == len(self.statics.dead):
+            mechanism = mechanism.reshape(-1, DOF)
+        return finite(mechanism, (len(self.statics.dead) // DOF, DOF), "free block")
 
     def _lower(self, x: FloatArray, alpha: float, rate: float) -> tuple[float, bool, float, float]:
         load = self._total_load(alpha)
-        residual = float((self._generalised(self.statics.residual(x, alpha)) / load).max())
-        excess = max(0.0, *(float(y.max()) for y in self._excess(x))) / load
-        x = self.witnesses.balanced(x, alpha)
+        forces = self.strength.forces(x)
+        residual = float((self._generalised(self.statics.residual(forces, alpha)) / load).max())
+        excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x))) / load
+        x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
             return -np.inf, False, residual, excess
-        rest = self._generalised(self.statics.residual(x, alpha)).sum()
-        over = sum(float(np.maximum(y, 0.0).sum()) for y in self._excess(x))
+        forces = self.strength.forces(x)
+        rest = self._generalised(self.statics.residual(forces, alpha)).sum()
+        over = sum(float(np.maximum(y, 0.0).sum()) for y in self.strength.excess(x))
         error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
         reserve = self.witnesses.dead_state
@@ -232,14 +237,17 @@ class Certifier:
 
     def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
         share = 0.0
-        for y, inside in zip(self._excess(forces), self._excess(reserve), strict=True):
+        excess = self.strength.excess
+        for y, inside in zip(excess(forces), excess(reserve), strict=True):
             over = np.maximum(y, 0.0)
             share = max(share, float((over / (over - inside)).max()))
         return share
 
     def _largest_force(self, x: FloatArray | None) -> float:
         """Blocks that wedge each other may press with far more than the loads, and it shows."""
-        return 0.0 if x is None else float(block_sizes(x, self.size).max(initial=0.0))
+        if x is None:
+            return 0.0
+        return float(block_sizes(self.strength.forces(x), self.size).max(initial=0.0))
 
     def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float]:
         live = float(self.statics.live @ u.ravel())
@@ -247,23 +255,28 @@ class Certifier:
         if not live > 0.0:
             return np.inf, False, np.nan
         u = u / live
-        missing, leftover = self.witnesses.flow.shortfall(self.statics.relative_rates(u))
-        missing = missing + self._rounding(u)
+        found = self.strength.flow.shortfall(self.statics.relative_rates(u))
+        missing = found.missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
         field = self.witnesses.opening_field
-        if field is not None and _is_resisted(leftover, u):
-            return *self._opened(u, field, missing), violation
-        bound = -float(self.statics.dead @ u.ravel())
+        if field is not None and _is_resisted(found.unresisted, u):
+            return *self._opened(u, field, missing, found.dissipation), violation
+        bound = found.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
-        error = float(np.maximum(missing, 0.0).sum())
-        error += float(np.abs(leftover[:, :2]).sum() + self.size * np.abs(leftover[:, 2]).sum())
+        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
         return bound + error * force, False, violation
 
-    def _opened(self, u: FloatArray, field: FloatArray, missing: FloatArray) -> tuple[float, bool]:
+    def _opened(
+        self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float
+    ) -> tuple[float, bool]:
         spare = self._spare_opening(field)
         if not spare.min() > 0.0:
             return np.inf, False
-        u = u + max(float((missing / spare).max()), 0.0) * field
+        share = max(float((missing / spare).max()), 0.0)
+        u = u + share * field
+        if not self.strength.is_cone and share > 0.0:
+            opened = self.strength.flow.shortfall(self.statics.relative_rates(field))
+            dissipation += share * opened.dissipation
         rates = np.abs(u).ravel()
         live = float(self.statics.live @ u.ravel())
         live_error, dead_error = (
@@ -271,30 +284,17 @@ class Certifier:
         )
         if not live > 2.0 * live_error:
             return np.inf, False
-        bound = -float(self.statics.dead @ u.ravel()) / live
-        return bound + (dead_error + abs(bound) * live_error) / live, True
+        bound = (dissipation - float(self.statics.dead @ u.ravel())) / live
+        error = dead_error + _EPSILON * abs(dissipation) + abs(bound) * live_error
+        return bound + error / live, True
 
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
         size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
-        return np.asarray(_EPSILON * size.reshape(-1, DOF) @ self._opening_sizes)
+        return np.asarray(_EPSILON * size.reshape(-1, DOF) @ self.strength.rate_sizes())
 
-    @cached_property
-    def _opening_sizes(self) -> FloatArray:
-        """Weights (6,) of slip, opening and rotation rates in a contact's opening."""
-        reach = float(np.abs(self.statics.contacts.corner_xy).max())
-        mu = float(self.statics.contacts.friction.max())
-        return np.array([mu, mu, 1.0, reach, reach, mu * reach])
-
-    def _excess(self, forces: FloatArray) -> list[FloatArray]:
-        """Yield functions as forces: rocking rows (moments) over the distance to their edge."""
-        contacts = self.statics.contacts
-        _, _, offset = contacts.edges
-        result = [self.surfaces[0].excess(forces, contacts)[0] / offset]
-        return result + [y for s in self.surfaces[1:] for y in s.excess(forces, contacts)]
-
-    def _is_balanced(self, forces: FloatArray, alpha: float) -> bool:
-        return self.statics.is_balanced(forces, alpha, self.size)
+    def _is_balanced(self, state: FloatArray, alpha: float) -> bool:
+        return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
 
     def _generalised(self, residual: FloatArray) -> FloatArray:
         return block_sizes(residual, self.size)
@@ -322,19 +322,6 @@ class Certifier:
         return result
 
 
-def _is_resisted(leftover: FloatArray, rates: FloatArray) -> bool:
+def _is_resisted(unresisted: FloatArray, rates: FloatArray) -> bool:
     """True if yield surfaces take up all slip and twist of block ``rates``, up to rounding."""
-    return not np.abs(leftover).max() > 1e-15 * np.abs(rates).max()
-
-
-def _finite(array: ArrayLike | None, rows: int, what: str) -> FloatArray | None:
-    if array is None:
-        return None
-    values = np.asarray(array, dtype=float)
-    if values.size != rows * DOF:
-        raise ModelError(
-            f"the scene has {rows} {what}(s), so an array ({rows}, {DOF}) is needed, "
-            f"got shape {values.shape}: does it belong to another scene?"
-        )
-    values = values.reshape(rows, DOF)
-    return values if np.abs(values).max(initial=0.0) < _HUGE else None
+    return not np.abs(unresisted).max(initial=0.0) > 1e-15 * np.abs(rates).max()

@@ -8,20 +8,14 @@ with one sparse factorisation, and checked by whoever uses them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.model.statics import DOF, Statics, corner_map
-from cvxlimit.solvers.sparse import Solve, factorised, nested_dissection
-from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.flow import FlowRule
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.proof.strength import Strength
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,97 +32,39 @@ _OPENING_ITERATIONS = 50
 """Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
 iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On propped
 walls of 1,000 contacts and more they do not end at all: a solver does
-(:class:`~cvxlimit.model.selfstress.SelfStressProblem`)."""
+(:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
 
 _ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
 """Least corner compression, as a share of what the lighter of the two blocks would give if its
 load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
 
 
-class Flow(Protocol):
-    """What is asked of a flow rule here: see :class:`FlowRule`, whose methods these are."""
-
-    def shortfall(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Missing opening (n,) of rates (n, 6), sublinear in them; and leftovers (n, 3)."""
-
-    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """A cheap upper bound (n,) on the missing opening."""
-
-
 class Witnesses:
-    """Reference states of one assembly under its dead load.
+    """Reference states of one assemblage under its dead load.
+
+    Projections know plain corner compressions; where a formulation checks internal forces of its
+    own, states come from outside (a solver) or not at all.
 
     Parameters
     ----------
-    statics : Statics
-        Unscaled equilibrium data.
-    surfaces : sequence of YieldSurface
-    flow : Flow or None
-        Flow rule of the mechanisms; None is that of the surfaces.
+    assemblage : Assemblage
+    strength : Strength
     """
 
-    def __init__(
-        self, statics: Statics, surfaces: Sequence[YieldSurface], flow: Flow | None = None
-    ) -> None:
-        self.statics = statics
-        self.surfaces = tuple(s for s in surfaces if s.name != "rocking")
-        self.flow = FlowRule(surfaces, statics.contacts) if flow is None else flow
-        self.map = corner_map(statics.contacts)
-        self._matrix = (statics.matrix @ self.map).tocsr()
-        n = len(statics.contacts)
-        arm = np.asarray(statics.contacts.torsion_arm)
-        self._weights = np.concatenate([np.ones(self.map.shape[1] - n), arm**2])
+    def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
+        self.assemblage, self.strength = assemblage, strength
+        self.statics: Statics = assemblage.statics
+        self._balance = assemblage.balance
         self._dead_state: FloatArray | None = None
         self._attempted = 0
 
-    @cached_property
-    def is_supported(self) -> bool:
-        """True when every block is linked to a support through contacts."""
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        count = int(number.max()) + 1
-        ends = np.stack([number[contacts.a], number[contacts.b]])
-        ends = np.where(ends < 0, count, ends)
-        graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), (count + 1, count + 1))
-        return int(connected_components(graph, directed=False)[0]) == 1
-
-    @cached_property
-    def _solve(self) -> Solve:
-        """Solver of B W B' for the equilibrium matrix B of corner forces and their weights W."""
-        order = self._elimination_order()
-        ordered = self._matrix[order]
-        solve = factorised((ordered @ sp.diags_array(self._weights) @ ordered.T).tocsc())
-
-        def unordered(right: FloatArray) -> FloatArray:
-            result = np.empty_like(right)
-            result[order] = solve(right[order])
-            return result
-
-        return unordered
-
-    def _elimination_order(self) -> IntArray:
-        """Rows (6 free blocks,) in nested dissection of the blocks."""
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        a, b = number[contacts.a], number[contacts.b]
-        free = (a >= 0) & (b >= 0)
-        count = int(number.max()) + 1
-        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
-        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
-        blocks = nested_dissection(graph.tocsr())
-        return (DOF * blocks[:, None] + np.arange(DOF)).ravel()
-
-    def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
-        """Forces (n, 6) with the least change that brings them into exact equilibrium."""
-        if not self.is_supported:
-            return forces
-        for _ in range(2):
-            residual = self.statics.residual(forces, load_factor).ravel()
-            change = self._weights * (self._matrix.T @ self._solve(residual))
-            forces = forces - (self.map @ change).reshape(-1, len(COMPONENTS))
-        return forces
+    @property
+    def _can_project(self) -> bool:
+        return self._balance.is_supported and not self.strength.is_internal
 
     @property
     def dead_state(self) -> FloatArray | None:
-        """Forces (n, 6) that carry the dead load strictly inside all surfaces, or None."""
+        """A state that carries the dead load strictly inside all surfaces, or None."""
         return self._sought(len(_ATTEMPTS))
 
     @dead_state.setter
@@ -141,7 +77,7 @@ class Witnesses:
         return self._sought(1)
 
     def _sought(self, attempts: int) -> FloatArray | None:
-        possible = self.is_supported and np.any(self.statics.dead)
+        possible = self._can_project and np.any(self.statics.dead)
         while possible and self._dead_state is None and self._attempted < attempts:
             share, iterations = _ATTEMPTS[self._attempted]
             self._attempted += 1
@@ -165,27 +101,24 @@ class Witnesses:
         return lighter[contacts.corner_contact]
 
     def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
-        z = self._carried(np.zeros(self.map.shape[1]))
+        z = self._carried(np.zeros(len(self._balance.weights)))
         for _ in range(iterations):
             if self._is_inside(z, 0.1 * compression):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
                 if self._is_inside(z, 0.1 * compression):
-                    return np.asarray(self.map @ z).reshape(-1, len(COMPONENTS))
+                    return self._balance.model.forces(z)
             z = self._carried(z + _OVERSHOOT * (self._pushed_inside(z, compression) - z))
         return None
 
     def _carried(self, z: FloatArray) -> FloatArray:
         """The nearest state in equilibrium with the dead load."""
-        residual = self._matrix @ z + self.statics.dead
-        nearest: FloatArray = z - self._weights * (self._matrix.T @ self._solve(residual))
-        return nearest
+        return z + self._balance.change(self._balance.matrix @ z + self.statics.dead)
 
     def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
         contacts = self.statics.contacts
-        forces = (self.map @ z).reshape(-1, len(COMPONENTS))
         if (z[: len(contacts.corner_xy)] < compression).any():
             return False
-        return all(y.max() < 0.0 for s in self.surfaces for y in s.excess(forces, contacts))
+        return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
@@ -217,9 +150,9 @@ class Witnesses:
 
     def _excess(self, z: FloatArray) -> list[FloatArray]:
         """Yield functions with one row per contact; rocking is the compressions' business."""
-        forces = (self.map @ z).reshape(-1, len(COMPONENTS))
-        rows = [y for s in self.surfaces for y in s.excess(forces, self.statics.contacts)]
-        return [y for y in rows if len(y) == len(self.statics.contacts)]
+        found = self.strength.excess(self._balance.model.forces(z))
+        conditions = self.strength.conditions
+        return [y for y, (c, _) in zip(found, conditions, strict=True) if c.contact is None]
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
@@ -228,18 +161,18 @@ class Witnesses:
         None also when contacts hold each other in self-stress: no such field exists then. May be
         set from outside.
         """
-        if not self.is_supported:
+        if not self._can_project:
             return None
-        target = np.zeros(self.map.shape[1])
-        target[: len(self.statics.contacts.corner_xy)] = 1.0
+        matrix, weights = self._balance.matrix, self._balance.weights
+        target = np.where(self._balance.model.nonneg, 1.0, 0.0)
         for _ in range(_OPENING_ITERATIONS):
-            rates = self._solve(self._matrix @ (self._weights * target))
-            missing = self.flow.shortfall_bound(self.statics.relative_rates(rates))
+            rates = self._balance.solve(matrix @ (weights * target))
+            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
                 return np.asarray(rates).reshape(-1, DOF)
             if not np.isfinite(missing).all():
                 return None
-            target = self._opened(np.asarray(self._matrix.T @ rates), missing)
+            target = self._opened(np.asarray(matrix.T @ rates), missing)
         return None
 
     def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:

@@ -9,8 +9,10 @@ from cvxlimit.solvers.blockwise import Blockwise
 from cvxlimit.solvers.running import LimitState, Outcome, run
 from cvxlimit.solvers.settings import (
     OPTIONS,
+    Shape,
     SolverSettings,
     default_ladder,
+    is_conic,
     iterate_ladder,
     limit_ladder,
     suits,
@@ -21,8 +23,10 @@ __all__ = [
     "Blockwise",
     "LimitState",
     "Outcome",
+    "Shape",
     "SolverSettings",
     "default_ladder",
+    "is_conic",
     "iterate_ladder",
     "limit_ladder",
     "run",

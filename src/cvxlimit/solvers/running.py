@@ -45,13 +45,15 @@ class LimitState:
     """One solver's answer in the user's units, not yet certified.
 
     ``forces`` (contacts, 6), ``mechanism`` (free blocks, 6) with live power 1; None where the
-    solver returned nothing, or the problem does not have them.
+    solver returned nothing, or the problem does not have them. ``internal`` (p,) are the internal
+    forces of the formulation.
     """
 
     outcome: Outcome
     load_factor: float | None
     forces: FloatArray | None
     mechanism: FloatArray | None
+    internal: FloatArray | None = None
 
 
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:

@@ -9,6 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.solvers.sparse import best_backend
 
@@ -38,17 +41,17 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 Looser ones save little and cost the bracket: Clarabel at 1e-8 was 0 to 12 % faster than at 1e-10 on
 panels of 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-8 to 3e-7."""
 
-LOOPS: Mapping[tuple[str, bool], int] = MappingProxyType(
+WORK: Mapping[tuple[str, bool], float] = MappingProxyType(
     {
-        ("superlu", True): 3_300,
-        ("cholmod", True): 1_900,
-        ("superlu", False): 330,
-        ("cholmod", False): 330,
+        ("superlu", True): 4.5e8,
+        ("cholmod", True): 1.4e8,
+        ("superlu", False): 4e6,
+        ("cholmod", False): 4e6,
     }
 )
-"""From how many loops on the blockwise solver comes first, by its factorisation and whether the
-problem has second-order cones: about 5,000, 2,900, 500 and 500 contacts of a wall. Measured with
-``python -m benchmarks run --methods "*/corners/clarabel-qdldl/1e-8" "*/qoco/1e-8"
+"""From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by its factorisation
+and whether the problem has second-order cones: about 5,000, 2,900, 500 and 500 contacts of a panel.
+Measured with ``python -m benchmarks run --methods "*/corners/clarabel-qdldl/1e-8" "*/qoco/1e-8"
 "*/blockwise-*/1e-8"``. From 2,900 to 5,000 contacts QOCO is up to 20 % faster with cones, but its
 errors grow to 1e-6, those of the blockwise solver stay below 1e-8."""
 
@@ -112,37 +115,75 @@ def iterate_ladder() -> tuple[SolverSettings, ...]:
     return (SolverSettings("CLARABEL", _clarabel(1e-9, max_iter=200)), *default_ladder())
 
 
-def limit_ladder(
-    problem: cp.Problem, loops: int, tolerance: float = 1e-5
-) -> tuple[SolverSettings, ...]:
+@dataclass(frozen=True)
+class Shape:
+    """What a compiled problem looks like, as far as it matters for its solvers.
+
+    Attributes
+    ----------
+    variables, equations : int
+    front : float
+        Mean width of the equations' profile in reverse Cuthill-McKee order: how much of the
+        assemblage closes on itself. An arch of any length has a narrow one.
+    is_conic : bool
+        True with second-order cones.
+    """
+
+    variables: int
+    equations: int
+    front: float
+    is_conic: bool
+
+    @property
+    def work(self) -> float:
+        """Operations of a factorisation within the profile, up to a factor."""
+        return self.equations * self.front**2
+
+    @classmethod
+    def of(cls, equations: sp.csr_array, is_conic: bool) -> Shape:
+        """From the matrix (equations, variables) of a problem's equality constraints."""
+        return cls(equations.shape[1], equations.shape[0], front_width(equations), is_conic)
+
+
+def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
     """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
-    The blockwise solver comes first where it was measured to be faster (:data:`LOOPS`). Elsewhere
+    The blockwise solver comes first where it was measured to be faster (:data:`WORK`). Elsewhere
     QOCO does, if it is installed: 1.2 to 1.8 times as fast as Clarabel on walls and panels to
     2,000 contacts, with brackets of 1e-8 to 1e-7. The blockwise solver is third there.
 
     Parameters
     ----------
-    problem : cvxpy.Problem
-    loops : int
-        Contacts less free blocks: how often the assemblage closes on itself. An arch of any
-        length has one, and Clarabel is faster there.
+    shape : Shape
     tolerance : float
         Width of the bracket that is asked for. Below 1e-6 QOCO would often run in vain.
 
     Example
     -------
-    >>> problem = cp.Problem(cp.Maximize(cp.Variable()), [])
-    >>> "CLARABEL" in [str(rung) for rung in limit_ladder(problem, 1)[:3]]
+    >>> arch = Shape(variables=140, equations=120, front=12.0, is_conic=True)
+    >>> "CLARABEL" in [str(rung) for rung in limit_ladder(arch)[:3]]
     True
     """
     first, *others = default_ladder()
     own = SolverSettings("BLOCKWISE", OPTIONS["BLOCKWISE"])
-    if loops >= LOOPS[best_backend(), is_conic(problem)]:
+    if shape.work >= WORK[best_backend(), shape.is_conic]:
         return (own, first, *others)
     if tolerance < _QUICK_BRACKET or "QOCO" not in _installed():
         return (first, own, *others)
     return (SolverSettings("QOCO", OPTIONS["QOCO"]), first, own, *others)
+
+
+def front_width(equations: sp.csr_array) -> float:
+    """Mean width of the profile of A A' in reverse Cuthill-McKee order."""
+    pattern = abs(equations)
+    square = (pattern @ pattern.T).tocsr()
+    order = reverse_cuthill_mckee(square, symmetric_mode=True)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    entries = square.tocoo()
+    first = np.arange(len(order))
+    np.minimum.at(first, place[entries.row], place[entries.col])
+    return float((np.arange(len(order)) - first).mean())
 
 
 def is_conic(problem: cp.Problem) -> bool:

@@ -1,14 +1,16 @@
 """What a yield surface is: conditions "sum of norms <= resistance", stated once per surface.
 
-A surface states physics only. From its conditions this module derives the CVXPY constraints of
-the static problem, the flow rule of the kinematic problem, and the yield excess in NumPy.
+A surface states physics only, in the scene's own units. From its conditions follow the CVXPY
+constraints of the static problem, the flow rule of the kinematic problem
+(:mod:`cvxlimit.model.flow`), and the yield excess in NumPy.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import ClassVar, TypeAlias
 
 import cvxpy as cp
@@ -16,15 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.surfaces.cones import Cone, Conic
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
 LinearForm = Mapping[str, Coefficient]
-"""Force component -> coefficient: one number, one per contact (n,), or an expression (n,) in
-Parameters."""
+"""Force component -> coefficient: one number, one per row, or an expression in Parameters. The key
+``"1"`` is a constant: a force, in the user's unit."""
+
+CONSTANT = "1"
+"""Key of a linear form's constant."""
 
 
 class Norm:
@@ -50,16 +55,20 @@ class Norm:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Sum of norms <= resistance, at every contact or at those in ``contact``.
+    """Sum of norms <= resistance, at every contact or in rows of its own.
+
+    Both sides are forces; a resistance may hold a constant, such as the cohesion of mortar. What
+    has a constant only on the side of the resistance, none of them negative, holds without forces.
 
     Attributes
     ----------
     norms : sequence of Norm
         May be empty: then the resistance itself must not be negative.
     resistance : LinearForm
-        For Coulomb friction ``{"N": contacts.friction}``.
+        For Coulomb friction ``{"N": contacts.friction}``, with cohesion
+        ``{"N": contacts.friction, "1": contacts.cohesion * contacts.area}``.
     contact : (k,) int array or None
-        Contact of each row, for conditions without norms only (a polygon's edges, say);
+        Contact of each row (a polygon's edges or corners, say), from which components are taken;
         None means one row per contact. Coefficients have that length.
     """
 
@@ -67,13 +76,20 @@ class Condition:
     resistance: LinearForm
     contact: IntArray | None = None
 
-    def __post_init__(self) -> None:
-        if self.norms and self.contact is not None:
-            raise ModelError("a condition with norms has one row per contact: leave contact out")
+    def forms(self) -> Iterator[LinearForm]:
+        """The resistance and all rows of norms."""
+        yield self.resistance
+        for norm in self.norms:
+            yield from norm.rows
+
+    def recession(self) -> Condition:
+        """The condition without its constants: the directions in which forces may grow."""
+        norms = [Norm(*(_plain(row) for row in n.rows), weight=n.weight) for n in self.norms]
+        return replace(self, norms=norms, resistance=_plain(self.resistance))
 
 
 class YieldSurface(ABC):
-    """A convex cone of admissible forces for every contact.
+    """A convex set of admissible forces for every contact.
 
     To add a surface, subclass and state its conditions; nothing else needs to change:
 
@@ -104,36 +120,149 @@ class YieldSurface(ABC):
 
     @abstractmethod
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """The surface's conditions; lengths in the unit of ``contacts``."""
-
-    def constraints(
-        self, forces: Mapping[str, cp.Expression], contacts: Contacts
-    ) -> list[cp.Constraint]:
-        """CVXPY constraints on vectorised force components, each an expression (n,)."""
-        result: list[cp.Constraint] = []
-        for condition in self.conditions(contacts):
-            result += list(_admissible(condition, forces, self.cone))
-        return result
+        """The surface's conditions, both sides forces; ``contacts`` in the scene's units."""
 
     def excess(self, forces: FloatArray, contacts: Contacts) -> list[FloatArray]:
         """Yield function y of forces (n, 6), one array per condition; <= 0 is admissible."""
-        result = []
-        for condition in self.conditions(contacts):
-            rows = forces if condition.contact is None else forces[condition.contact]
-            y = -evaluate(condition.resistance, rows)
-            for norm in condition.norms:
-                size = self.cone.gauge([evaluate(form, rows) for form in norm.rows])
-                y = y + number(norm.weight) * size
-            result.append(y)
-        return result
+        values = columns(forces)
+        return [
+            condition_excess(condition, self.cone, values) for condition in stated(self, contacts)
+        ]
 
 
-def evaluate(form: LinearForm, forces: FloatArray) -> FloatArray:
-    """Value (n,) of a linear form for forces (n, 6)."""
-    result = np.zeros(len(forces))
+class Recession(YieldSurface):
+    """The directions in which another surface's forces may grow without end: its constants dropped.
+
+    Coulomb friction is its own; a cohesive surface loses its cohesion. A live load is harmless
+    only if forces in these directions carry it.
+    """
+
+    def __init__(self, surface: YieldSurface) -> None:
+        super().__init__(surface.cone)
+        self.surface = surface
+        self.name = surface.name  # type: ignore[misc]  # stands for it wherever names are asked
+        self.implies = surface.implies  # type: ignore[misc]
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
+        return [condition.recession() for condition in self.surface.conditions(contacts)]
+
+
+def has_constants(condition: Condition) -> bool:
+    """False if forces that satisfy it may be scaled at will."""
+    return any(np.any(number(form.get(CONSTANT, 0.0)) != 0.0) for form in condition.forms())
+
+
+def stated(
+    surface: YieldSurface, contacts: Contacts, parts: Sequence[str] = ()
+) -> Sequence[Condition]:
+    """A surface's conditions, checked for what is easily mistyped.
+
+    Raises
+    ------
+    ModelError
+        For a component that does not exist (``parts`` are further names), or a coefficient that is
+        no number, not finite, or not one per row.
+    """
+    conditions = surface.conditions(contacts)
+    for condition in conditions:
+        check_condition(condition, f"surface {surface.name!r}", len(contacts), parts)
+    return conditions
+
+
+def check_condition(
+    condition: Condition, owner: str, contacts: int, parts: Sequence[str] = ()
+) -> None:
+    """Refuse components and coefficients that cannot be meant; ``owner`` is named.
+
+    Raises
+    ------
+    ModelError
+    """
+    if not isinstance(condition, Condition):
+        raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
+    rows = contacts if condition.contact is None else len(condition.contact)
+    known = [*COMPONENTS, CONSTANT, *parts]
+    for form in condition.forms():
+        for component, coefficient in form.items():
+            if component not in known:
+                close = get_close_matches(str(component).upper(), known, 1, 0.5)
+                hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+                raise ModelError(f"{owner} has no force component {component!r}: {hint}")
+            _check_coefficient(coefficient, f"coefficient of {component} in {owner}", rows)
+    for norm in condition.norms:
+        _check_coefficient(norm.weight, f"weight of a norm in {owner}", rows)
+
+
+def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
+    if isinstance(coefficient, cp.Expression):
+        return
+    try:
+        values = np.asarray(coefficient, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{what} must be a number, got {coefficient!r}") from error
+    if values.shape not in ((), (rows,)):
+        raise ModelError(
+            f"{what} must be one number or {rows} of them, got an array of shape {values.shape}"
+        )
+    if not np.isfinite(values).all():
+        raise ModelError(f"{what} must be finite, got {values[~np.isfinite(values)][:1] or values}")
+
+
+def columns(forces: FloatArray) -> dict[str, FloatArray]:
+    """Forces (n, 6) by component."""
+    return {name: forces[:, column] for name, column in COLUMN.items()}
+
+
+def condition_excess(
+    condition: Condition, cone: Cone, values: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Norms less resistance, one entry per row; values by component (n,) or part."""
+    y = -evaluate(condition.resistance, values, condition.contact)
+    for norm in condition.norms:
+        rows = [evaluate(form, values, condition.contact) for form in norm.rows]
+        y = y + number(norm.weight) * cone.gauge(rows)
+    return y
+
+
+def evaluate(
+    form: LinearForm, values: Mapping[str, FloatArray], contact: IntArray | None = None
+) -> FloatArray:
+    """Value of a linear form in rows of ``contact`` (k,), or one row per contact."""
+    length = len(values["N"]) if contact is None else len(contact)
+    result = np.zeros(length)
     for component, coefficient in form.items():
-        result = result + number(coefficient) * forces[:, COLUMN[component]]
+        if component == CONSTANT:
+            result = result + number(coefficient)
+        else:
+            result = result + number(coefficient) * _rows(values, component, contact)
     return result
+
+
+def admissible(
+    condition: Condition, forces: Mapping[str, cp.Expression], cone: Cone
+) -> Iterator[cp.Constraint]:
+    """CVXPY constraints of a condition on force components, each an expression (n,).
+
+    ``forces`` also has :data:`CONSTANT`, what a unit of force is in their scale. Norms get an
+    auxiliary bound each, except a plain last one, which takes what remains.
+    """
+    contact = condition.contact
+    remaining = express(condition.resistance, forces, contact)
+    if not condition.norms:
+        yield remaining >= 0
+        return
+    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
+    last = norms.pop() if norms[-1].is_plain else None
+    for norm in norms:
+        rows = [express(form, forces, contact) for form in norm.rows]
+        bound = cp.Variable(rows[0].shape)
+        yield from cone.epigraph(bound, rows)
+        remaining = remaining - times(norm.weight, bound)
+    if last is None:
+        yield remaining >= 0
+    else:
+        yield from cone.epigraph(remaining, [express(form, forces, contact) for form in last.rows])
 
 
 def number(coefficient: Coefficient) -> float | FloatArray:
@@ -150,9 +279,16 @@ def product(first: Coefficient, second: Coefficient) -> Coefficient:
     return first * second
 
 
-def express(form: LinearForm, forces: Mapping[str, cp.Expression]) -> cp.Expression:
-    """A linear form as a CVXPY expression (n,)."""
-    terms = [times(k, forces[component]) for component, k in form.items()]
+def express(
+    form: LinearForm, forces: Mapping[str, cp.Expression], contact: IntArray | None = None
+) -> cp.Expression:
+    """A linear form as a CVXPY expression, one entry per row."""
+    terms = [
+        product(k, forces[CONSTANT])
+        if component == CONSTANT
+        else times(k, _rows(forces, component, contact))
+        for component, k in form.items()
+    ]
     return sum(terms[1:], start=terms[0])
 
 
@@ -163,23 +299,11 @@ def times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
     return cp.multiply(coefficient, component)
 
 
-def _admissible(
-    condition: Condition, forces: Mapping[str, cp.Expression], cone: Cone
-) -> Iterator[cp.Constraint]:
-    """Norms get an auxiliary bound each, except a plain last one, which takes what remains."""
-    if condition.contact is not None:
-        forces = {name: forces[name][condition.contact] for name in forces}
-    remaining = express(condition.resistance, forces)
-    if not condition.norms:
-        yield remaining >= 0
-        return
-    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
-    last = norms.pop() if norms[-1].is_plain else None
-    for norm in norms:
-        bound = cp.Variable(remaining.shape)
-        yield from cone.epigraph(bound, [express(form, forces) for form in norm.rows])
-        remaining = remaining - times(norm.weight, bound)
-    if last is None:
-        yield remaining >= 0
-    else:
-        yield from cone.epigraph(remaining, [express(form, forces) for form in last.rows])
+def _rows(values: Mapping[str, cp.Expression], name: str, contact: IntArray | None):  # type: ignore[no-untyped-def]
+    """Components are taken from their contacts; a formulation's own parts have rows already."""
+    value = values[name]
+    return value if contact is None or name not in COLUMN else value[contact]
+
+
+def _plain(form: LinearForm) -> LinearForm:
+    return {component: k for component, k in form.items() if component != CONSTANT}

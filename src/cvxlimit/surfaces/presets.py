@@ -13,7 +13,7 @@ DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
-    """Surfaces whose rows must be written: rocking is in the formulation, implied ones go.
+    """Surfaces whose rows may be needed: those implied by another go.
 
     A surface is implied by another of the same cone only: facets around a circle do not imply
     the circle, nor does the circle imply facets inside it.
@@ -33,7 +33,7 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
             "own: give it another name and add Rocking()"
         )
     implied = {(name, surface.cone) for surface in surfaces for name in surface.implies}
-    return tuple(s for s in surfaces if (s.name, s.cone) not in implied and s.name != Rocking.name)
+    return tuple(s for s in surfaces if (s.name, s.cone) not in implied)
 
 
 def surfaces_of(

@@ -39,6 +39,7 @@ from cvxlimit.methods.interaction.support import (
 )
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.strength import Strength
 from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate
@@ -165,7 +166,7 @@ class _Search:
         self.contacts = scene.contacts
         self.half = half_extent(self.contacts)
         whole = InteractionFlow(self.contacts, moments)
-        self.certifier = Certifier(scene, (Rocking(),), whole)
+        self.certifier = Certifier(scene, (Rocking(),), flow=whole)
         self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
         self.opens = self.witnesses.opening_field is not None  # found once, for all nodes
         self.problem = HullProblem(scene)
@@ -222,11 +223,16 @@ class _Search:
         if np.isfinite(root.bound):
             self.price = _PRICE * max(abs(root.bound), self.problem.scaling.load_factor(1.0))
         heapq.heappush(self.open, root)
-        at_rest = Witnesses(self.statics, (Rocking(), TorsionShear())).dead_state
+        at_rest = self._plain().dead_state
         if at_rest is not None and self._is_admissible(at_rest, 0.0):
             self.lower, self.forces = 0.0, at_rest
         self._raise_lower(root)
         self._note()
+
+    def _plain(self) -> Witnesses:
+        """Reference states under the surfaces without interaction."""
+        assemblage = self.certifier.assemblage
+        return Witnesses(assemblage, Strength(assemblage, (Rocking(), TorsionShear())))
 
     def step(self) -> None:
         """Split the node with the largest bound."""
@@ -333,7 +339,10 @@ class _Search:
         if node.forces is None:
             return
         safe = self._safe(node)
-        goal = self.witnesses.balanced(node.forces, node.load_factor), node.load_factor
+        goal = (
+            self.certifier.strength.balanced(node.forces, node.load_factor, self.statics),
+            node.load_factor,
+        )
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
             forces, factor = self._advanced(start, goal)
@@ -347,7 +356,7 @@ class _Search:
         state = self._solve(safe_copies(self.contacts, self.moments, centre, reach), None)
         if state.forces is None or state.load_factor is None:
             return None
-        forces = self.witnesses.balanced(state.forces, state.load_factor)
+        forces = self.certifier.strength.balanced(state.forces, state.load_factor, self.statics)
         return (
             (forces, state.load_factor) if self._is_admissible(forces, state.load_factor) else None
         )
@@ -370,12 +379,11 @@ class _Search:
 
     def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
-        offset = self.contacts.edges[2]
         residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
         residual[:, 3:] /= self.certifier.size
         excess = [
             np.abs(residual).max(),
-            (Rocking().excess(forces, self.contacts)[0] / offset).max(),
+            Rocking().excess(forces, self.contacts)[0].max(),
             interaction_excess(forces, self.contacts, self.moments).max(),
         ]
         return bool(max(excess) <= ADMISSIBLE * self.load)

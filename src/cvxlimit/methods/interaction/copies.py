@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
 from cvxlimit.methods.interaction.support import free_sign, half_extent, rectangle_arm, whole_boxes
-from cvxlimit.model.formulations import ForceModel
+from cvxlimit.model.formulations import ForceVariables
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -148,7 +148,7 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     return np.where(arm > _POINT * half.min(axis=1), arm, 0.0)
 
 
-def copy_forces(copies: Copies, contacts: Contacts) -> ForceModel:
+def copy_forces(copies: Copies, contacts: Contacts) -> ForceVariables:
     """Variables and constraints of all copies; contact forces are sums over them."""
     return _CopyForces(copies, contacts).model()
 
@@ -167,13 +167,13 @@ class _CopyForces:
         self.maps: list[tuple[cp.Variable, sp.csr_array]] = []
         self.constraints: list[cp.Constraint] = []
 
-    def model(self) -> ForceModel:
+    def model(self) -> ForceVariables:
         """The forces of all contacts as sums over their copies."""
         self._add_compression()
         for axis, moment in enumerate(("M2", "M1")):
             self._add_spread(axis, moment)
         self._add_tangential()
-        return ForceModel(self.maps, {}, self.constraints)
+        return ForceVariables(self.maps, {}, self.constraints)
 
     def _add_compression(self) -> None:
         k = np.arange(len(self.copies))

@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,11 +25,12 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.analysis import Clock
 from cvxlimit.methods.interaction.copies import Copies, box_copies, copy_forces
 from cvxlimit.methods.interaction.support import InteractionFlow, whole_boxes
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking
 
 __all__ = ["GlobalBound", "HullProblem", "global_upper_bound"]
@@ -73,7 +73,7 @@ def missed_copies(
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
-        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field))[0]
+        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
     result = Copies.at(rows, centre[rows], flow.boxes, flow.moments)
     if beside > 0.0:
@@ -97,9 +97,9 @@ class HullProblem:
     0.4
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scaling = Scaling.of(scene)
-        self.statics = self.scaling.apply(Statics.of(scene))
+    def __init__(self, scene: Scene | Assemblage) -> None:
+        self.assemblage = Assemblage.of(scene)
+        self.scaling = self.assemblage.scaling
 
     def solve(
         self,
@@ -113,29 +113,10 @@ class HullProblem:
         factors, so that the problem always has a solution and a mechanism: where no state of
         the copies carries the dead load, the mechanism's bound falls to minus the price.
         """
-        forces = copy_forces(copies, self.statics.contacts)
-        alpha = cp.Variable(name="alpha")
-        load, goal, limits = self.statics.dead, alpha, list(forces.constraints)
-        if relief_price is not None:
-            relief = cp.Variable(name="relief", nonneg=True)
-            limits.append(relief <= 1.0)
-            load = load - relief * load
-            goal = alpha - relief_price / self.scaling.load_factor(1.0) * relief
-        equilibrium = (
-            forces.equilibrium(self.statics.matrix) + alpha * self.statics.live + load == 0.0
-        )
-        outcome = run(
-            cp.Problem(cp.Maximize(goal), [equilibrium, *limits]), settings or default_ladder()[0]
-        )
-        if not outcome.has_values or alpha.value is None:
-            return LimitState(outcome, None, None, None)
-        dual = equilibrium.dual_value
-        return LimitState(
-            outcome,
-            self.scaling.load_factor(float(alpha.value)),
-            self.scaling.forces(forces.values()),
-            None if dual is None else self.scaling.mechanism(np.asarray(dual).reshape(-1, DOF)),
-        )
+        forces = copy_forces(copies, self.assemblage.scaled.contacts)
+        objective = LargestFactor(relief_price=relief_price)
+        problem = StaticProblem(self.assemblage, forces, (), objective)
+        return problem.solve(settings or default_ladder()[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +188,7 @@ class _Pricing:
         start = time.perf_counter()
         self.boxes = whole_boxes(scene.contacts)
         self.flow = InteractionFlow(scene.contacts, moments)
-        self.certifier = Certifier(scene, (Rocking(),), self.flow)
+        self.certifier = Certifier(scene, (Rocking(),), flow=self.flow)
         self.problem = HullProblem(scene)
         self.first = box_copies(scene.contacts, moments)
         self.added = Copies.none()

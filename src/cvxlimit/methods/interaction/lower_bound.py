@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.pressure import interaction_excess
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.statics import Scaling, Statics, block_sizes
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
+from cvxlimit.proof.strength import Strength
 from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solvers import default_ladder
@@ -95,16 +98,15 @@ class LowerBounds:
 
     def __init__(self, scene: Scene, moments: str) -> None:
         self.scene, self.moments = scene, moments
-        self.statics = Statics.of(scene)
-        self.scaling = Scaling.of(scene)
-        self.witnesses = Witnesses(self.statics, (Rocking(), TorsionShear()))
+        self.assemblage = Assemblage.of(scene)
+        self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
         given = np.asarray(forces, dtype=float)
         if not (np.isfinite(given).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
-        balanced = self.witnesses.balanced(given, load_factor)
+        balanced = self._balanced(given, load_factor)
         plain = self._checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
@@ -130,10 +132,10 @@ class LowerBounds:
         if not np.any(self.scene.dead_forces):
             return ()
         alone = self.scene.with_live(self.scene.dead).with_dead(Load())
-        state = LimitProblem(alone, most=1.0).solve(default_ladder()[0])
+        state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()
-        balanced = self.witnesses.balanced(state.forces / state.load_factor, 0.0)
+        balanced = self._balanced(state.forces / state.load_factor, 0.0)
         return (balanced,) if self._is_inside(balanced) else ()
 
     def _is_inside(self, state: FloatArray) -> bool:
@@ -149,8 +151,11 @@ class LowerBounds:
             sides=size * whole.sides,
             area=size**2 * whole.area,
         )
-        surfaces = (Rocking(), TorsionShear())
-        state = Witnesses(replace(self.statics, contacts=smaller), surfaces).dead_state
+        statics = replace(self.statics, contacts=smaller)
+        balance = Balance(statics, corner_compressions(smaller))
+        shrunk = replace(self.assemblage, statics=statics, balance=balance)
+        strength = Strength(shrunk, (Rocking(), TorsionShear()))
+        state = Witnesses(shrunk, strength).dead_state
         return state if state is not None and self._is_inside(state) else None
 
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
@@ -167,6 +172,9 @@ class LowerBounds:
         value = float(load_factor) - lost if accepted else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
+    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        return self.assemblage.balance.balanced(forces, load_factor, self.statics)
+
     def _excess(self, forces: FloatArray) -> FloatArray:
         contacts = self.statics.contacts
         return np.maximum(
@@ -179,9 +187,7 @@ class LowerBounds:
 
 def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
     """Eq. 9 in force units (n,): how far pressure is outside the contact; tension counts too."""
-    _, _, offset = contacts.edges
-    moments = Rocking().excess(forces, contacts)[0] / offset
-    outside: FloatArray = -contacts.corner_minimum(-moments)
+    outside: FloatArray = -contacts.corner_minimum(-Rocking().excess(forces, contacts)[0])
     return np.maximum(outside, -forces[:, COLUMN["N"]])
 
 

@@ -31,10 +31,11 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm_gradient
 from cvxlimit.methods.interaction.rectangles import Rectangles
-from cvxlimit.model.formulations import ForceModel, corner_compressions
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, run
+from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
 
@@ -228,7 +229,7 @@ class StepState(LimitState):
     ``slack`` is zero for hard steps, in units of total load x typical contact size.
     """
 
-    slack: float
+    slack: float = 0.0
 
 
 class SafeStep:
@@ -248,17 +249,14 @@ class SafeStep:
 
     def __init__(self, scene: Scene, moments: str, balance: float) -> None:
         self.moments, self.balance = moments, balance
-        self.scaling = Scaling.of(scene)
+        whole = Assemblage.of(scene)
+        self.scaling = whole.scaling
         rectangles = Rectangles.of(scene.contacts, moments)
-        statics = replace(Statics.of(scene), contacts=rectangles.contacts)
+        statics = replace(whole.statics, contacts=rectangles.contacts)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
-        self.statics = self.scaling.apply(statics)
-        self.model = corner_compressions(self.statics.contacts)
-        self.load_factor = cp.Variable(name="alpha")
-        self.equilibrium = (
-            self.model.equilibrium(self.statics.matrix) + self.load_factor * self.statics.live
-            == -self.statics.dead
-        )
+        self.assemblage = replace(whole, statics=statics)
+        self.statics = self.assemblage.scaled
+        self.model = ForceVariables.of(corner_compressions(self.statics.contacts), 1.0, 1.0)
         self.fields, self.magnitudes = _fields(self.model, self.statics.contacts, moments)
 
     def solve(self, point: Point, settings: SolverSettings, price: float | None) -> StepState:
@@ -267,18 +265,18 @@ class SafeStep:
         ``point`` is scaled, as :meth:`point` returns it. Never raises for what the solver does.
         """
         slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
-        objective = self.load_factor - (0.0 if slack is None else price * cp.sum(slack))
-        constraints = [self.equilibrium, *self.magnitudes, *self._cones(point, slack)]
-        outcome = run(cp.Problem(cp.Maximize(objective), constraints), settings)
-        alpha = self.load_factor.value
-        if not outcome.has_values or alpha is None:
-            return StepState(outcome, None, None, None, np.inf)
+        limits = [*self.magnitudes, *self._cones(point, slack)]
+        bought = None if slack is None else price * cp.sum(slack)
+        problem = StaticProblem(self.assemblage, self.model, limits, LargestFactor(cost=bought))
+        state = problem.solve(settings)
+        if state.forces is None:
+            return StepState(state.outcome, None, None, None, slack=np.inf)
         return StepState(
-            outcome,
-            self.scaling.load_factor(float(alpha)),
+            state.outcome,
+            state.load_factor,
             self._forces(),
-            self._mechanism(),
-            0.0 if slack is None else float(slack.value.sum()),
+            state.mechanism,
+            slack=0.0 if slack is None else float(slack.value.sum()),
         )
 
     def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
@@ -296,15 +294,9 @@ class SafeStep:
     def _forces(self) -> FloatArray:
         return self.scaling.forces(self.rectangles.outward(self.model.values()))
 
-    def _mechanism(self) -> FloatArray | None:
-        if self.equilibrium.dual_value is None:
-            return None
-        rates = np.asarray(self.equilibrium.dual_value).reshape(-1, DOF)
-        return self.scaling.mechanism(rates)
-
 
 def _fields(
-    model: ForceModel, contacts: Contacts, moments: str
+    model: ForceVariables, contacts: Contacts, moments: str
 ) -> tuple[Forces, list[cp.Constraint]]:
     """Force expressions with variables for their magnitudes, and what bounds those."""
     n, c = len(contacts), model.components

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
+from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -94,7 +95,7 @@ def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> Flo
 class InteractionFlow:
     """The flow rule of torsion-shear-bending interaction, not linearised and not relaxed.
 
-    Has the methods of :class:`cvxlimit.surfaces.flow.FlowRule` that certificates use, so a
+    Has the methods of :class:`cvxlimit.model.flow.FlowRule` that certificates use, so a
     :class:`~cvxlimit.proof.certificate.Certifier` with it proves upper bounds on the collapse load
     with interaction: the shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear,
     and forces do at least -s N of work on rates q.
@@ -118,13 +119,13 @@ class InteractionFlow:
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
         self._is_other = ~contacts.is_rectangle[contacts.corner_contact]
 
-    def shortfall(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Missing opening (n,) of rates (n, 6), negative where some is to spare; no leftovers.
+    def shortfall(self, rates: FloatArray) -> Shortfall:
+        """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
 
         An upper bound on the exact value, above it by 1e-10 of the largest power at most
         (independent signs on polygons: by what friction at the corners allows more).
         """
-        return self._support(-rates, _HALVINGS)[0], np.zeros((len(rates), 3))
+        return Shortfall(self._support(-rates, _HALVINGS)[0], np.zeros(0))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the shortfall, without a search along the edges."""

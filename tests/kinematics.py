@@ -13,11 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.model.flow import FlowRule
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.flow import FlowRule
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 
 FloatArray = NDArray[np.float64]
@@ -32,13 +32,6 @@ class KinematicProblem:
     scene : Scene
     surfaces : sequence of YieldSurface
         As for :class:`~cvxlimit.model.problem.LimitProblem`.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> state = KinematicProblem(builtin_scene("single-block")).solve()
-    >>> state.outcome.status
-    'optimal'
     """
 
     def __init__(self, scene: Scene, surfaces: Sequence[YieldSurface] = DEFAULT_SURFACES) -> None:
@@ -46,9 +39,13 @@ class KinematicProblem:
         statics = self.scaling.apply(Statics.of(scene))
         self.rates = cp.Variable(len(statics.dead), name="u")
         rates, openings = _relative_velocities(statics, self.rates)
-        flow = FlowRule(needed_surfaces(surfaces), statics.contacts)
-        constraints = [statics.live @ self.rates == 1.0, *flow.constraints(rates, openings)]
-        self.problem = cp.Problem(cp.Minimize(-statics.dead @ self.rates), constraints)
+        # Twists in radians and constants as forces: both in the user's units.
+        scaled = {"n": openings, **rates, "MT": rates["MT"] / self.scaling.length}
+        rule = FlowRule(needed_surfaces(surfaces), scene.contacts)
+        flow = rule.symbolic(cp.hstack([scaled[part.name] for part in rule.model.parts]))
+        constraints = [statics.live @ self.rates == 1.0, *flow.limits]
+        lost = flow.dissipation / self.scaling.force
+        self.problem = cp.Problem(cp.Minimize(lost - statics.dead @ self.rates), constraints)
 
     def solve(self, settings: SolverSettings | None = None) -> LimitState:
         """One run of one solver; the state has a mechanism and no forces."""

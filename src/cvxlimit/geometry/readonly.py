@@ -1,0 +1,30 @@
+"""Arrays that nobody can write to, in copies and after pickling as well."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def read_only(value: Any) -> Any:
+    """A read-only copy of an array that can be written to; anything else as it is.
+
+    >>> given = np.zeros(3)
+    >>> read_only(given).flags.writeable, given.flags.writeable
+    (False, True)
+    """
+    if not isinstance(value, np.ndarray) or not value.flags.writeable:
+        return value
+    copy = value.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+class ReadOnlyArrays:
+    """Base of immutable records with arrays: NumPy's own deepcopy and pickle are writeable."""
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Called by copy, deepcopy and pickle to fill a new object."""
+        self.__dict__.update({name: read_only(value) for name, value in state.items()})

@@ -1,0 +1,220 @@
+"""Flying buttresses: a leaning arch between a wall and a free-standing pier."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.masonry.rings import between, radial_joints
+from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, positive
+from cvxlimit.scene import Load, Scene
+
+FloatArray = NDArray[np.float64]
+
+_PRISM = (
+    (0, 1, 2, 3, 4), (5, 6, 7, 8, 9),
+    (0, 1, 6, 5), (1, 2, 7, 6), (2, 3, 8, 7), (3, 4, 9, 8), (4, 0, 5, 9),
+)  # fmt: skip
+"""Faces of a prism over a pentagon: both ends, then the sides."""
+
+
+def flying_buttress(
+    voussoirs: int = 8,
+    thickness: float = 0.5,
+    *,
+    span: float = 3.0,
+    embrace: float = 60.0,
+    head: float = 7.0,
+    pier_width: float = 1.5,
+    pinnacle: float = 1.5,
+    wall_width: float = 1.0,
+    wall_height: float = 9.0,
+    course: float = 0.75,
+    width: float = 0.6,
+    density: float = 22.0,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "flying-buttress",
+) -> Scene:
+    r"""A flyer in the plane (x, z) between a pier and a wall that is pushed against it::
+
+                               +---+  wall_height
+                               |   |
+        +--+ pinnacle    _ - ~ |   |
+        |  |        _ - '   _-~|   |  <== thrust (live load)
+        |  |    _ -'    _ -'   |   |
+        |  |_.-'    _ -'       |---|- - head
+        |    \   .-'           |   |
+        |     \-'   flyer      |   |      the flyer is a ring over ``embrace``: its upper
+        +------+               |   |      joint stands upright on the wall, its lower one
+        |      |<--- span ---->|   |      lies on the inclined face of the skewback
+        | pier |               |   |
+      ==+======+===============+===+==  ground, top at z = 0
+
+    The ring's inner side starts from the pier's inner face and is level where it meets the wall:
+    its inner radius is ``span / sin(embrace)``. The wall stands on its own. Blocks are named
+    ``v1`` ... from pier to wall, ``p1`` ... and ``w1`` ... from the bottom, ``skewback`` and
+    ``pinnacle``.
+
+    Parameters
+    ----------
+    voussoirs : int
+        Number of voussoirs in the flyer.
+    thickness : float
+        Of the flyer, along its radius, m.
+    span : float
+        Clear distance between pier and wall (x), m.
+    embrace : float
+        Angle between the flyer's end joints, degrees, below 90.
+    head : float
+        Height of the flyer's inner side at the wall, m.
+    pier_width, wall_width : float
+        Along x, m.
+    pinnacle : float
+        Height of the pinnacle above the skewback, m; 0 for none.
+    wall_height : float
+        m; the flyer must meet the wall below its top.
+    course : float
+        Height of the blocks of pier and wall, m; they are made equal, so it is met nearly.
+    width : float
+        Of everything, out of the plane (y), m.
+    density : float
+        Weight per volume, kN/m3.
+    friction : float
+        Coulomb coefficient of all joints.
+    live : Load, optional
+        A thrust of 1 kN on the wall towards the pier (-x), at the middle of the flyer's upper
+        joint, unless given: the load factor is the thrust in kN.
+    name : str
+        Name of the scene.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, an embrace angle of 90 degrees or more, a flyer that
+        starts below the ground or ends above the wall, or a pier too narrow for its foot.
+
+    Example
+    -------
+    >>> scene = flying_buttress(4)
+    >>> [scene.blocks[i].id for i in scene.free if scene.blocks[i].id[0] not in "wp"]
+    ['skewback', 'v1', 'v2', 'v3', 'v4']
+    """
+    number, weight = count(voussoirs, "voussoirs"), positive(density, "density of the buttress")
+    sides = (0.0, positive(width, "width"))
+    flyer = _Flyer(
+        positive(thickness, "thickness"),
+        positive(span, "span"),
+        positive(embrace, "embrace"),
+        positive(head, "head"),
+    )
+    broad, tall = positive(pier_width, "pier_width"), positive(wall_height, "wall_height")
+    step = positive(course, "course")
+    _check(flyer, broad, tall)
+    joints = flyer.joints(number, sides)
+    ring = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
+    pier = _pier(flyer, joints[0], broad, step, pinnacle, weight)
+    reach = (flyer.span, flyer.span + positive(wall_width, "wall_width"))
+    wall = pile("w", reach, sides, np.linspace(0.0, tall, _courses(tall, step) + 1), weight)
+    ground = ground_below([*pier, *wall], depth=step)
+    return Scene(
+        blocks=(ground, *pier, *ring, *wall),
+        supports=("ground",),
+        live=_thrust(wall, flyer.head + flyer.thickness / 2.0) if live is None else live,
+        friction=friction,
+        name=name,
+    )
+
+
+@dataclass(frozen=True)
+class _Flyer:
+    """The ring's sizes; its lower inner corner is at x = 0, the wall at x = span."""
+
+    thickness: float
+    span: float
+    embrace: float
+    head: float
+
+    @property
+    def inner(self) -> float:
+        """Inner radius."""
+        return self.span / float(np.sin(np.radians(self.embrace)))
+
+    @property
+    def foot(self) -> float:
+        """Height of the lower inner corner."""
+        return self.head - self.inner * (1.0 - float(np.cos(np.radians(self.embrace))))
+
+    @property
+    def setback(self) -> float:
+        """How far the foot reaches back over the pier."""
+        return self.thickness * float(np.sin(np.radians(self.embrace)))
+
+    def joints(self, voussoirs: int, sides: tuple[float, float]) -> FloatArray:
+        """Joints (n + 1, 4, 3) from the foot to the wall."""
+        angles = np.pi / 2.0 + np.linspace(np.radians(self.embrace), 0.0, voussoirs + 1)
+        centre = (self.span, self.head - self.inner)
+        middle = self.inner + self.thickness / 2.0
+        return radial_joints(angles, middle, self.thickness, sides, centre)
+
+
+def _check(flyer: _Flyer, pier_width: float, wall_height: float) -> None:
+    if flyer.embrace >= 90.0:
+        raise InputError(f"embrace must be below 90 degrees, got {flyer.embrace:g}")
+    if is_negligible(flyer.foot, flyer.thickness):
+        raise InputError(
+            f"head must be above {flyer.head - flyer.foot:g}, got {flyer.head:g}: the flyer's foot "
+            "would be below the ground"
+        )
+    if not is_negligible(flyer.head + flyer.thickness - wall_height, flyer.thickness):
+        raise InputError(
+            f"wall_height must be no less than head and thickness together, "
+            f"{flyer.head + flyer.thickness:g}, got {wall_height:g}"
+        )
+    if is_negligible(pier_width - flyer.setback, flyer.thickness):
+        raise InputError(
+            f"pier_width must be above {flyer.setback:g}, over which the flyer's foot reaches back,"
+            f" got {pier_width:g}"
+        )
+
+
+def _courses(height: float, course: float) -> int:
+    return max(1, round(height / course))
+
+
+def _pier(
+    flyer: _Flyer, foot: FloatArray, broad: float, step: float, pinnacle: float, density: float
+) -> list[Block]:
+    """Boxes up to a course below the foot, the skewback that carries it, and the pinnacle."""
+    (_, y0, _), (_, y1, _) = foot[[0, 2]]
+    shoulder = float(foot[1, 2])
+    below = _courses(flyer.foot, step)
+    levels = np.linspace(0.0, flyer.foot, below + 1)
+    base = levels[-2]
+    outline = np.array([
+        [-broad, base], [0.0, base], [0.0, flyer.foot],
+        [-flyer.setback, shoulder], [-broad, shoulder],
+    ])  # fmt: skip
+    corners = [np.insert(outline, 1, y, axis=1) for y in (y0, y1)]
+    skewback = Block.polyhedron("skewback", np.concatenate(corners), _PRISM, density)
+    blocks = [*pile("p", (-broad, 0.0), (y0, y1), levels[:-1], density), skewback]
+    if pinnacle != 0.0:
+        top = shoulder + positive(pinnacle, "pinnacle")
+        low, high = (-broad, y0, shoulder), (-flyer.setback, y1, top)
+        blocks.append(Block.box("pinnacle", low, high, density))
+    return blocks
+
+
+def _thrust(wall: Sequence[Block], height: float) -> Load:
+    """1 kN along -x at ``height``: force and moment about the centroid of the block there."""
+    block = next(b for b in wall if height <= b.vertices[:, 2].max())
+    return Load(forces={block.id: (-1.0, 0.0, 0.0, 0.0, block.centroid[2] - height, 0.0)})

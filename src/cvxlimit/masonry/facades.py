@@ -1,0 +1,398 @@
+"""Walls with openings, lintels and returns: facades and corners of houses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, positive, size_of
+from cvxlimit.scene import Load, Scene
+
+Span = tuple[float, float]
+
+_SHORTEST = 0.25
+"""A piece shorter than this share of a unit is not laid: its neighbour is cut longer instead.
+Bonds of less than a quarter brick are bad craft in every handbook."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A door or window in a wall, and the lintel over it.
+
+    Attributes
+    ----------
+    start : float
+        From the wall's start (x = 0 in a front, y = 0 in a return) to the nearer jamb, m.
+    width : float
+        Clear width, m.
+    sill : int
+        Number of courses below it: 0 for a door.
+    courses : int
+        Its height in courses.
+
+    Example
+    -------
+    >>> Opening(start=0.8, width=0.8, sill=3, courses=4)
+    Opening(start=0.8, width=0.8, sill=3, courses=4)
+    """
+
+    start: float
+    width: float
+    sill: int
+    courses: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", positive(self.start, "start of an opening"))
+        object.__setattr__(self, "width", positive(self.width, "width of an opening"))
+        count(self.sill, "sill of an opening", least=0)
+        count(self.courses, "courses of an opening")
+
+
+def facade(
+    length: float,
+    courses: int,
+    openings: Sequence[Opening] = (),
+    *,
+    left_return: float = 0.0,
+    right_return: float = 0.0,
+    left_openings: Sequence[Opening] = (),
+    right_openings: Sequence[Opening] = (),
+    unit: Size = (0.4, 0.2, 0.2),
+    bearing: float | None = None,
+    lintel_courses: int = 1,
+    density: float = 20.0,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "facade",
+) -> Scene:
+    r"""A front along x with openings, lintels and returns along y, on a fixed ground::
+
+          elevation (x, z)                       plan (x, y)
+
+        +---+---+---+---+---+---+             +---+             +---+
+        +-+-+-------------+-+-+-+             |   | left        |   | right
+        |   |   lintel    |   | |             |   | return      |   | return
+        +-+-+             +-+-+-+             |   |             |   |
+        | | |   opening   | |   |           y +---+-------------+---+
+        +-+-+             +-+-+-+           ^ |   |    front        |
+        |   +---+---+---+-+   | | sill      | +---+-----------------+
+        +---+---+---+---+---+---+           +--> x    | pushed along -y
+
+    Walls are laid in running bond. Front and returns take turns at the corners: in even courses
+    (from 0) the front runs through, in odd ones the returns. Pieces shorter than a quarter of a
+    unit are not laid; their neighbour is cut longer. One lintel lies over each opening, on the
+    jambs to both sides. Blocks are named ``f<course>.<place>`` (front), ``l...`` and ``r...``
+    (returns), from 1, lintels ``f.lintel<opening>`` and so on.
+
+    Parameters
+    ----------
+    length : float
+        Of the front, outside to outside, m.
+    courses : int
+        Number of courses.
+    openings, left_openings, right_openings : sequence of Opening
+        In the front and in the returns.
+    left_return, right_return : float
+        Length of the return at x = 0 and at x = ``length``, from the front's outer face (y = 0),
+        m; 0 for none.
+    unit : (float, float, float)
+        Length, thickness and height of a block, m. A return's lie along y.
+    bearing : float, optional
+        Length of a lintel on each jamb, m; half a unit unless given.
+    lintel_courses : int
+        Height of the lintels in courses.
+    density : float
+        Weight per volume, kN/m3.
+    friction : float
+        Coulomb coefficient of all joints.
+    live : Load, optional
+        Out of the front's plane, away from the returns (-y), in multiples of the weight, unless
+        given.
+    name : str
+        Name of the scene.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, walls too short for their corners, or openings that
+        overlap or, with their lintels, do not fit into their wall.
+
+    Example
+    -------
+    >>> window = Opening(start=0.6, width=0.8, sill=1, courses=2)
+    >>> scene = facade(2.0, 5, [window], left_return=1.0)
+    >>> [block.id for block in scene.blocks if "lintel" in block.id]
+    ['f.lintel1']
+    """
+    size, rows = size_of(unit, "the unit"), count(courses, "courses")
+    weight = positive(density, "density of the facade")
+    lintel = _Lintel(
+        size[0] / 2.0 if bearing is None else positive(bearing, "bearing"),
+        count(lintel_courses, "lintel_courses"),
+    )
+    walls = _walls(length, (left_return, right_return), size,
+                   (openings, left_openings, right_openings))  # fmt: skip
+    for wall in walls:
+        wall.check(rows, lintel)
+    blocks = [block for wall in walls for block in wall.blocks(rows, size, lintel, weight)]
+    return Scene(
+        blocks=(ground_below(blocks, depth=size[2]), *blocks),
+        supports=("ground",),
+        live=Load(acceleration=(0.0, -1.0, 0.0)) if live is None else live,
+        friction=friction,
+        name=name,
+    )
+
+
+def house_corner(
+    front: float = 2.4,
+    side: float = 2.0,
+    *,
+    storeys: int = 2,
+    storey_courses: int = 7,
+    window_width: float = 0.6,
+    window_courses: int = 3,
+    sill: int = 2,
+    unit: Size = (0.4, 0.2, 0.2),
+    density: float = 20.0,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "house-corner",
+) -> Scene:
+    """Two walls of a house that meet in a corner, one window in each of them on every storey::
+
+           front (x)              plan
+
+        +---------------+        +---+
+        |     +--+      |        |   |
+        |     |  |      |        |   window    side, along y from x = 0
+        |     +--+      |        |   |
+        |---------------|        |   +-------------+
+        |     +--+      |        |          front  |
+        |     |  |      |        +------window-----+   pushed along -y
+        |     +--+      |
+        +---------------+   ``storeys`` of ``storey_courses`` courses, windows in the
+                            middle of both walls, a lintel over each
+
+    A :func:`facade` with one return; parameters not named here are as there.
+
+    Parameters
+    ----------
+    front, side : float
+        Lengths of the two walls, outside to outside, m.
+    storeys : int
+        Number of storeys.
+    storey_courses : int
+        Courses in each.
+    window_width : float
+        Clear width of every window, m.
+    window_courses, sill : int
+        Height of the windows, and of the wall below them in every storey, in courses.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        As :func:`facade`; also for windows that do not fit into a storey with their lintels.
+
+    Example
+    -------
+    >>> scene = house_corner(storeys=1)
+    >>> [block.id for block in scene.blocks if "lintel" in block.id]
+    ['f.lintel1', 'l.lintel1']
+    """
+    floors, high = count(storeys, "storeys"), count(storey_courses, "storey_courses")
+    below, tall = count(sill, "sill", least=0), count(window_courses, "window_courses")
+    if below + tall + 1 > high:
+        raise InputError(
+            f"storey_courses must be at least {below + tall + 1} for sill, window and lintel, "
+            f"got {high}"
+        )
+    front_windows, side_windows = (
+        [Opening(start, clear, floor * high + below, tall) for floor in range(floors)]
+        for start, clear in (
+            _centred(window_width, front, "front"),
+            _centred(window_width, side, "side"),
+        )
+    )
+    return facade(
+        front,
+        floors * high,
+        front_windows,
+        left_return=side,
+        left_openings=side_windows,
+        unit=unit,
+        density=density,
+        friction=friction,
+        live=live,
+        name=name,
+    )
+
+
+def _centred(width: float, length: float, what: str) -> Span:
+    """Start and width of a window in the middle of a wall."""
+    clear, whole = positive(width, "window_width"), positive(length, what)
+    if is_negligible(whole - clear, whole):
+        raise InputError(f"{what} must be longer than window_width, {clear:g}, got {whole:g}")
+    return (whole - clear) / 2.0, clear
+
+
+@dataclass(frozen=True)
+class _Lintel:
+    bearing: float
+    courses: int
+
+    def over(self, opening: Opening) -> Span:
+        """From end to end along the wall."""
+        return opening.start - self.bearing, opening.start + opening.width + self.bearing
+
+    def rows(self, opening: Opening) -> range:
+        """Courses that it takes, from 0."""
+        top = opening.sill + opening.courses
+        return range(top, top + self.courses)
+
+
+@dataclass(frozen=True)
+class _Wall:
+    """One wall: where it stands, how long its courses are, and its openings.
+
+    ``inset`` is what its start and its end give way to other walls, in every other course from
+    ``gives_way`` (0 or 1) on.
+    """
+
+    prefix: str
+    what: str
+    length: float
+    along: int
+    across: Span
+    inset: Span
+    gives_way: int
+    openings: tuple[Opening, ...]
+
+    @property
+    def clear(self) -> Span:
+        """Between the corners."""
+        return self.inset[0], self.length - self.inset[1]
+
+    def check(self, rows: int, lintel: _Lintel) -> None:
+        """Openings fit with their lintels, and none overlaps another."""
+        slack = 1e-9 * self.length  # rounding of sums of sizes, far below any joint
+        for number, opening in enumerate(self.openings, start=1):
+            if not isinstance(opening, Opening):
+                raise InputError(
+                    f"opening {number} of the {self.what} must be an Opening, got {opening!r}"
+                )
+            low, high = lintel.over(opening)
+            if low < self.clear[0] - slack or high > self.clear[1] + slack:
+                raise InputError(
+                    f"opening {number} of the {self.what} reaches from {low:g} to {high:g} with "
+                    f"its lintel, but the wall is free from {self.clear[0]:g} to "
+                    f"{self.clear[1]:g} only: move it or make it narrower"
+                )
+            if lintel.rows(opening).stop > rows:
+                raise InputError(
+                    f"opening {number} of the {self.what} needs {lintel.rows(opening).stop} courses"
+                    f" with its lintel, but the wall has {rows}"
+                )
+        for row in range(rows):
+            for (i, first), (j, second) in combinations(self.gaps(row, lintel), 2):
+                if max(first[0], second[0]) < min(first[1], second[1]) - slack:
+                    raise InputError(
+                        f"openings {i} and {j} of the {self.what} overlap with their lintels in "
+                        f"course {row + 1}: move them apart"
+                    )
+
+    def gaps(self, row: int, lintel: _Lintel) -> list[tuple[int, Span]]:
+        """What a course leaves free for openings and lintels, by the opening's number."""
+        found = []
+        for number, opening in enumerate(self.openings, start=1):
+            if row in lintel.rows(opening):
+                found.append((number, lintel.over(opening)))
+            elif opening.sill <= row < opening.sill + opening.courses:
+                found.append((number, (opening.start, opening.start + opening.width)))
+        return found
+
+    def blocks(self, rows: int, size: Size, lintel: _Lintel, density: float) -> Iterator[Block]:
+        """All of its blocks, course by course, then the lintels."""
+        length, _, height = size
+        for row in range(rows):
+            shortened = row % 2 == self.gives_way
+            start = self.inset[0] if shortened else 0.0
+            end = self.length - (self.inset[1] if shortened else 0.0)
+            shift = length / 2.0 if shortened else 0.0
+            solid = _between((start, end), [gap for _, gap in self.gaps(row, lintel)], length)
+            pieces = [piece for span in solid for piece in _pieces(span, shift, length)]
+            for place, piece in enumerate(pieces, start=1):
+                levels = (row * height, (row + 1) * height)
+                yield self._box(f"{row + 1}.{place}", piece, levels, density)
+        for number, opening in enumerate(self.openings, start=1):
+            taken = lintel.rows(opening)
+            levels = (taken.start * height, taken.stop * height)
+            yield self._box(f".lintel{number}", lintel.over(opening), levels, density)
+
+    def _box(self, place: str, span: Span, levels: Span, density: float) -> Block:
+        ends = np.array([span, self.across] if self.along == 0 else [self.across, span])
+        low, high = (np.append(ends[:, end], levels[end]) for end in (0, 1))
+        return Block.box(self.prefix + place, low, high, density)
+
+
+def _walls(
+    length: float,
+    returns: Span,
+    size: Size,
+    openings: tuple[Sequence[Opening], Sequence[Opening], Sequence[Opening]],
+) -> list[_Wall]:
+    """The front, then the returns that are there."""
+    thick, front = size[1], positive(length, "length")
+    lengths = [
+        0.0 if value == 0.0 else positive(value, f"{side}_return")
+        for value, side in zip(returns, ("left", "right"), strict=True)
+    ]
+    inset = (thick if lengths[0] else 0.0, thick if lengths[1] else 0.0)
+    if is_negligible(front - sum(inset), size[0]):
+        raise InputError(
+            f"length must be above the thickness of its returns, {sum(inset):g}, got {front:g}"
+        )
+    walls = [_Wall("f", "front", front, 0, (0.0, thick), inset, 1, tuple(openings[0]))]
+    places = ("l", "left", 0.0), ("r", "right", front - thick)
+    for (prefix, side, x), reach, held in zip(places, lengths, openings[1:], strict=True):
+        if not reach and held:
+            raise InputError(f"{side}_openings need a {side}_return, which has no length")
+        if not reach:
+            continue
+        if is_negligible(reach - thick, thick):
+            raise InputError(
+                f"{side}_return must be above the unit's thickness, {thick:g}, got {reach:g}; "
+                "use 0 for no return"
+            )
+        across, what = (x, x + thick), f"{side} return"
+        walls.append(_Wall(prefix, what, reach, 1, across, (thick, 0.0), 0, tuple(held)))
+    return walls
+
+
+def _between(whole: Span, gaps: Sequence[Span], unit: float) -> list[Span]:
+    """What is left of ``whole`` between ``gaps``, which do not overlap."""
+    ends = [whole[0], *(end for gap in sorted(gaps) for end in gap), whole[1]]
+    parts = zip(ends[::2], ends[1::2], strict=True)
+    return [(low, high) for low, high in parts if not is_negligible(high - low, unit)]
+
+
+def _pieces(span: Span, shift: float, unit: float) -> Iterator[Span]:
+    """Units with joints at ``shift`` plus multiples of ``unit``; none close to the span's ends."""
+    nearest = _SHORTEST * unit * (1.0 - 1e-9)  # a quarter that is laid in full is laid
+    first = np.ceil((span[0] + nearest - shift) / unit)
+    last = np.floor((span[1] - nearest - shift) / unit)
+    joints = shift + unit * np.arange(first, last + 1.0)
+    yield from pairwise([span[0], *joints.tolist(), span[1]])

@@ -1,0 +1,150 @@
+"""The mechanics of one scene, computed once: equilibrium, its scaling, its factorisation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.scene import Scene
+from cvxlimit.solvers.sparse import Solve, factorised, nested_dissection
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Assemblage:
+    """Blocks and contacts of a scene as equilibrium sees them, under its loads.
+
+    Everything that analyses share is here and computed once: problems, certificates and bounds
+    take an assemblage, and :meth:`under` gives the same under other loads.
+
+    Attributes
+    ----------
+    scene : Scene
+    statics : Statics
+        In the scene's units.
+    scaling : Scaling
+    balance : Balance
+        Brings forces into equilibrium with the least change.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> assemblage = Assemblage.of(builtin_scene("tuff-wall"))
+    >>> assemblage.statics.matrix.shape
+    (324, 876)
+    """
+
+    scene: Scene
+    statics: Statics
+    scaling: Scaling
+    balance: Balance
+
+    @classmethod
+    def of(cls, scene: Scene | Assemblage, scaling: Scaling | None = None) -> Assemblage:
+        """Of a scene; an assemblage is returned as it is."""
+        if isinstance(scene, Assemblage):
+            return scene
+        statics = Statics.of(scene)
+        balance = Balance(statics, corner_compressions(statics.contacts))
+        return cls(scene, statics, scaling or Scaling.of(scene), balance)
+
+    def under(self, scene: Scene) -> Assemblage:
+        """The same blocks and contacts under the loads of ``scene``."""
+        dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
+        return Assemblage(scene, self.statics.under(dead, live), Scaling.of(scene), self.balance)
+
+    @cached_property
+    def scaled(self) -> Statics:
+        """Statics in the units of :attr:`scaling`."""
+        return self.scaling.apply(self.statics)
+
+    @property
+    def contacts(self) -> Contacts:
+        """In the scene's units."""
+        return self.statics.contacts
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Least changes of internal forces that restore equilibrium: one sparse factorisation.
+
+    Attributes
+    ----------
+    statics : Statics
+        Its loads do not matter here.
+    model : ForceModel
+        Whose internal forces are changed; torsion counts by its arm, so that all are forces.
+    """
+
+    statics: Statics
+    model: ForceModel
+
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """Equilibrium matrix (6 free blocks, p) of the internal forces."""
+        return (self.statics.matrix @ self.model.meaning).tocsr()
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """How willingly each internal force changes, (p,)."""
+        arm = np.asarray(self.statics.contacts.torsion_arm)[self.model.contact]
+        return np.where(self.model.is_moment, arm**2, 1.0)
+
+    @cached_property
+    def is_supported(self) -> bool:
+        """True when every block is linked to a support through contacts."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        count = int(number.max()) + 1
+        ends = np.stack([number[contacts.a], number[contacts.b]])
+        ends = np.where(ends < 0, count, ends)
+        graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), (count + 1, count + 1))
+        return int(connected_components(graph, directed=False)[0]) == 1
+
+    @cached_property
+    def solve(self) -> Solve:
+        """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
+        order = self._elimination_order()
+        ordered = self.matrix[order]
+        solve = factorised((ordered @ sp.diags_array(self.weights) @ ordered.T).tocsc())
+
+        def unordered(right: FloatArray) -> FloatArray:
+            result = np.empty_like(right)
+            result[order] = solve(right[order])
+            return result
+
+        return unordered
+
+    def change(self, residual: FloatArray) -> FloatArray:
+        """Internal forces (p,) that carry a residual (6 free blocks,) of opposite sign."""
+        result: FloatArray = -self.weights * (self.matrix.T @ self.solve(residual.ravel()))
+        return result
+
+    def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
+        """Forces (n, 6) with the least change that balances the loads of ``statics``."""
+        if not self.is_supported:
+            return forces
+        for _ in range(2):
+            change = self.change(statics.residual(forces, load_factor))
+            forces = forces + (self.model.meaning @ change).reshape(-1, len(COMPONENTS))
+        return forces
+
+    def _elimination_order(self) -> IntArray:
+        """Rows (6 free blocks,) in nested dissection of the blocks."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        a, b = number[contacts.a], number[contacts.b]
+        free = (a >= 0) & (b >= 0)
+        count = int(number.max()) + 1
+        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
+        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
+        blocks = nested_dissection(graph.tocsr())
+        return (DOF * blocks[:, None] + np.arange(DOF)).ravel()

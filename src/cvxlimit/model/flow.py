@@ -1,0 +1,332 @@
+"""The associated flow rule (Eq. 33-36): which relative rates a model's strength allows.
+
+Rates of internal forces are allowed when they are
+
+    rates = sum over conditions of (resistance lambda - sum of B^T y) + opening,
+    polar_gauge(y) <= lambda,   opening >= 0 along compressions,
+
+with resistance and B the rows of a condition without its constants: the normal cone of the
+admissible forces, over all of them. Contact forces then do at least
+
+    -(sum of c lambda - sum of b^T y)
+
+of work, the *dissipation*, with c and b the constants; without constants, none. How far rates are
+from allowed is measured by their *shortfall*: the extra opening, uniform over the contact, that
+would make them so. Forces on a contact then do at least -shortfall * N of work besides.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.surfaces.base import Condition, YieldSurface
+from cvxlimit.surfaces.cones import Cone
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shortfall:
+    """How far rates are from the flow rule.
+
+    Attributes
+    ----------
+    missing : (n,)
+        Opening that contacts lack; negative where some is to spare.
+    unresisted : (k,)
+        Slip that no condition resists; twists times the size of a contact.
+    dissipation : float
+        Power that forces can take up at most while rates are as the flow rule has them.
+    """
+
+    missing: FloatArray
+    unresisted: FloatArray
+    dissipation: float = 0.0
+
+
+def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
+    """Opening rate (m,) at every corner, for rates (n, 6): the power of a unit compression."""
+    j = contacts.corner_contact
+    x, y = contacts.corner_xy.T
+    normal, about_1, about_2 = (rates[j, COLUMN[c]] for c in ("N", "M1", "M2"))
+    result: FloatArray = normal + y * about_1 - x * about_2
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """One condition as rows on the internal forces: (k, p) matrices and (k,) constants."""
+
+    cone: Cone
+    resistance: sp.csr_array
+    constant: FloatArray
+    norms: list[list[sp.csr_array]]
+    constants: list[list[FloatArray]]
+
+    @classmethod
+    def of(cls, condition: Condition, cone: Cone, model: ForceModel) -> _Rows:
+        resistance, constant = model.rows(condition.resistance, condition.contact)
+        found = [
+            [model.rows(form, condition.contact) for form in norm.weighted_rows]
+            for norm in condition.norms
+        ]
+        return cls(
+            cone,
+            resistance,
+            constant,
+            [[matrix for matrix, _ in rows] for rows in found],
+            [[constant for _, constant in rows] for rows in found],
+        )
+
+    @property
+    def count(self) -> int:
+        return self.resistance.shape[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Flow:
+    """Symbolic flow of one condition: multiplier lambda, one y per norm row, and their limits."""
+
+    rows: _Rows
+    multiplier: cp.Variable
+    parts: list[list[cp.Variable]]
+    limits: list[cp.Constraint]
+
+    @classmethod
+    def of(cls, rows: _Rows) -> _Flow:
+        multiplier = cp.Variable(rows.count, nonneg=True)
+        parts = [[cp.Variable(rows.count) for _ in norm] for norm in rows.norms]
+        limits = [c for part in parts for c in rows.cone.polar_epigraph(multiplier, part)]
+        return cls(rows, multiplier, parts, limits)
+
+    def rates(self) -> cp.Expression:
+        """Its share (p,) of the rates."""
+        total = self.rows.resistance.T @ self.multiplier
+        for norm, part in zip(self.rows.norms, self.parts, strict=True):
+            for matrix, y in zip(norm, part, strict=True):
+                total = total - matrix.T @ y
+        return total
+
+    def dissipation(self) -> cp.Expression:
+        total = self.rows.constant @ self.multiplier
+        for norm, part in zip(self.rows.constants, self.parts, strict=True):
+            for constant, y in zip(norm, part, strict=True):
+                total = total - constant @ y
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicFlow:
+    """Constraints that allow rates, the dissipation that goes with them, and the flows."""
+
+    limits: list[cp.Constraint]
+    dissipation: cp.Expression
+    flows: list[_Flow]
+
+
+class FlowRule:
+    """The flow rule of several surfaces, in the internal forces of a model.
+
+    Parameters
+    ----------
+    surfaces : sequence of YieldSurface
+    model : ForceModel or Contacts
+        Contacts stand for corner compressions, in which rocking is opening at corners.
+    """
+
+    def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
+        self.model = corner_compressions(model) if isinstance(model, Contacts) else model
+        self._rows = [
+            _Rows.of(condition, cone, self.model)
+            for condition, cone in self.model.strength(surfaces)
+        ]
+        self._free = np.flatnonzero(~self.model.nonneg)
+        self._pressed = np.flatnonzero(self.model.nonneg)
+
+    def symbolic(self, rates: cp.Expression) -> SymbolicFlow:
+        """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation."""
+        flows = [_Flow.of(rows) for rows in self._rows]
+        rest = rates - sum((flow.rates() for flow in flows), start=np.zeros(rates.shape))
+        limits = [c for flow in flows for c in flow.limits]
+        if len(self._free):
+            limits.append(rest[self._free] == 0)
+        limits.append(rest[self._pressed] >= 0)
+        lost = sum((flow.dissipation() for flow in flows), start=cp.Constant(0.0))
+        return SymbolicFlow(limits, lost, flows)
+
+    def shortfall(self, rates: FloatArray) -> Shortfall:
+        """Of relative rates (n, 6).
+
+        Exact when the conditions determine the flow uniquely, and otherwise an upper bound, from
+        the best decomposition found.
+        """
+        inner = self._internal(rates)
+        return self._completed(inner, *self._proposal(inner))
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
+        found = self._completed(self._internal(rates), *self._nothing)
+        resisted = np.abs(found.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
+        return found.missing if resisted else np.full(len(found.missing), np.inf)
+
+    def _internal(self, rates: FloatArray) -> FloatArray:
+        """Rates (p,) work-conjugate to the internal forces."""
+        return np.asarray(self.model.meaning.T @ rates.ravel())
+
+    def _completed(
+        self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
+    ) -> Shortfall:
+        """Complete proposed flows to exact ones with the least change, and measure what is left.
+
+        ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
+        """
+        taken = self._linear.T @ multipliers
+        target = -(rates - taken)[self._free]
+        matrix, norms = self._norm_rows, self._norm_rows[:, self._free]
+        missing = target - norms.T @ flows
+        flows = flows + norms @ self._normal(missing)
+        leftover = target - norms.T @ flows
+        least = self._multipliers(flows)
+        opening = rates - taken - (self._resistance.T @ least - matrix.T @ flows)
+        lost = self._constant @ (least + multipliers) - self._norm_constants @ flows
+        return Shortfall(self._missing(opening), leftover * self._reach, float(lost))
+
+    def _missing(self, opening: FloatArray) -> FloatArray:
+        """Uniform opening (n,) that brings all rates of compressions up to zero."""
+        result = np.full(len(self.model.contacts), -np.inf)
+        at = self.model.contact[self._pressed]
+        np.maximum.at(result, at, -opening[self._pressed] / self._compression)
+        return result
+
+    @cached_property
+    def _compression(self) -> FloatArray:
+        """N per unit of each compression."""
+        normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
+        return np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        """Slip per unit of each free rate: twists count by the size of contacts."""
+        size = float(np.median(np.sqrt(self.model.contacts.area)))
+        return np.where(self.model.is_moment[self._free], size, 1.0)
+
+    def _multipliers(self, flows: FloatArray) -> FloatArray:
+        """Least multipliers (all conditions' rows,) that allow the flows."""
+        result: list[FloatArray] = [np.zeros(0)]
+        at = 0
+        for rows in self._rows:
+            multiplier = np.zeros(rows.count)
+            for norm in rows.norms:
+                part = [flows[at + i * rows.count : at + (i + 1) * rows.count]
+                        for i in range(len(norm))]  # fmt: skip
+                at += len(norm) * rows.count
+                multiplier = np.maximum(multiplier, rows.cone.polar_gauge(part))
+            result.append(multiplier)
+        return np.concatenate(result)
+
+    @cached_property
+    def _norm_rows(self) -> sp.csr_array:
+        """Rows of all norms, (rows, p)."""
+        found = [matrix for rows in self._rows for norm in rows.norms for matrix in norm]
+        return _stacked(found, self.model.meaning.shape[1])
+
+    @cached_property
+    def _norm_constants(self) -> FloatArray:
+        found = [c for rows in self._rows for norm in rows.constants for c in norm]
+        return np.concatenate([np.zeros(0), *found])
+
+    @cached_property
+    def _resistance(self) -> sp.csr_array:
+        """Resistances of all conditions, (rows, p)."""
+        return _stacked([rows.resistance for rows in self._rows], self.model.meaning.shape[1])
+
+    @cached_property
+    def _constant(self) -> FloatArray:
+        return np.concatenate([np.zeros(0), *(rows.constant for rows in self._rows)])
+
+    @cached_property
+    def _linear(self) -> sp.csr_array:
+        """Resistances of conditions without norms; empty rows for the others."""
+        found = [rows.resistance if not rows.norms else 0.0 * rows.resistance
+                 for rows in self._rows]  # fmt: skip
+        return _stacked(found, self.model.meaning.shape[1])
+
+    @cached_property
+    def _normal(self):  # type: ignore[no-untyped-def]
+        """Solver of G' G for the norms' rows G on the free rates; nothing where nobody resists."""
+        norms = self._norm_rows[:, self._free]
+        square = (norms.T @ norms).tocsc()
+        idle = square.diagonal() == 0.0
+        solve = splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
+        return lambda right: np.where(idle, 0.0, solve(right))
+
+    @cached_property
+    def _nothing(self) -> tuple[FloatArray, FloatArray]:
+        return np.zeros(self._norm_rows.shape[0]), np.zeros(len(self._constant))
+
+    @cached_property
+    def _is_unique(self) -> bool:
+        linear = any(not rows.norms for rows in self._rows)
+        return not linear and self._norm_rows.shape[0] <= len(self._free)
+
+    def _proposal(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Flows with the least shortfall where the conditions leave a choice, else zero; and the
+        multipliers >= 0 of conditions without norms.
+
+        One small conic problem without coupling between contacts; what comes back is only a
+        proposal, which :meth:`shortfall` makes exact and measures.
+        """
+        scale = float(np.abs(rates).max())
+        if self._is_unique or scale == 0.0:
+            return self._nothing
+        missing = cp.Variable(len(self.model.contacts))
+        found = self.symbolic(rates / scale + self._opening @ missing)
+        goal = cp.sum(missing) + self._price * found.dissipation
+        problem = cp.Problem(cp.Minimize(goal), found.limits)
+        try:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+                problem.solve(solver=cp.CLARABEL, ignore_dpp=True)
+        except cp.error.SolverError:
+            return self._nothing
+        if missing.value is None:
+            return self._nothing
+        parts = [y.value for flow in found.flows for part in flow.parts for y in part]
+        linear = [
+            np.maximum(flow.multiplier.value, 0.0) * float(not flow.rows.norms)
+            for flow in found.flows
+        ]
+        return (
+            scale * np.concatenate([np.zeros(0), *parts]),
+            scale * np.concatenate([np.zeros(0), *linear]),
+        )
+
+    @cached_property
+    def _opening(self) -> sp.csr_array:
+        """Rates (p, n) of compressions when contacts open uniformly."""
+        index = (self._pressed, self.model.contact[self._pressed])
+        shape = (len(self.model.nonneg), len(self.model.contacts))
+        return sp.csr_array((self._compression, index), shape=shape)
+
+    @cached_property
+    def _price(self) -> float:
+        """Of dissipation against missing opening: the constants themselves set the scale."""
+        largest = float(np.abs(self._constant).max(initial=0.0))
+        return 1.0 / largest if largest > 0.0 else 0.0
+
+
+def _stacked(matrices: list[sp.csr_array], width: int) -> sp.csr_array:
+    if not matrices:
+        return sp.csr_array((0, width))
+    return sp.vstack(matrices, format="csr")

@@ -1,0 +1,138 @@
+"""The documents beside the README keep their word, and all of them reach an index and the sdist."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import cvxlimit
+
+ROOT = Path(__file__).parents[1]
+README, CONTRIBUTING, SYMBOLS, CHANGELOG = (
+    (ROOT / name).read_text("utf-8")
+    for name in ("README.md", "CONTRIBUTING.md", "docs/symbols.md", "CHANGELOG.md")
+)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+SEAMS = ("surface", "scene", "file format", "solver", "formulation", "outer loop")
+
+
+def fenced(text: str, language: str = "python") -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def section(text: str, title: str) -> str:
+    found = re.search(rf"^### An? {title}\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE)
+    assert found, f"no section on a {title}"
+    return found[1]
+
+
+@pytest.mark.parametrize(
+    "seam",
+    [
+        pytest.param(s, marks=pytest.mark.xfail(strict=True, reason="to come with its seam"))
+        if s in ("formulation", "outer loop")
+        else s
+        for s in SEAMS
+    ],
+)
+def test_one_example_per_seam_runs_and_checks_its_answer(
+    seam: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = section(CONTRIBUTING, seam)
+    (code,) = fenced(text)
+    assert "\nassert " in code
+    assert "In the package: " in text
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, f"CONTRIBUTING.md, {seam}", "exec"), {"__name__": "contributing"})
+
+
+def test_no_example_is_left_out() -> None:
+    titles = re.findall(r"^### An? (.*)$", CONTRIBUTING, re.MULTILINE)
+    assert sorted(titles) == sorted(SEAMS)
+
+
+def exists(name: str) -> bool:
+    """True if ``cvxlimit`` has this, as a module, an attribute or an annotated field."""
+    *path, last = name.split(".")
+    thing: Any = cvxlimit
+    for part in path:
+        thing = getattr(thing, part, None) or import_module(f"{thing.__name__}.{part}")
+    return hasattr(thing, last) or last in getattr(thing, "__dataclass_fields__", {})
+
+
+ROWS = [line.split(" | ") for line in SYMBOLS.splitlines() if line.startswith("| ")][1:]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row[0].strip("| ") for row in ROWS])
+def test_symbols_are_called_so(row: list[str]) -> None:
+    assert len(row) == 3
+    options = ("interaction", "moments")
+    for name in re.findall(r"`([^`]+)`", row[2]):
+        assert name in options or exists(name), name
+
+
+def test_the_check_of_names_can_fail() -> None:
+    assert exists("Contacts.torsion_arm")
+    assert exists("model.statics.Statics.matrix")
+    assert not exists("Contacts.arm")
+    assert not exists("models")
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md", "docs/symbols.md"])
+def test_links_lead_somewhere(name: str) -> None:
+    file = ROOT / name
+    links = re.findall(r"\]\(([^)#:]+)[^)]*\)", file.read_text("utf-8"))
+    assert all((file.parent / link).exists() for link in links)
+
+
+def test_files_named_for_contributors_exist() -> None:
+    named = re.findall(r"`((?:src|tests|\.ci|docs)/[^`]*)`", CONTRIBUTING)
+    assert len(named) > 5
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_changelog_begins_with_this_version() -> None:
+    newest = re.findall(r"^## (\S+)", CHANGELOG, re.MULTILINE)[0]
+    assert cvxlimit.__version__.split(".dev")[0] == newest
+
+
+def test_the_paper_is_cited_in_full_and_alike() -> None:
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    for fact in (
+        "Limit analysis by linear programming of 3D masonry structures with associative friction "
+        "laws and torsion interaction effects",
+        "Portioli", "Archive of Applied Mechanics", "83", "1415", "1438", "2013",
+    ):  # fmt: skip
+        assert fact in citation
+        assert fact in " ".join(README.replace("\n> ", " ").split())
+
+
+def as_on_an_index() -> str:
+    """The README after the substitutions that pyproject.toml asks for."""
+    text = README
+    hook = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
+    for step in hook["substitutions"]:
+        text = re.sub(step["pattern"], step["replacement"], text)
+    return text
+
+
+def test_nothing_on_a_package_index_points_nowhere() -> None:
+    """Relative links do not work there; pictures become their captions, code is not touched."""
+    relative = r"\]\((?!https?:|#)[^)]+\)"
+    assert re.search(relative, README)
+    shown = as_on_an_index()
+    assert not re.search(relative, shown)
+    assert shown.count("of the source distribution") == len(re.findall(relative, README))
+    for language in ("sh", "python"):
+        assert fenced(shown, language) == fenced(README, language)
+
+
+def test_the_version_stands_in_one_place() -> None:
+    assert "version" in PROJECT["project"]["dynamic"]
+    assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/cvxlimit/versions.py"
+    assert "version:" not in (ROOT / "CITATION.cff").read_text("utf-8").replace("cff-version:", "")
