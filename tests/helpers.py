@@ -20,6 +20,7 @@ from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_sce
 from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
+from cvxlimit.methods.interaction.moments import parse_moments
 from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]
@@ -210,6 +211,11 @@ def yield_excess(scene: Scene, forces: FloatArray) -> FloatArray:
         shear = abs(mt) / hand_torsion_arm(contact) + np.hypot(v1, v2) - contact.friction * n
         result.append(max(shear, *(o / np.sqrt(contact.area) for o in outside)))
     return np.array(result)
+
+
+def interaction_excess(forces: FloatArray, contacts: Contacts, moments: str) -> FloatArray:
+    """The package's checker of Eq. 30, by the name of the convention, (contacts,)."""
+    return parse_moments(moments).excess(forces, contacts)
 
 
 def missing_opening(scene: Scene, rates: FloatArray) -> FloatArray:

@@ -10,10 +10,9 @@ from cvxlimit import Block, Load, Scene, Solution, Units, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.interaction.pressure import interaction_excess
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
-from helpers import named_scene
+from helpers import interaction_excess, named_scene
 
 MOMENTS = ("independent", "signed")
 

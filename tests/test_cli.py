@@ -21,6 +21,7 @@ import pytest
 
 import cvxlimit
 from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
+from cvxlimit.bracket import Bracket
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report
 from cvxlimit.cli.report import show
@@ -566,15 +567,21 @@ def test_terminal_gets_progress_on_stderr_only(tmp_path: Path) -> None:
 
 
 def test_bounds_are_rounded_outward() -> None:
+    ends = Bracket(1 / 3, 2 / 3)
     third = Solution(
-        "s", "conic", "none", "independent", 1, 1, 1 / 3, 1 / 3, 2 / 3, Status.NOT_CERTIFIED, (), {}
+        "s", "conic", "none", "independent", 1, 1, 1 / 3, ends, Status.NOT_CERTIFIED, (), {}
     )
     show(report.summary(third, "file", 1e-5, []))
     assert report._bracket(third, 1e-5).startswith("[0.3333333, 0.6666667], relative width 5.0e-01")
-    assert report._bracket(replace(third, lower=-0.0), 1e-5).startswith("[0, 0.6666667]")
-    assert report._bracket(replace(third, lower=-1 / 3), 1e-5).startswith("[-0.3333334, ")
-    unbounded = replace(third, lower=-np.inf, upper=np.inf)
-    assert report._bracket(unbounded, 1e-5).startswith("[-Infinity, Infinity], relative width inf")
+    assert report._bracket(replace(third, bracket=replace(ends, lower=-0.0)), 1e-5).startswith(
+        "[0, 0.6666667]"
+    )
+    assert report._bracket(replace(third, bracket=replace(ends, lower=-1 / 3)), 1e-5).startswith(
+        "[-0.3333334, "
+    )
+    below = replace(third, bracket=Bracket(upper=1 / 3))
+    assert report._bracket(below, 1e-5).startswith("[?, 0.3333334], relative width inf")
+    assert report._bracket(replace(third, bracket=Bracket()), 1e-5) == ""
 
 
 def test_history_leaves_empty_columns_out(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,10 +22,10 @@ from cvxlimit.compare.reference import WIDTH, Reference
 from cvxlimit.compare.registry import choose, interaction_registry, registry
 from cvxlimit.compare.rows import Bracket, number_of_steps, side_by_side
 from cvxlimit.compare.runs import Failure, Limits, run_apart
-from cvxlimit.compare.settings import settings_for
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.model.formulations import resultants
 from cvxlimit.scene import Load
+from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 
 TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034

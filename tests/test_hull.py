@@ -13,15 +13,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Contacts, Load, Scene, builtin_scene
+from cvxlimit.bracket import Bracket
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import single_block, stack
-from cvxlimit.methods.interaction.copies import Copies, box_copies, copy_forces, safe_copies
-from cvxlimit.methods.interaction.hull import GlobalBound, HullProblem, global_upper_bound
-from cvxlimit.methods.interaction.pressure import effective_arm, interaction_excess
-from cvxlimit.methods.interaction.support import InteractionFlow, half_extent, whole_boxes
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.copies import Copies, copy_forces
+from cvxlimit.methods.interaction.flow import InteractionFlow
+from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED, parse_moments
+from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
-from helpers import hand_equilibrium, named_scene
+from cvxlimit.solvers import default_ladder
+from helpers import hand_equilibrium, interaction_excess, named_scene
 
 MOMENTS = ["independent", "signed"]
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
@@ -142,7 +148,7 @@ def test_no_true_state_does_more_work_than_the_support(
 ) -> None:
     """4 million pairs of states and rates per case."""
     contacts = block_of(sides)
-    flow = InteractionFlow(contacts, moments)
+    flow = InteractionFlow(contacts, parse_moments(moments))
     forces = rectangle_states(contacts, moments, 100_000, seed=1)
     for w in rates_like(40, seed=2):
         missing, leftover = flow.shortfall(-w[None])
@@ -155,7 +161,7 @@ def test_the_support_is_attained(moments: str) -> None:
     """Grid values lie below by the grid's spacing squared, 1e-4, where they do not meet it."""
     contacts = block_of((1.0, 0.4))
     for w in rates_like(8, seed=3):
-        missing = InteractionFlow(contacts, moments).shortfall(-w[None])[0][0]
+        missing = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None])[0][0]
         best = grid_power(contacts, moments, w)
         assert best <= missing + ROUNDING * np.abs(w).max()
         assert missing - best <= 2e-4 * np.abs(w).max()
@@ -170,10 +176,12 @@ def test_boxes_of_pressure_centres(moments: str) -> None:
         if moments == "independent":  # both signs only in symmetric ranges
             both = (box[:, 0] < 0.0) & (box[:, 1] > 0.0)
             box[both, 0] = -box[both, 1]
-        missing = InteractionFlow(contacts, moments, box[None]).shortfall(-w[None])[0][0]
+        missing = InteractionFlow(contacts, parse_moments(moments), box[None]).shortfall(-w[None])[
+            0
+        ][0]
         forces = rectangle_states(contacts, moments, 20_000, seed=6, box=box)
         assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
-        whole = InteractionFlow(contacts, moments).shortfall(-w[None])[0][0]
+        whole = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None])[0][0]
         assert missing <= whole + 1e-9 * np.abs(w).max()
 
 
@@ -181,10 +189,10 @@ def test_the_worst_place_has_the_support() -> None:
     """A box that is only the worst pressure centre has the same support, to the search's 1e-10."""
     contacts = block_of((1.0, 0.6))
     for w in rates_like(30, seed=7):
-        missing, centre = InteractionFlow(contacts, "independent").worst(-w[None])
+        missing, centre = InteractionFlow(contacts, INDEPENDENT).worst(-w[None])
         signs = np.where(w[[COLUMN["M2"], COLUMN["M1"]]] * [-1, 1] >= 0.0, 1.0, -1.0)
         place = np.repeat((np.abs(centre) * signs)[..., None], 2, axis=2)
-        at = InteractionFlow(contacts, "independent", place).shortfall(-w[None])[0]
+        at = InteractionFlow(contacts, INDEPENDENT, place).shortfall(-w[None])[0]
         assert at[0] == pytest.approx(missing[0], abs=1e-8 * np.abs(w).max())
 
 
@@ -192,7 +200,7 @@ def test_the_worst_place_has_the_support() -> None:
 def test_polygons(moments: str) -> None:
     contacts = hexagons().contacts
     assert not contacts.is_rectangle.any()
-    flow = InteractionFlow(contacts, moments)
+    flow = InteractionFlow(contacts, parse_moments(moments))
     for j in range(len(contacts)):
         forces = polygon_states(contacts, j, moments, 1_500, seed=8)
         for w in rates_like(60, seed=9):
@@ -213,14 +221,14 @@ def test_pointwise_friction_is_inside_the_corner_hull() -> None:
     e = (share[..., None] * points).sum(axis=1)
     forces = states(e, np.column_stack([pull.sum(axis=1), moment]))
     for w in rates_like(60, seed=11):
-        missing = InteractionFlow(contacts, "signed").shortfall(-np.tile(w, (2, 1)))[0][0]
+        missing = InteractionFlow(contacts, SIGNED).shortfall(-np.tile(w, (2, 1)))[0][0]
         assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_shortfall_is_sublinear_and_bounded_by_the_cheap_bound(moments: str) -> None:
     contacts = builtin_scene("tuff-wall").contacts
-    flow = InteractionFlow(contacts, moments)
+    flow = InteractionFlow(contacts, parse_moments(moments))
     first, second = rates_like(len(contacts), 12), rates_like(len(contacts), 13)
     a, b = flow.shortfall(first)[0], flow.shortfall(second)[0]
     size = np.abs(first).max() + np.abs(second).max()
@@ -230,8 +238,8 @@ def test_shortfall_is_sublinear_and_bounded_by_the_cheap_bound(moments: str) -> 
 
 
 def test_moments_must_be_known() -> None:
-    with pytest.raises(ValueError, match="moments must be one of independent, signed, got 'both'"):
-        InteractionFlow(block_of((1.0, 1.0)), "both")
+    with pytest.raises(ModelError, match="moments must be one of independent, signed, got 'both'"):
+        parse_moments("both")
 
 
 # -- copies --------------------------------------------------------------------------------------
@@ -251,8 +259,8 @@ def test_signed_copies_are_the_exact_hull(shape: tuple[float, float] | int) -> N
     """To 1e-6, Clarabel's default accuracy on powers of order one."""
     contacts = block_of(shape) if isinstance(shape, tuple) else pentagon()
     for w in rates_like(6, seed=14):
-        missing = InteractionFlow(contacts, "signed").shortfall(-w[None])[0][0]
-        assert reach(box_copies(contacts, "signed"), contacts, w) == pytest.approx(
+        missing = InteractionFlow(contacts, SIGNED).shortfall(-w[None])[0][0]
+        assert reach(SIGNED.box_copies(contacts), contacts, w) == pytest.approx(
             missing, abs=1e-6 * max(1.0, np.abs(w).max())
         )
 
@@ -267,13 +275,13 @@ def pentagon() -> Contacts:
 def test_independent_copies_and_the_worst_one_are_the_hull(box: tuple[float, ...] | None) -> None:
     contacts = block_of((1.0, 0.5))
     boxes = whole_boxes(contacts) if box is None else np.reshape(box, (1, 2, 2))
-    flow = InteractionFlow(contacts, "independent", boxes)
-    first = box_copies(contacts, "independent", boxes)
+    flow = InteractionFlow(contacts, INDEPENDENT, boxes)
+    first = INDEPENDENT.box_copies(contacts, boxes)
     for w in rates_like(6, seed=15):
         missing, centre = flow.worst(-w[None])
         size = max(1.0, np.abs(w).max())
         assert reach(first, contacts, w) <= missing[0] + 1e-6 * size
-        more = first.joined(Copies.at(np.array([0]), centre, boxes, "independent"))
+        more = first.joined(INDEPENDENT.copies_at(np.array([0]), centre, boxes))
         assert reach(more, contacts, w) == pytest.approx(missing[0], abs=1e-6 * size)
 
 
@@ -284,7 +292,7 @@ def test_boxed_signed_copies_and_safe_copies_are_admissible(moments: str) -> Non
         rng = np.random.default_rng(16)
         for _ in range(4):
             centre = rng.uniform(-0.4, 0.4, (1, 2))
-            safe = safe_copies(contacts, moments, centre, reach=0.1)
+            safe = parse_moments(moments).safe_copies(contacts, centre, reach=0.1)
             model = copy_forces(safe, contacts)
             force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
             w = rng.normal(size=6)
@@ -335,22 +343,33 @@ def exact(name: str, moments: str) -> float:
     return float(low)
 
 
-def assert_history(bound: GlobalBound) -> None:
-    assert bound.is_proved
-    assert bound.history
-    known = [h.upper for h in bound.history if h.upper is not None]
-    assert bound.upper == min(known)
-    assert {"compile", "solve", "certify", "total"} <= set(bound.seconds)
+def upper_bound(scene: Scene, moments: str, tolerance: float = 1e-5) -> tuple[Run, UpperBound]:
+    """A run with the upper bound of the hull, and how it was found."""
+    run = Run(scene, moments=parse_moments(moments))
+    search = UpperBound(run)
+    search.search(tolerance, default_ladder())
+    return run, search
+
+
+def upper(scene: Scene, moments: str, tolerance: float = 1e-5) -> float:
+    return upper_bound(scene, moments, tolerance)[0].best.bracket.upper
+
+
+def assert_history(run: Run) -> None:
+    assert run.best.bracket.upper_is_proved
+    known = [h.upper for h in run.history if h.upper is not None]
+    assert known
+    assert run.best.bracket.upper == min(known)
+    assert all(run.clock.seconds[phase] > 0.0 for phase in ("compile", "solve", "certify"))
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("name", DETERMINATE)
 def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:
-    bound = global_upper_bound(DETERMINATE[name], moments)
-    assert_history(bound)
-    assert bound.upper >= exact(name, moments) - 1e-9
-    conic = global_upper_bound(DETERMINATE[name], "signed").upper
-    assert bound.upper <= conic + 1e-7
+    run, _ = upper_bound(DETERMINATE[name], moments)
+    assert_history(run)
+    assert run.best.bracket.upper >= exact(name, moments) - 1e-9
+    assert run.best.bracket.upper <= upper(DETERMINATE[name], "signed") + 1e-7
 
 
 @pytest.mark.parametrize(("name", "moments", "most", "reason"), [
@@ -364,13 +383,14 @@ def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:
 ])  # fmt: skip
 def test_targets(name: str, moments: str, most: float, reason: str) -> None:
     scene = named_scene(name)
-    bound = global_upper_bound(scene, moments)
-    assert_history(bound)
-    assert bound.upper <= most, reason
-    assert bound.relaxed is not None
-    assert bound.upper >= bound.relaxed - 1e-6 * most
-    assert bound.forces is not None
-    assert bound.forces.shape == (len(scene.contacts), 6)
+    run, search = upper_bound(scene, moments)
+    assert_history(run)
+    assert run.best.bracket.upper <= most, reason
+    assert search.state is not None
+    assert search.state.load_factor is not None
+    assert run.best.bracket.upper >= search.state.load_factor - 1e-6 * most
+    assert search.state.forces is not None
+    assert search.state.forces.shape == (len(scene.contacts), 6)
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
@@ -378,18 +398,17 @@ def test_targets(name: str, moments: str, most: float, reason: str) -> None:
 def test_invariance(name: str, moments: str) -> None:
     """Rotation turns contact frames too: to 1e-5, the bound's own tolerance."""
     scene = DETERMINATE[name]
-    first = global_upper_bound(scene, moments, 1e-6).upper
+    first = upper(scene, moments, 1e-6)
     turned = scene.moved(Rotation.from_euler("xyz", [0.4, -0.7, 1.9]).as_matrix(), (3.0, -1.0, 2.0))
     millimetres = scene.in_units(Units("mm", "N"), 1000.0, 1000.0)
     for other in (turned, millimetres):
-        assert global_upper_bound(other, moments, 1e-6).upper == pytest.approx(first, rel=1e-5)
+        assert upper(other, moments, 1e-6) == pytest.approx(first, rel=1e-5)
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_pressure_at_an_edge(moments: str) -> None:
     """The block rocks about its edge at length / height, with nothing but N on the edge."""
-    bound = global_upper_bound(builtin_scene("single-block"), moments)
-    assert bound.upper == pytest.approx(0.4, abs=1e-7)
+    assert upper(builtin_scene("single-block"), moments) == pytest.approx(0.4, abs=1e-7)
 
 
 def test_pressure_in_a_corner() -> None:
@@ -397,9 +416,9 @@ def test_pressure_in_a_corner() -> None:
     independent signs nothing but N passes a corner, so pressure cannot get there."""
     live = Load(acceleration=(0.5**0.5, 0.5**0.5, 0.0))
     scene = single_block((0.4, 0.4, 1.0), friction=0.7, live=live)
-    signed = global_upper_bound(scene, "signed").upper
+    signed = upper(scene, "signed")
     assert signed == pytest.approx(0.4 * 2.0**0.5, abs=1e-7)
-    assert global_upper_bound(scene, "independent").upper < 0.9 * signed
+    assert upper(scene, "independent") < 0.9 * signed
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
@@ -410,26 +429,25 @@ def test_a_contact_without_force(moments: str) -> None:
     block = Block.box("b1", (0.0, 0.0, 0.0), (0.4, 0.4, 1.0), density=20.0)
     live = Load(acceleration=(1.0, 0.0, 0.0))
     scene = Scene((ground, side, block), ("ground", "side"), live, friction=0.3)
-    bound = global_upper_bound(scene, moments)
+    found = upper(scene, moments)
     alone = single_block((0.4, 0.4, 1.0), friction=0.3, live=live)
-    assert bound.upper >= global_upper_bound(alone, moments).upper - 1e-7
-    assert bound.upper == pytest.approx(global_upper_bound(alone, moments).upper, abs=1e-6)
+    assert found >= upper(alone, moments) - 1e-7
+    assert found == pytest.approx(upper(alone, moments), abs=1e-6)
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_without_friction(moments: str) -> None:
     """Any push slides the block: the bound is zero, not undefined."""
-    bound = global_upper_bound(single_block((1.0, 1.0, 0.5), friction=0.0), moments)
-    assert bound.upper == pytest.approx(0.0, abs=1e-7)
+    found = upper(single_block((1.0, 1.0, 0.5), friction=0.0), moments)
+    assert found == pytest.approx(0.0, abs=1e-7)
 
 
 def test_no_bound_where_there_is_none() -> None:
     """A load that presses the block down: the relaxation is unbounded, and says so."""
     down = Load(acceleration=(0.0, 0.0, -1.0))
-    bound = global_upper_bound(single_block(live=down), "independent")
-    assert bound.upper == np.inf
-    assert not bound.is_proved
-    assert bound.mechanism is None
+    run, _ = upper_bound(single_block(live=down), "independent")
+    assert run.best.bracket == Bracket(least=run.best.bracket.least)
+    assert run.best.mechanism is None
 
 
 def test_relief_makes_every_problem_solvable() -> None:
@@ -437,7 +455,7 @@ def test_relief_makes_every_problem_solvable() -> None:
     scene = single_block((1.0, 1.0, 0.5))
     held = np.array([[[0.9, 1.0], [0.9, 1.0]]])
     up = scene.with_live(Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}))
-    state = HullProblem(up).solve(box_copies(up.contacts, "independent", held), relief_price=50.0)
+    state = HullProblem(up).solve(INDEPENDENT.box_copies(up.contacts, held), relief_price=50.0)
     assert state.mechanism is not None
     assert -float((up.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
 

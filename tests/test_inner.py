@@ -13,21 +13,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, builtin_scene
-from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
-from cvxlimit.methods.interaction.copies import box_copies
+from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.hull import HullProblem
-from cvxlimit.methods.interaction.inner import (
-    InnerIterate,
-    InnerMethod,
-    InnerSettings,
-    safe_iterates,
-)
-from cvxlimit.methods.interaction.lower_bound import LowerBounds, proved_lower_bound
-from cvxlimit.methods.interaction.pressure import effective_arm, interaction_excess
-from cvxlimit.methods.interaction.rectangles import Rectangles
-from cvxlimit.methods.interaction.safe_step import (
+from cvxlimit.methods.interaction.inner import InnerIterate, InnerMethod
+from cvxlimit.methods.interaction.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.majorants import (
     Forces,
     Plane,
     Point,
@@ -35,8 +27,11 @@ from cvxlimit.methods.interaction.safe_step import (
     independent_rows,
     signed_rows,
 )
+from cvxlimit.methods.interaction.moments import INDEPENDENT, parse_moments
+from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
-from helpers import named_scene, piles
+from helpers import interaction_excess, named_scene, piles
 
 FloatArray = NDArray[np.float64]
 
@@ -201,9 +196,13 @@ def assert_admissible(scene: Scene, x: FloatArray, factor: float, moments: str) 
     assert (torque - c * spare).max() <= limit * size
 
 
+def inner(scene: Scene, moments: str, most: int = 24, gain: float = 1e-4) -> InnerMethod:
+    return InnerMethod(Run(scene, moments=parse_moments(moments)), most, gain)
+
+
 @cache
 def tuff_iterates(moments: str) -> tuple[InnerIterate, ...]:
-    return tuple(safe_iterates(builtin_scene("tuff-wall"), moments))
+    return tuple(inner(builtin_scene("tuff-wall"), moments).iterates())
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
@@ -231,8 +230,8 @@ def test_hard_steps_do_not_fall(moments: str) -> None:
     """Without reaching ahead each step contains the forces of the last one."""
     scene = builtin_scene("stack")
     scene = replace(scene, live=Load(acceleration=(0.6, 0.5, 0.0)))
-    method = InnerMethod(scene, moments, InnerSettings(reach=0.0, gain=1e-6))
-    lowers = [i.lower for i in method._climb(method.middle) if i.is_safe]
+    method = inner(scene, moments, gain=1e-6)
+    lowers = [i.lower for i in method.climb(method.middle, reach=0.0) if i.is_safe]
     assert len(lowers) >= 3
     assert np.diff(lowers).min() >= -1e-6 * lowers[-1]
 
@@ -240,9 +239,9 @@ def test_hard_steps_do_not_fall(moments: str) -> None:
 def test_s12_class_panel_in_one_step_from_the_relaxation() -> None:
     """Issue: at least 0.1244 within 20 times the first solve; one hard step costs about 4."""
     scene = named_scene("s12-class")
-    relaxed = HullProblem(scene).solve(box_copies(scene.contacts, "independent"))
+    relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
     assert relaxed.forces is not None
-    (first,) = safe_iterates(scene, "independent", InnerSettings(most=1), relaxed.forces)
+    (first,) = inner(scene, "independent", most=1).iterates(relaxed.forces)
     assert first.kind == "hard"
     assert first.lower >= 0.1244
     assert first.bound is not None
@@ -315,12 +314,11 @@ DIRECTIONS = {
 def test_below_brute_force_and_near_it(blocks: int, live: tuple[float, ...], moments: str) -> None:
     best = brute_force(blocks, live, moments)
     scene = stack_of(blocks, live)
-    method = InnerMethod(scene, moments, InnerSettings(gain=1e-6, most=60))
+    method = inner(scene, moments, most=60, gain=1e-6)
     for _ in method.iterates():
         pass
-    assert method.best is not None
-    assert method.best.value <= best * (1.0 + 1e-7)
-    assert method.best.value >= best * (1.0 - 1e-3)
+    found = method.run.best.bracket.lower
+    assert best * (1.0 - 1e-3) <= found <= best * (1.0 + 1e-7)
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
@@ -329,7 +327,7 @@ def test_a_block_on_two_pads_slides_as_a_whole(moments: str) -> None:
     pads = [Block.box(f"pad{i}", (x, 0, -1), (x + 0.5, 1, 0)) for i, x in enumerate((0.0, 1.5))]
     block = Block.box("block", (0, 0, 0), (2, 1, 0.01), 20.0)
     scene = Scene([*pads, block], ["pad0", "pad1"], Load(acceleration=(0, 1, 0)), friction=0.6)
-    lowers = [i.lower for i in safe_iterates(scene, moments, InnerSettings(gain=1e-6, most=60))]
+    lowers = [i.lower for i in inner(scene, moments, most=60, gain=1e-6).iterates()]
     assert 0.6 * (1.0 - 2e-3) <= max(lowers) <= 0.6 * (1.0 + 1e-8)
 
 
@@ -338,30 +336,32 @@ def test_a_block_on_two_pads_slides_as_a_whole(moments: str) -> None:
 
 def good_forces() -> tuple[Scene, FloatArray, float]:
     scene = stack_of(2, DIRECTIONS["twisted"])
-    method = InnerMethod(scene, "independent")
+    method = inner(scene, "independent")
     list(method.iterates())
-    assert method.best is not None
-    return scene, method.best.forces, method.best.load_factor
+    best = method.run.best
+    assert best.forces is not None
+    assert best.load_factor is not None
+    return scene, best.forces, best.load_factor
 
 
 def test_corrupted_forces_are_refused() -> None:
     """Torsion that nothing carries is put into balance, and then exceeds Eq. 30."""
     scene, x, factor = good_forces()
-    value, checked, _, excess = proved_lower_bound(scene, x, factor, "independent")
-    assert value == pytest.approx(factor, rel=2e-5)
-    assert excess <= 1e-9
-    assert_admissible(scene, checked, value, "independent")
+    checker = LowerBounds(scene, INDEPENDENT)
+    bound = checker.of(x, factor)
+    assert bound.value == pytest.approx(factor, rel=2e-5)
+    assert bound.excess <= 1e-9
+    assert_admissible(scene, bound.forces, bound.value, "independent")
     for bad in (1.05 * factor, np.nan, np.inf):
-        assert proved_lower_bound(scene, x, bad, "independent")[0] == -np.inf
+        assert checker.of(x, bad).value == -np.inf
     for wrong in (np.full_like(x, np.nan), 1e9 * x):
-        value = proved_lower_bound(scene, wrong, factor, "independent")[0]
-        assert value <= factor
+        assert checker.of(wrong, factor).value <= factor
 
 
 def test_proved_bounds_need_no_tolerance() -> None:
     """Exactly admissible forces, and forces made so by a share of a dead-load state."""
     scene, x, factor = good_forces()
-    bounds = LowerBounds(scene, "independent")
+    bounds = LowerBounds(scene, INDEPENDENT)
     assert len(bounds.reserves) > 0
     half = 0.5 * (x + bounds.reserves[-1])
     inside = bounds.of(half, 0.5 * factor)
@@ -377,7 +377,7 @@ def test_proved_bounds_need_no_tolerance() -> None:
 @settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 @given(piles(), st.sampled_from(MOMENTS))
 def test_any_convex_contact(scene: Scene, moments: str) -> None:
-    method = InnerMethod(scene, moments, InnerSettings(most=10))
+    method = inner(scene, moments, most=10)
     for iterate in method.iterates():
         if iterate.bound is not None and iterate.is_safe:
             assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
@@ -395,7 +395,7 @@ def triangle() -> Scene:
 class TestRectangles:
     def test_they_lie_inside_with_no_longer_arms(self, moments: str) -> None:
         contacts = triangle().contacts
-        found = Rectangles.of(contacts, moments)
+        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
         assert found.contacts.is_rectangle.all()
         _, inward, offset = contacts.edges
         arms = found.contacts.corner_points - contacts.origin[0]
@@ -410,7 +410,7 @@ class TestRectangles:
 
     def test_forces_are_the_same_wrench_in_either_frame(self, moments: str) -> None:
         contacts = triangle().contacts
-        found = Rectangles.of(contacts, moments)
+        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
         x = np.random.default_rng(4).normal(size=(1, 6))
         there = found.outward(x)
         np.testing.assert_allclose(found.inward(there), x, atol=1e-12)
@@ -423,43 +423,26 @@ class TestRectangles:
 
     def test_a_triangle_has_a_bound(self, moments: str) -> None:
         scene = triangle()
-        method = InnerMethod(scene, moments)
+        method = inner(scene, moments)
         list(method.iterates())
-        assert method.best is not None
-        assert method.best.value > 0.3
-        assert_admissible(scene, method.best.forces, method.best.load_factor, moments)
+        best = method.run.best
+        assert best.bracket.lower > 0.3
+        assert best.forces is not None
+        assert best.load_factor is not None
+        assert_admissible(scene, best.forces, best.load_factor, moments)
 
     def test_rectangles_stay_as_they_are(self, moments: str) -> None:
         contacts = builtin_scene("tuff-wall").contacts
-        found = Rectangles.of(contacts, moments)
+        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
         assert found.contacts is contacts
         x = np.random.default_rng(5).normal(size=(len(contacts), 6))
         np.testing.assert_array_equal(found.outward(x), x)
         assert COLUMN["MT"] == 5
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"most": 0}, "most must be at least 1"),
-        ({"box_shrink": 1.0}, "box_shrink must be between"),
-        ({"price_growth": 1.0}, "price_growth must be above 1"),
-        ({"freeze": 0.0}, "freeze must be positive"),
-    ],
-)
-def test_settings_are_checked(settings: dict[str, float], message: str) -> None:
-    with pytest.raises(ModelError, match=message):
-        InnerSettings(**settings)
-
-
-def test_moments_are_checked() -> None:
-    with pytest.raises(ModelError, match="moments must be"):
-        InnerMethod(builtin_scene("single-block"), "both")
-
-
 def test_progress_is_told_and_stops_are_lazy() -> None:
     told: list[str] = []
-    iterates = safe_iterates(builtin_scene("stack"), "signed", progress=told.append)
-    next(iterates)
-    assert len(told) == 1
-    assert told[0].startswith("box step 1")
+    run = Run(builtin_scene("stack"), moments=parse_moments("signed"), progress=told.append)
+    next(InnerMethod(run).iterates())
+    assert len(run.history) == 1
+    assert "box step from the middle" in told[-1]

@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import (
@@ -164,8 +165,7 @@ def solutions(draw: st.DrawFn) -> Solution:
         blocks=draw(st.integers(0, 10**6)),
         contacts=contacts,
         load_factor=draw(st.none() | FINITE),
-        lower=draw(LOWER),
-        upper=draw(LOWER),
+        bracket=draw(st.builds(Bracket, LOWER, LOWER, st.booleans(), st.booleans(), FINITE)),
         status=draw(st.sampled_from(list(Status))),
         history=tuple(draw(st.lists(ITERATES, max_size=4))),
         seconds=draw(st.dictionaries(TEXTS, FINITE, max_size=4)),
@@ -191,7 +191,7 @@ def assert_same_solution(a: Solution, b: Solution) -> None:
 def a_solution(**changes: Any) -> Solution:
     solution = Solution(
         scene="tower", surface="conic", interaction="none", moments="signed", blocks=1, contacts=1,
-        load_factor=0.25, lower=0.2499, upper=0.25, status=Status.CERTIFIED,
+        load_factor=0.25, bracket=Bracket(0.2499, 0.25), status=Status.CERTIFIED,
         history=(Iterate(0.25, 0.01, "CLARABEL", "optimal", upper=math.inf),),
         seconds={"detect": 0.1, "compile": 0.2, "solve": 0.3, "total": 0.6},
         forces=np.array([[0.0, 1.0, 80.0, -0.0, 1e-300, 0.1]]),
@@ -595,7 +595,7 @@ class TestResult:
             result_from_dict({**document, "versions": {"cvxpy": 1}})
 
     def test_missing_bounds_are_null(self) -> None:
-        solution = a_solution(lower=-math.inf, upper=math.inf, load_factor=None)
+        solution = a_solution(bracket=Bracket(), load_factor=None)
         document = result_to_dict(solution)
         assert [document[k] for k in ("lower", "upper", "load_factor")] == [None, None, None]
         back = result_from_dict(document)
@@ -603,7 +603,7 @@ class TestResult:
 
     def test_other_infinities_are_texts(self) -> None:
         iterate = Iterate(math.nan, 0.1, "HIGHS", "failed", upper=-math.inf, change=math.inf)
-        document = result_to_dict(a_solution(lower=math.inf, history=(iterate,)))
+        document = result_to_dict(a_solution(bracket=Bracket(lower=math.inf), history=(iterate,)))
         assert document["lower"] == "inf"
         back = result_from_dict(json.loads(laid_out(document)))
         assert back.lower == math.inf
@@ -611,7 +611,9 @@ class TestResult:
 
     def test_numpy_scalars_become_plain(self) -> None:
         document = result_to_dict(
-            a_solution(load_factor=np.float64(0.25), blocks=np.int64(1), lower=np.float32(0.5))
+            a_solution(
+                load_factor=np.float64(0.25), blocks=np.int64(1), bracket=Bracket(np.float32(0.5))
+            )
         )
         assert [type(document[k]) for k in ("load_factor", "blocks", "lower")] == [
             float, int, float,

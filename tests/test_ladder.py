@@ -13,7 +13,14 @@ from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene,
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
 from cvxlimit.solution import Iterate
-from cvxlimit.solvers import OPTIONS, SolverSettings, default_ladder
+from cvxlimit.solvers import (
+    SOLVERS,
+    SolverSettings,
+    default_ladder,
+    installed,
+    ladder_of,
+    settings_for,
+)
 from helpers import (
     assert_certified,
     dead_load_stands,
@@ -135,7 +142,35 @@ class TestLadder:
         ladder = default_ladder()
         assert [rung.name for rung in ladder[:3]] == ["CLARABEL"] * 3
         assert len({str(rung) for rung in ladder}) == len(ladder)
-        assert {rung.name for rung in ladder} <= set(OPTIONS)
+        assert {rung.name for rung in ladder} <= set(SOLVERS)
+
+    @pytest.mark.parametrize("name", sorted(installed() - {"OSQP", "GLPK_MI"}))
+    def test_any_installed_solver_by_its_name(self, name: str) -> None:
+        """OSQP is for quadratic problems, GLPK_MI the same as GLPK; CVXOPT's best bracket is wider
+        than the default tolerance, and is called so."""
+        solution = solve(builtin_scene("ferris-tin-loi-1"), "octagon", ladder=name)
+        assert {iterate.solver.split(",")[0] for iterate in solution.history} == {name}
+        assert_bounds_hold(solution, 0.642859)
+        assert (solution.status is Status.CERTIFIED) == (name != "CVXOPT")
+
+    def test_a_ladder_of_names_and_settings(self) -> None:
+        loose = settings_for("CLARABEL", 1e-2, "loose")
+        solution = solve(builtin_scene("tuff-wall"), ladder=[loose, "CLARABEL"])
+        assert [iterate.solver for iterate in solution.history][-1] == "CLARABEL"
+        assert_certified(solution)
+
+    @pytest.mark.parametrize(
+        ("ladder", "message"),
+        [
+            ("CLARABELL", "CLARABELL is not installed; did you mean CLARABEL"),
+            (["MOSEK"], "MOSEK is not installed; it comes with a package of its own"),
+            ([], "ladder must be a list of solvers"),
+            ([3], "a solver's name or SolverSettings, got 3"),
+        ],
+    )
+    def test_ladders_that_cannot_be_meant(self, ladder: object, message: str) -> None:
+        with pytest.raises(ModelError, match=message):
+            ladder_of(ladder)  # type: ignore[arg-type]
 
     @pytest.mark.parametrize("rung", default_ladder(), ids=str)
     def test_every_rung_is_honest_on_its_own(self, rung: SolverSettings) -> None:

@@ -19,6 +19,7 @@ import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from cvxlimit import plotting
+from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -46,8 +47,7 @@ def solution_of(scene, mechanism, /, **changes):
         "blocks": len(scene.free),
         "contacts": len(scene.contacts),
         "load_factor": 0.4230583,
-        "lower": 0.4230561,
-        "upper": 0.4230593,
+        "bracket": Bracket(0.4230561, 0.4230593),
         "status": Status.CERTIFIED,
         "history": (),
         "seconds": {},
@@ -221,23 +221,22 @@ def test_a_solution_of_another_scene_is_refused(wall, mechanism):
     [
         ({}, "bench wall, conic: load factor 0.42306 in [0.42305, 0.42306]"),
         (
-            {"load_factor": 12.34567, "lower": 12.34561, "upper": 12.34569},
+            {"load_factor": 12.34567, "bracket": Bracket(12.34561, 12.34569)},
             "bench wall, conic: load factor 12.346 in [12.345, 12.346]",
         ),
         (
-            {"load_factor": 0.0, "lower": 0.0, "upper": 0.0},
+            {"load_factor": 0.0, "bracket": Bracket(0.0, 0.0)},
             "bench wall, conic: load factor 0.00000 in [0.00000, 0.00000]",
         ),
         (
-            {"upper": math.inf, "status": Status.NOT_CERTIFIED},
+            {"bracket": Bracket(0.4230561), "status": Status.NOT_CERTIFIED},
             "bench wall, conic: load factor 0.42306 in [0.42305, ∞) (not certified)",
         ),
         (
             {
                 "interaction": "certified",
                 "load_factor": 0.25291,
-                "lower": 0.25291,
-                "upper": 0.30149,
+                "bracket": Bracket(0.25291, 0.30149),
             },
             "bench wall, conic, certified interaction (signed moments): "
             "load factor 0.25291 in [0.25291, 0.30149]",
@@ -255,7 +254,9 @@ def test_title(wall, changes, text):
 
 @pytest.mark.parametrize("factor", [1e-7, 0.00123456789, 0.99999999, 1.0, 54321.123456])
 def test_printed_bracket_holds_the_bracket(wall, factor):
-    text = title(solution_of(wall, None, load_factor=factor, lower=factor * 0.9999, upper=factor))
+    text = title(
+        solution_of(wall, None, load_factor=factor, bracket=Bracket(0.9999 * factor, factor))
+    )
     low, high = re.search(r"\[(\S+), (\S+)\]", text).groups()
     assert float(low) <= factor * 0.9999
     assert float(high) >= factor * (1 - 1e-9)
@@ -379,7 +380,7 @@ def test_mathematical_and_missing_characters_are_harmless(mechanism, tmp_path):
 
 def test_no_mechanism_is_drawn_undeformed(wall, tmp_path):
     failed = solution_of(
-        wall, None, load_factor=None, lower=0.0, upper=math.inf, status=Status.LIVE_LOAD_HARMLESS
+        wall, None, load_factor=None, bracket=Bracket(), status=Status.LIVE_LOAD_HARMLESS
     )
     for name in ("a.png", "a.html", "a.vtu"):
         assert all(p.stat().st_size > 1000 for p in plot(wall, failed, tmp_path / name))

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.lower_bound import rocking_excess
-from cvxlimit.methods.interaction.pressure import Pressure, effective_arm, interaction_excess
+from cvxlimit.methods.interaction.pressure import Pressure, effective_arm
+from helpers import interaction_excess
 
 FloatArray = NDArray[np.float64]
 

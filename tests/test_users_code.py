@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.interaction.hull import global_upper_bound
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.hull import UpperBound
+from cvxlimit.methods.interaction.moments import SIGNED
 from cvxlimit.model.formulations import ForceModel, Part
 from cvxlimit.solution import Status
+from cvxlimit.solvers import default_ladder
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, YieldSurface
 from helpers import assert_certified, contact_of, regular
 
@@ -130,8 +133,9 @@ class TestVertexForces:
         scene = builtin_scene(name)
         solution = solve(scene, [Rocking()], formulation=vertex_forces)
         assert_certified(solution, scene)
-        hull = global_upper_bound(scene, "signed", 1e-8)
-        assert solution.load_factor == pytest.approx(hull.upper, rel=1e-5)
+        run = Run(scene, moments=SIGNED)
+        UpperBound(run).search(1e-8, default_ladder())
+        assert solution.load_factor == pytest.approx(run.best.bracket.upper, rel=1e-5)
 
     def test_pure_torsion_of_a_square(self) -> None:
         """All friction at the corners, half the diagonal away: 1.85 times c_T."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
 from typing import Self
 
 import numpy as np
@@ -46,8 +46,9 @@ class Bracket:
         return replace(self, lower=float(lower), lower_is_proved=is_proved)
 
     def lowered(self, upper: float, is_proved: bool) -> Self:
-        """With a better upper bound; a higher one changes nothing."""
-        if not upper < self.upper:
+        """With a better upper bound; a higher one changes nothing, but a proof of the same."""
+        proof = self.unit * ROUNDING if is_proved and not self.upper_is_proved else 0.0
+        if not upper < self.upper + proof:
             return self
         return replace(self, upper=float(upper), upper_is_proved=is_proved)
 
@@ -57,10 +58,20 @@ class Bracket:
         return bool(np.isfinite(self.lower) and np.isfinite(self.upper))
 
     @property
+    def has_any(self) -> bool:
+        """True if a bound is finite."""
+        return bool(np.isfinite(self.lower) or np.isfinite(self.upper))
+
+    @property
+    def is_below_zero(self) -> bool:
+        """True if not even the dead load alone is carried: upper bound below zero and rounding."""
+        return self.upper < -self.least
+
+    @property
     def unit(self) -> float:
-        """What widths are relative to: the larger bound, and no less than :attr:`least`."""
+        """What widths are relative to: the larger bound, or :attr:`least` where zero is inside."""
         finite = [abs(x) for x in (self.lower, self.upper) if np.isfinite(x)]
-        return max([*finite, self.least, 1e-300])
+        return max([*finite, 0.0 if self.lower > 0.0 else self.least, 1e-300])
 
     @property
     def width(self) -> float:
@@ -101,6 +112,16 @@ def rounded_down(value: float, digits: int = 7) -> str:
 def rounded_up(value: float, digits: int = 7) -> str:
     """An upper bound as text that is no smaller; ``?`` where there is none."""
     return _rounded(value, digits, ROUND_CEILING)
+
+
+def rounded(value: float, digits: int = 7) -> str:
+    """The nearest number with so many digits as text; ``?`` where there is none."""
+    return _rounded(value, digits, ROUND_HALF_EVEN)
+
+
+def known(value: float) -> float | None:
+    """A figure as it goes into histories and tables: None where it is not finite."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _rounded(value: float, digits: int, rounding: str) -> str:

@@ -9,6 +9,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.bracket import Bracket
+
 FloatArray = NDArray[np.float64]
 
 
@@ -23,6 +25,7 @@ class Status(StrEnum):
     DIVERGED = "diverged"
     DEAD_LOAD_UNSTABLE = "dead load cannot stand"
     LIVE_LOAD_HARMLESS = "live load does no harm"
+    INTERRUPTED = "interrupted"
 
     @property
     def has_answer(self) -> bool:
@@ -67,6 +70,7 @@ _ADVICE = {
         "forces that carry any multiple of the live load were found and checked: "
         "change the direction of the live load"
     ),
+    Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
 }
 
 
@@ -91,10 +95,6 @@ class Iterate:
     flow_violation: float | None = None
 
 
-PROVED = "both bounds are proved, up to rounding"
-"""The note of a solution whose bracket needs no assumption."""
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Result of an analysis. Plain numbers and NumPy arrays only: pickles, and goes to JSON.
@@ -112,9 +112,10 @@ class Solution:
     blocks, contacts : int
         Numbers of free blocks and of contacts.
     load_factor : float or None
-        Best certified value; None when no answer exists.
-    lower, upper : float
-        Bracket recomputed outside the solver; infinite where there is no bound.
+        The method's value, inside its bracket if it has one; None when no answer exists.
+    bracket : Bracket
+        Bounds of the load factor asked for, recomputed outside the solver; infinite where the
+        method has none.
     status : Status
     history : tuple of Iterate
     seconds : mapping
@@ -137,8 +138,7 @@ class Solution:
     blocks: int
     contacts: int
     load_factor: float | None
-    lower: float
-    upper: float
+    bracket: Bracket
     status: Status
     history: tuple[Iterate, ...]
     seconds: Mapping[str, float]
@@ -148,13 +148,21 @@ class Solution:
     versions: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
-    def is_proved(self) -> bool:
-        """True if neither bound rests on an assumption about the size of forces or rates."""
-        return self.note == PROVED
+    def lower(self) -> float:
+        """Lower end of the bracket; -inf without one."""
+        return self.bracket.lower
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the bracket; inf without one."""
+        return self.bracket.upper
 
     @property
     def gap(self) -> float:
-        """Width of the bracket relative to its upper end; infinite without a bracket."""
-        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
-            return float("inf")
-        return (self.upper - self.lower) / max(abs(self.upper), abs(self.lower), 1e-300)
+        """Width of the bracket relative to its larger end; infinite without a bracket."""
+        return self.bracket.width
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound rests on an assumption about the size of forces or rates."""
+        return self.bracket.is_proved

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
+from collections.abc import Callable, Mapping, Sequence
 
 from rich.console import Console, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Solution, Status
-
-_DIGITS = 7
 
 _NO_TERMINAL_WIDTH = 1000
 """Columns where no terminal sets a limit, so that nothing wraps in files and pipes."""
@@ -94,9 +92,9 @@ def history(iterates: Sequence[Iterate]) -> Table:
     """One row per solve; columns that are empty throughout are left out."""
     columns: dict[str, list[str]] = {
         "solve": [str(i) for i in range(1, len(iterates) + 1)],
-        "load factor": [_nearest(x.load_factor) for x in iterates],
-        "lower": [_down(x.lower) for x in iterates],
-        "upper": [_up(x.upper) for x in iterates],
+        "load factor": [_text(x.load_factor) for x in iterates],
+        "lower": [_text(x.lower, rounded_down) for x in iterates],
+        "upper": [_text(x.upper, rounded_up) for x in iterates],
         "change": ["" if x.change is None else f"{x.change:.1e}" for x in iterates],
         "seconds": [f"{x.seconds:.3f}" for x in iterates],
         "solver": [one_line(x.solver) for x in iterates],
@@ -136,16 +134,15 @@ def _interaction(solution: Solution) -> str:
 
 
 def _load_factor(solution: Solution) -> str:
-    value = _nearest(solution.load_factor) or "none"
+    value = _text(solution.load_factor) or "none"
     return value if solution.status.is_good else f"{value} ({solution.status})"
 
 
 def _bracket(solution: Solution, tolerance: float | None) -> str:
-    if not solution.status.has_answer:
+    if not solution.bracket.has_any:
         return ""
-    ends = f"[{_down(solution.lower)}, {_up(solution.upper)}]"
     asked = "" if tolerance is None else f" (asked: {tolerance:g})"
-    return f"{ends}, relative width {solution.gap:.1e}{asked}"
+    return f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
 
 
 def _style(status: Status) -> str:
@@ -164,21 +161,6 @@ def count(number: int, thing: str, things: str = "") -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {things or thing + 's'}"
 
 
-def _nearest(value: float | None) -> str:
-    return _rounded(value, ROUND_HALF_EVEN)
-
-
-def _down(value: float | None) -> str:
-    return _rounded(value, ROUND_FLOOR)
-
-
-def _up(value: float | None) -> str:
-    return _rounded(value, ROUND_CEILING)
-
-
-def _rounded(value: float | None, rounding: str) -> str:
+def _text(value: float | None, rounding: Callable[[float], str] = rounded) -> str:
     """Bounds are rounded outward, so that a bracket on the screen holds as well."""
-    if value is None:
-        return ""
-    exact = value + 0.0  # no minus zero
-    return f"{Context(prec=_DIGITS, rounding=rounding).create_decimal_from_float(exact):g}"
+    return "" if value is None else rounding(value)

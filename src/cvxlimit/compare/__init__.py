@@ -9,7 +9,7 @@ from cvxlimit.compare.comparison import DEFAULT_MODELS, Comparison, compare
 from cvxlimit.compare.models import Model
 from cvxlimit.compare.registry import registry
 from cvxlimit.compare.runs import Limits
-from cvxlimit.compare.settings import settings_for
+from cvxlimit.solvers import settings_for
 
 __all__ = [
     "DEFAULT_MODELS",

@@ -168,7 +168,7 @@ def compare(
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.compare.settings import settings_for
+    >>> from cvxlimit.solvers import settings_for
     >>> loose = Model("loose", surface="octagon", solver=settings_for("CLARABEL", 1e-3))
     >>> result = compare(builtin_scene("single-block"), [loose], repeat=1, progress=False)
     >>> result.rows[0].failed

@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cvxlimit.compare.settings import check_installed, settings_for
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, analyse
 from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, check_choice, solve
@@ -23,7 +22,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.solvers import LimitState, SolverSettings, check_installed, settings_for
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
 from cvxlimit.surfaces.presets import surfaces_of
 
@@ -140,7 +139,7 @@ class Model(Method):
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.compare.settings import settings_for
+    >>> from cvxlimit.solvers import settings_for
     >>> octagon = Model("my octagon", surface="octagon", solver=settings_for("CLARABEL", 1e-8))
     >>> round(octagon.measure(builtin_scene("single-block")).load_factor, 6)
     0.4
@@ -169,7 +168,7 @@ class Model(Method):
         if self.solver is not None and not isinstance(self.solver, SolverSettings):
             raise ModelError(
                 f"solver must be SolverSettings, got {self.solver!r}: "
-                "cvxlimit.compare.settings.settings_for('SCS', 1e-8) makes them"
+                "cvxlimit.solvers.settings_for('SCS', 1e-8) makes them"
             )
         asked = self._asked
         if not (isinstance(asked, float) and 0.0 < asked < 1.0):
@@ -264,13 +263,14 @@ class FrozenModel(Model):
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
         from cvxlimit.methods.fixed_point import FrozenProblem
+        from cvxlimit.methods.interaction.moments import parse_moments
         from cvxlimit.methods.interaction.pressure import Pressure
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()
         contacts = scene.contacts
         watch.lap("detect")
-        frozen = FrozenProblem(scene, parse_cone(str(self.surface)), self.moments)
+        frozen = FrozenProblem(scene, parse_cone(str(self.surface)), parse_moments(self.moments))
         frozen.ignore_dpp = self.parameters == "recompiled"
         centred = Pressure.of(np.zeros((len(contacts), 6)), contacts)
         watch.lap("compile")

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cvxlimit.compare.models import Measurement, Method
-from cvxlimit.compare.settings import settings_for
 from cvxlimit.methods.analysis import analyse
 from cvxlimit.methods.solving import solve
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.solvers import default_ladder
+from cvxlimit.solvers import default_ladder, settings_for
 
 WIDTH = 1e-8
 """Relative width that a reference without interaction must have."""

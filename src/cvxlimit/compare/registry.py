@@ -10,9 +10,9 @@ from fnmatch import fnmatchcase
 import cvxpy as cp
 
 from cvxlimit.compare.models import FrozenModel, Method, Model
-from cvxlimit.compare.settings import settings_for
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import resultants
+from cvxlimit.solvers import settings_for
 
 
 @dataclass

@@ -8,6 +8,7 @@ from dataclasses import fields as dataclass_fields
 
 import numpy as np
 
+from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
@@ -33,7 +34,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "versions")
+_OPTIONAL = ("note", "bracket", "versions")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -57,8 +58,9 @@ def read_result(path: Path) -> Solution:
     Example
     -------
     >>> import tempfile, pathlib
+    >>> from cvxlimit.bracket import Bracket
     >>> solution = Solution(
-    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, 0.2499, float("inf"),
+    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, Bracket(lower=0.2499),
     ...     Status.NOT_CERTIFIED, (), {"total": 0.01},
     ... )
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -93,7 +95,8 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    The keys are those of the format, always all of them, plus ``note`` and ``versions``
+    The keys are those of the format, always all of them, plus ``note``, ``versions`` and
+    ``bracket`` (which bounds are proved, and by what the width of one around zero is measured)
     when there are any.
     A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
     finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
@@ -106,8 +109,9 @@ def result_to_dict(solution: Solution) -> JsonObject:
 
     Example
     -------
+    >>> from cvxlimit.bracket import Bracket
     >>> solution = Solution(
-    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, -float("inf"), 0.25,
+    ...     "tower", "conic", "none", "signed", 1, 1, 0.25, Bracket(upper=0.25),
     ...     Status.NOT_CERTIFIED, (Iterate(0.25, 0.01, "CLARABEL", "optimal"),), {"total": 0.01},
     ... )
     >>> document = result_to_dict(solution)
@@ -137,6 +141,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
         }
         if solution.note:
             document["note"] = text(solution.note, "note")
+        if solution.bracket != Bracket(solution.lower, solution.upper):
+            document["bracket"] = _bracket_to_dict(solution.bracket)
         if solution.versions:
             document["versions"] = _versions(solution.versions)
         return document
@@ -170,8 +176,7 @@ this is not a result file
             blocks=whole(top["blocks"], "blocks"),
             contacts=contacts,
             load_factor=None if factor is None else _from_json(factor, "load_factor"),
-            lower=_bound(top["lower"], "lower", "lower"),
-            upper=_bound(top["upper"], "upper", "upper"),
+            bracket=_bracket(top),
             status=_status(top["status"]),
             history=tuple(_iterate(i, x) for i, x in enumerate(items(top["history"], "history"))),
             seconds={
@@ -201,6 +206,25 @@ def _from_json(value: object, where: str) -> float:
 
 def _bound(value: object, end: str, where: str) -> float:
     return _NO_BOUND[end] if value is None else _from_json(value, where)
+
+
+def _bracket_to_dict(bracket: Bracket) -> JsonObject:
+    proved = [end for end in _NO_BOUND if getattr(bracket, f"{end}_is_proved")]
+    return {"proved": proved, "least": _to_json(bracket.least)}
+
+
+def _bracket(top: Mapping[str, object]) -> Bracket:
+    """Results written by earlier versions have two bounds, and do not say what they rest on."""
+    lower, upper = (_bound(top[end], end, end) for end in _NO_BOUND)
+    if "bracket" not in top:
+        return Bracket(lower, upper)
+    basis = fields(top["bracket"], "bracket", ("proved", "least"))
+    proved = items(basis["proved"], "proved of bracket")
+    for end in proved:
+        if end not in _NO_BOUND:
+            raise InputError(f"proved of bracket must list 'lower' or 'upper', got {shown(end)}")
+    least = _from_json(basis["least"], "least of bracket")
+    return Bracket(lower, upper, "lower" in proved, "upper" in proved, least)
 
 
 def _status(value: object) -> Status:

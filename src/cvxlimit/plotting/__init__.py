@@ -57,6 +57,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     Example
     -------
     >>> import numpy as np, tempfile
+    >>> from cvxlimit.bracket import Bracket
     >>> from cvxlimit.geometry.blocks import Block
     >>> from cvxlimit.scene import Load, Scene
     >>> from cvxlimit.solution import Solution, Status
@@ -64,7 +65,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     >>> tower = Block.box("tower", (0, 0, 0), (1, 1, 4), density=20.0)
     >>> scene = Scene([ground, tower], ["ground"], Load(acceleration=(1, 0, 0)), friction=0.7)
     >>> rocking = {"tower": np.array([2.0, 0.0, 0.5, 0.0, 1.0, 0.0])}
-    >>> solution = Solution("tower", "conic", "none", "signed", 1, 1, 0.25, 0.25, 0.25,
+    >>> solution = Solution("tower", "conic", "none", "signed", 1, 1, 0.25, Bracket(0.25, 0.25),
     ...                     Status.CERTIFIED, (), {}, mechanism=rocking)
     >>> [p.name for p in plot(scene, solution, Path(tempfile.mkdtemp()) / "tower.vtu")]
     ['tower.vtu', 'tower-contacts.vtu']

@@ -81,10 +81,15 @@ def default_camera(scene: Scene, motion: Motion) -> Camera:
 
 
 def upright(scene: Scene) -> FloatArray:
-    """The coordinate axis nearest to the direction against the dead load; +z without one."""
-    down = scene.dead_forces[:, :3].sum(axis=0)
+    """The coordinate axis nearest to the direction against gravity; +z without any.
+
+    Gravity is that of the dead load where it has one: forces that lift blocks turn no picture
+    upside down. Else the sum of the dead load stands for it.
+    """
+    given = scene.dead.gravity
+    down = scene.dead_forces[:, :3].sum(axis=0) if given is None else np.array(given)
     size = float(np.linalg.norm(down))
-    if not size > 1e-9 * max(scene.total_weight, 1e-300):
+    if given is None and not size > 1e-9 * max(scene.total_weight, 1e-300):
         return np.array([0.0, 0.0, 1.0])
     result: FloatArray = -down / size
     axis = int(np.abs(result).argmax())

@@ -86,16 +86,17 @@ def block_colours(
 
 
 def title(solution: Solution) -> str:
-    """Scene, surface, load factor and bracket; the status where there is no answer.
+    """Scene, surface, load factor and bracket if there is one; the status without an answer.
 
     The bracket's ends are rounded outwards, so that what is printed is still a bracket.
     Characters that do not print are replaced.
 
     Example
     -------
+    >>> from cvxlimit.bracket import Bracket
     >>> from cvxlimit.solution import Solution, Status
-    >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058, 0.423056,
-    ...                0.4230593, Status.CERTIFIED, (), {}))
+    >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058,
+    ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
     'tuff-wall, conic: load factor 0.42306 in [0.42305, 0.42306]'
     """
     what = f"{printable(solution.scene)}, {solution.surface}"
@@ -105,8 +106,9 @@ def title(solution: Solution) -> str:
         return f"{what}: {solution.status}"
     doubt = "" if solution.status.is_good else f" ({solution.status})"
     digits = _decimals(solution.load_factor)
-    low, high = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
-    return f"{what}: load factor {solution.load_factor:.{digits}f} in {low}, {high}{doubt}"
+    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
+    inside = f" in {', '.join(ends)}" if solution.bracket.has_any else ""
+    return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
 
 
 def scene_title(scene: Scene) -> str:

@@ -1,34 +1,41 @@
-"""Solvers: their settings, the order in which they are tried, one run, and a plug-in of our own.
+"""Solvers: the table of them, the order in which they are tried, one run, and one of our own.
 
-To add one: if CVXPY knows it, it is on the ladder already when it is installed; settings that it
-needs go into :data:`OPTIONS`. One that CVXPY does not know is a class for
+To add one: if CVXPY knows it, write a row into :data:`~cvxlimit.solvers.table.SOLVERS`; it can be
+put on a ladder even without. One that CVXPY does not know is a class for
 :data:`cvxlimit.solvers.running.PLUG_INS`, like :class:`Blockwise`.
 """
 
 from cvxlimit.solvers.blockwise import Blockwise
-from cvxlimit.solvers.running import LimitState, Outcome, run
-from cvxlimit.solvers.settings import (
-    OPTIONS,
+from cvxlimit.solvers.ladder import (
     Shape,
-    SolverSettings,
+    check_installed,
     default_ladder,
+    installed,
     is_conic,
     iterate_ladder,
+    ladder_of,
     limit_ladder,
     suits,
 )
+from cvxlimit.solvers.running import LimitState, Outcome, run
+from cvxlimit.solvers.table import SOLVERS, Solver, SolverSettings, settings_for
 
 __all__ = [
-    "OPTIONS",
+    "SOLVERS",
     "Blockwise",
     "LimitState",
     "Outcome",
     "Shape",
+    "Solver",
     "SolverSettings",
+    "check_installed",
     "default_ladder",
+    "installed",
     "is_conic",
     "iterate_ladder",
+    "ladder_of",
     "limit_ladder",
     "run",
+    "settings_for",
     "suits",
 ]

@@ -13,7 +13,7 @@ from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
 from numpy.typing import NDArray
 
 from cvxlimit.solvers.blockwise import Blockwise
-from cvxlimit.solvers.settings import SolverSettings
+from cvxlimit.solvers.table import SolverSettings
 
 FloatArray = NDArray[np.float64]
 

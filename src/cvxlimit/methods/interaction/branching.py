@@ -9,18 +9,16 @@ bounds the load factor.
 A node whose states cannot carry the dead load needs no special proof: its relaxation may take
 dead load off at a price, and its mechanism then has a bound of minus that price.
 
-Lower bounds are forces: the
-best with every contact's eccentricity bounded by that of the relaxation and its coefficients
-frozen there (:func:`~cvxlimit.methods.interaction.copies.safe_copies`), or the last admissible
+Lower bounds are forces: the best with every contact's eccentricity bounded by that of the
+relaxation and its coefficients frozen there (:meth:`Moments.safe_copies`), or the last admissible
 ones on the way from these to the relaxation's. They count after they were brought into equilibrium
-and passed :func:`~cvxlimit.methods.interaction.pressure.interaction_excess`.
+and passed :meth:`Moments.excess`.
 """
 
 from __future__ import annotations
 
 import heapq
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -28,32 +26,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.interaction.copies import Copies, box_copies, safe_copies
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.copies import Copies
+from cvxlimit.methods.interaction.flow import InteractionFlow
 from cvxlimit.methods.interaction.hull import HullProblem, missed_copies
-from cvxlimit.methods.interaction.pressure import Pressure, interaction_excess
-from cvxlimit.methods.interaction.support import (
-    InteractionFlow,
-    free_sign,
-    half_extent,
-    whole_boxes,
-)
+from cvxlimit.methods.interaction.lower_bound import LowerBounds, plain_witnesses
+from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.support import half_extent, whole_boxes
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.strength import Strength
-from cvxlimit.proof.witnesses import Witnesses
-from cvxlimit.scene import Scene
-from cvxlimit.solution import Iterate
-from cvxlimit.solvers import LimitState, default_ladder
-from cvxlimit.surfaces import Rocking, TorsionShear
+from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 ADMISSIBLE = 1e-9
 """Excess and residual, as shares of the total load, up to which forces count as admissible."""
-
-_NARROWEST_CHILD = 0.2
-"""Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
 
 _NARROW = 1e-7
 """Ranges of this width are not split: solvers could not tell their halves apart."""
@@ -73,68 +61,6 @@ _SPEED_AT_REST = 0.1
 _ROUNDS, _PRICE = 3, 10.0
 """Solves per node, and the price of the dead load in root bounds: any above minus the lower bound
 closes nodes without states."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bracket:
-    """What branch and bound has proved.
-
-    Attributes
-    ----------
-    lower, upper : float
-        Of the load factor with interaction; infinite where nothing was found.
-    is_proved : bool
-        True if the upper bound needs no assumption (see :class:`Certifier`).
-    is_closed : bool
-        True if the bracket is within the tolerance.
-    forces : (n, 6) or None
-        Admissible, in equilibrium at ``lower``.
-    mechanism : (free blocks, 6) or None
-        Of the node with the largest bound when the search ended.
-    history : tuple of Iterate
-        One entry whenever a bound improved.
-    solves : int
-    seconds : float
-    """
-
-    lower: float
-    upper: float
-    is_proved: bool
-    is_closed: bool
-    forces: FloatArray | None
-    mechanism: FloatArray | None
-    history: tuple[Iterate, ...]
-    solves: int
-    seconds: float
-
-
-def branch_and_bound(
-    scene: Scene,
-    moments: str,
-    tolerance: float = 1e-4,
-    most_solves: int = 5_000,
-    seconds: float = 60.0,
-    progress: Progress | None = None,
-) -> Bracket:
-    """Bracket the load factor with interaction to ``tolerance``, relative to the upper bound.
-
-    Ends after ``most_solves`` convex problems or ``seconds``; the bracket is valid then, too. Meant
-    for scenes of a few contacts. Contacts that are not rectangles are not split.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> bracket = branch_and_bound(builtin_scene("single-block"), "signed")
-    >>> bracket.is_closed, round(bracket.lower, 4)
-    (True, 0.4)
-    """
-    search = _Search(scene, moments, tolerance, progress or (lambda message: None))
-    search.start()
-    while not search.is_closed and search.open:
-        if search.solves >= most_solves or search.elapsed() > seconds:
-            break
-        search.step()
-    return search.bracket()
 
 
 _State = tuple[FloatArray, float]
@@ -157,19 +83,42 @@ class _Node:
         return -self.key[0]
 
 
-class _Search:
-    """Open nodes, the largest bound of closed ones, and the best forces."""
+class BranchAndBound:
+    """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
 
-    def __init__(self, scene: Scene, moments: str, tolerance: float, tell: Progress) -> None:
-        self.scene, self.moments, self.tolerance, self.tell = scene, moments, tolerance, tell
-        self.started = time.perf_counter()
-        self.contacts = scene.contacts
-        self.half = half_extent(self.contacts)
-        whole = InteractionFlow(self.contacts, moments)
-        self.certifier = Certifier(scene, (Rocking(),), flow=whole)
-        self.statics, self.witnesses = self.certifier.statics, self.certifier.witnesses
-        self.opens = self.witnesses.opening_field is not None  # found once, for all nodes
-        self.problem = HullProblem(scene)
+    Meant for scenes of a few contacts. Contacts that are not rectangles are not split. Bounds go to
+    ``run.best`` as they improve; the bracket is valid whenever the search stops.
+
+    Parameters
+    ----------
+    run : Run
+    tolerance : float
+        Width of the bracket, relative to the upper bound, at which nodes are closed.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> run = Run(builtin_scene("single-block"))
+    >>> search = BranchAndBound(run)
+    >>> while search.can_go_on:
+    ...     search.step()
+    >>> search.is_closed, round(run.best.bracket.lower, 4)
+    (True, 0.4)
+    """
+
+    def __init__(self, run: Run, tolerance: float = 1e-4) -> None:
+        self.run, self.moments, self.tolerance = run, run.moments, tolerance
+        scene, self.contacts = run.scene, run.contacts
+        with run.clock.phase("compile"):
+            self.half = half_extent(self.contacts)
+            whole = InteractionFlow(self.contacts, self.moments)
+            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=whole)
+            self.statics = self.certifier.statics
+            self.opens = (
+                self.certifier.witnesses.opening_field is not None
+            )  # found once, for all nodes
+            self.problem = HullProblem(run.assemblage)
+            self.checker = LowerBounds(run.assemblage, self.moments)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
         )
@@ -180,7 +129,7 @@ class _Search:
         self.lower = -np.inf
         self.forces: FloatArray | None = None
         self.solves = self.count = 0
-        self.history: list[Iterate] = []
+        self._start()
 
     @property
     def upper(self) -> float:
@@ -192,47 +141,29 @@ class _Search:
     def width(self) -> float:
         """The gap that is asked for, as a load factor."""
         known = [x for x in (self.upper, self.lower) if np.isfinite(x)]
-        return self.tolerance * self.problem.scaling.unit(0.0, *known)
+        return self.tolerance * self.run.scaling.unit(0.0, *known)
 
     @property
     def is_closed(self) -> bool:
         """True when the bracket is within the tolerance."""
         return bool(self.upper - self.lower <= self.width)
 
-    def elapsed(self) -> float:
-        """Seconds so far."""
-        return time.perf_counter() - self.started
+    @property
+    def can_go_on(self) -> bool:
+        """True while there is a gap, and nodes to split."""
+        return bool(self.open) and not self.is_closed
 
-    def bracket(self) -> Bracket:
-        """The present state."""
-        return Bracket(
-            lower=self.lower,
-            upper=self.upper,
-            is_proved=self.opens and bool(np.isfinite(self.upper)),
-            is_closed=self.is_closed,
-            forces=self.forces,
-            mechanism=self.open[0].mechanism if self.open else self.last.mechanism,
-            history=tuple(self.history),
-            solves=self.solves,
-            seconds=self.elapsed(),
-        )
-
-    def start(self) -> None:
+    def _start(self) -> None:
         """The root: all pressure centres; and forces that carry the dead load."""
         self.last = root = self._evaluated(whole_boxes(self.contacts), Copies.none(), np.inf, None)
         if np.isfinite(root.bound):
-            self.price = _PRICE * max(abs(root.bound), self.problem.scaling.load_factor(1.0))
+            self.price = _PRICE * max(abs(root.bound), self.run.scaling.load_factor(1.0))
         heapq.heappush(self.open, root)
-        at_rest = self._plain().dead_state
+        at_rest = plain_witnesses(self.run.assemblage).dead_state
         if at_rest is not None and self._is_admissible(at_rest, 0.0):
             self.lower, self.forces = 0.0, at_rest
         self._raise_lower(root)
-        self._note()
-
-    def _plain(self) -> Witnesses:
-        """Reference states under the surfaces without interaction."""
-        assemblage = self.certifier.assemblage
-        return Witnesses(assemblage, Strength(assemblage, (Rocking(), TorsionShear())))
+        self._book()
 
     def step(self) -> None:
         """Split the node with the largest bound."""
@@ -242,7 +173,7 @@ class _Search:
             self.closed = max(self.closed, node.bound)
             return
         contact, axis, at = choice
-        for boxes in _children(node.boxes, contact, axis, at, self.moments):
+        for boxes in self._children(node.boxes, contact, axis, at):
             added = node.added.without(np.array([contact]))
             child = self._evaluated(boxes, added, node.bound, node)
             if child.bound > self.lower + self.width:
@@ -251,16 +182,18 @@ class _Search:
                 heapq.heappush(self.open, child)
             else:
                 self.closed = max(self.closed, child.bound)
-        self._note()
+        self._book()
 
-    def _note(self) -> None:
-        known = [float(x) if np.isfinite(x) else None for x in (self.lower, self.upper)]
-        if self.history and [self.history[-1].lower, self.history[-1].upper] == known:
-            return
-        self.history.append(
-            Iterate(known[0], self.elapsed(), "branch and bound", f"{self.solves} solves", *known)
-        )
-        self.tell(f"branch and bound: [{self.lower:.6f}, {self.upper:.6f}], {len(self.open)} open")
+    def _book(self) -> None:
+        """Give the run what is better than its own, and a line of the history for it."""
+        run, before = self.run, self.run.best
+        if self.forces is not None and self.lower > before.bracket.lower:
+            with run.clock.phase("certify"):
+                run.best = self.checker.of(self.forces, self.lower).raising(run.best)
+        mechanism = (self.open[0] if self.open else self.last).mechanism
+        run.best = run.best.lowered(self.upper, self.opens, mechanism)
+        if run.best is not before:
+            run.note(self.state, f"branch and bound, {self.solves} problems", **run.bounds)
 
     def _choice(self, node: _Node) -> tuple[int, int, float] | None:
         """Contact, axis and fraction at which to split; None where nothing can be split."""
@@ -271,17 +204,15 @@ class _Search:
         speed = np.hypot(rates[:, 0], rates[:, 1])
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
         speed = speed + _SPEED_AT_REST * float(speed.max())
-        excess = np.maximum(interaction_excess(forces, self.contacts, self.moments), 0.0)
+        excess = np.maximum(self.moments.excess(forces, self.contacts), 0.0)
         can_split = self.contacts.is_rectangle & (np.ptp(node.boxes, axis=2).max(axis=1) > _NARROW)
         score = np.where(can_split, excess * speed, 0.0)
         contact = int(score.argmax())
         if not score[contact] > 0.0:
             return self._widest(node)
         centre = self._centre(forces)[contact]
-        low, high = node.boxes[contact].T
-        if self.moments == "independent":
-            symmetric = free_sign(node.boxes[contact])
-            low, centre = np.where(symmetric, 0.0, low), np.where(symmetric, abs(centre), centre)
+        high = node.boxes[contact, :, 1]
+        low, centre = self.moments.folded(node.boxes[contact], centre)
         inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
         axis = int(inner.argmax())
         return contact, axis, float(centre[axis])
@@ -299,7 +230,7 @@ class _Search:
         """Solve, certify, add copies; a solver's failure leaves the parent's bound and forces."""
         flow = InteractionFlow(self.contacts, self.moments, boxes)
         certifier = self.certifier.with_flow(flow)
-        first = box_copies(self.contacts, self.moments, boxes)
+        first = self.moments.box_copies(self.contacts, boxes)
         best = parent.mechanism if parent else None
         forces = parent.forces if parent else None
         factor = parent.load_factor if parent else -np.inf
@@ -321,12 +252,12 @@ class _Search:
         return _Node((-bound, self.count), boxes, added, forces, factor, best)
 
     def _solve(self, copies: Copies, price: float | None) -> LimitState:
-        for settings in default_ladder()[:3]:
+        def solver(rung: SolverSettings) -> LimitState:
             self.solves += 1
-            state = self.problem.solve(copies, settings, price)
-            if state.mechanism is not None or state.outcome.claims_no_optimum:
-                break
-        return state
+            return self.problem.solve(copies, rung, price)
+
+        self.state, _ = self.run.climb(solver, default_ladder()[:3])
+        return self.state
 
     def _centre(self, forces: FloatArray) -> FloatArray:
         """Pressure centres (n, 2) as fractions of the half extent."""
@@ -339,10 +270,7 @@ class _Search:
         if node.forces is None:
             return
         safe = self._safe(node)
-        goal = (
-            self.certifier.strength.balanced(node.forces, node.load_factor, self.statics),
-            node.load_factor,
-        )
+        goal = self._balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
             forces, factor = self._advanced(start, goal)
@@ -353,10 +281,10 @@ class _Search:
         assert node.forces is not None
         reach = _SAFE_REACH * float(np.ptp(node.boxes, axis=2).max())
         centre = self._centre(node.forces)
-        state = self._solve(safe_copies(self.contacts, self.moments, centre, reach), None)
+        state = self._solve(self.moments.safe_copies(self.contacts, centre, reach), None)
         if state.forces is None or state.load_factor is None:
             return None
-        forces = self.certifier.strength.balanced(state.forces, state.load_factor, self.statics)
+        forces = self._balanced(state.forces, state.load_factor)
         return (
             (forces, state.load_factor) if self._is_admissible(forces, state.load_factor) else None
         )
@@ -377,6 +305,9 @@ class _Search:
             low, high = (middle, high) if self._is_admissible(*at(middle)) else (low, middle)
         return at(low)
 
+    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        return self.run.assemblage.balance.balanced(forces, load_factor, self.statics)
+
     def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
         residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
@@ -384,28 +315,16 @@ class _Search:
         excess = [
             np.abs(residual).max(),
             Rocking().excess(forces, self.contacts)[0].max(),
-            interaction_excess(forces, self.contacts, self.moments).max(),
+            self.moments.excess(forces, self.contacts).max(),
         ]
         return bool(max(excess) <= ADMISSIBLE * self.load)
 
-
-def _children(
-    boxes: FloatArray, contact: int, axis: int, at: float, moments: str
-) -> list[FloatArray]:
-    """Boxes with one range cut: at ``at``; at zero where it has both signs; or, with independent
-    signs, into its middle and two sides, so that no other range has both signs."""
-    low, high = boxes[contact, axis]
-    if moments == "independent" and low < 0.0 < high:
-        cut = float(np.clip(abs(at), _NARROWEST_CHILD * high, (1.0 - _NARROWEST_CHILD) * high))
-        ends = [low, -cut, cut, high]
-    elif low < 0.0 < high:
-        ends = [low, 0.0, high]
-    else:
-        reserve = _NARROWEST_CHILD * (high - low)
-        ends = [low, float(np.clip(at, low + reserve, high - reserve)), high]
-    children = []
-    for left, right in pairwise(ends):
-        child = boxes.copy()
-        child[contact, axis] = left, right
-        children.append(child)
-    return children
+    def _children(
+        self, boxes: FloatArray, contact: int, axis: int, at: float
+    ) -> Iterator[FloatArray]:
+        """Boxes with one range cut."""
+        low, high = boxes[contact, axis]
+        for ends in pairwise(self.moments.split(low, high, at)):
+            child = boxes.copy()
+            child[contact, axis] = ends
+            yield child

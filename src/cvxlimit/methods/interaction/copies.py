@@ -14,6 +14,7 @@ signs, and abs(V_k) <= mu N_k at its corner with signed moments.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cvxpy as cp
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
-from cvxlimit.methods.interaction.support import free_sign, half_extent, rectangle_arm, whole_boxes
+from cvxlimit.methods.interaction.support import half_extent, rectangle_arm
 from cvxlimit.model.formulations import ForceVariables
 
 FloatArray = NDArray[np.float64]
@@ -55,10 +56,10 @@ class Copies:
     def __len__(self) -> int:
         return len(self.contact)
 
-    def joined(self, other: Copies) -> Copies:
-        """These and ``other``."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Copies(*(np.concatenate(pair) for pair in pairs))
+    def joined(self, *others: Copies) -> Copies:
+        """These and ``others``."""
+        columns = zip(*(vars(c).values() for c in (self, *others)), strict=True)
+        return Copies(*(np.concatenate(column) for column in columns))
 
     def without(self, contacts: IntArray) -> Copies:
         """Those of all other contacts."""
@@ -68,74 +69,41 @@ class Copies:
     @classmethod
     def none(cls) -> Copies:
         """No copies."""
-        empty = np.zeros((0, 2))
-        return cls(np.zeros(0, dtype=int), empty, empty, np.zeros(0, dtype=bool))
-
-    @classmethod
-    def at(cls, rows: IntArray, centre: FloatArray, boxes: FloatArray, moments: str) -> Copies:
-        """Copies of contacts ``rows`` at ``centre`` (k, 2); spread where boxes allow both signs."""
-        free = free_sign(boxes[rows]) & (moments == "independent")
-        return cls(
-            rows,
-            np.where(free, 0.0, centre),
-            np.where(free, np.abs(centre), 0.0),
-            np.full(len(rows), moments == "signed"),
-        )
+        return pinned_copies(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
-def box_copies(contacts: Contacts, moments: str, boxes: FloatArray | None = None) -> Copies:
-    """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
-    boxes = whole_boxes(contacts) if boxes is None else boxes
-    whole = (np.abs(boxes) >= 1.0).all(axis=(1, 2))
-    cornered = ~contacts.is_rectangle | (whole & (moments == "signed"))
-    return _corner_copies(contacts, cornered).joined(_level_copies(~cornered, boxes, moments))
+def pinned_copies(rows: IntArray, centre: FloatArray, around: FloatArray | float = 0.0) -> Copies:
+    """Copies of contacts ``rows`` with torsion about ``centre`` (k, 2), up to ``around`` it."""
+    spread = np.broadcast_to(around, centre.shape)
+    return Copies(rows, centre, spread, np.ones(len(rows), dtype=bool))
 
 
-def _corner_copies(contacts: Contacts, chosen: NDArray[np.bool_]) -> Copies:
-    """Friction at the corners of polygons."""
+def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -> Copies:
+    """Copies with unsigned torsion: pressed from -centre to centre where ``free`` (k, 2)."""
+    return Copies(
+        rows,
+        np.where(free, 0.0, centre),
+        np.where(free, np.abs(centre), 0.0),
+        np.zeros(len(rows), dtype=bool),
+    )
+
+
+def corner_copies(contacts: Contacts, chosen: NDArray[np.bool_]) -> Copies:
+    """Friction at the corners of the contacts that are ``chosen`` (n,)."""
     k = np.flatnonzero(chosen[contacts.corner_contact])
     j = contacts.corner_contact[k]
-    centre = contacts.corner_xy[k] / half_extent(contacts)[j]
-    return Copies(j, centre, np.zeros_like(centre), np.ones(len(k), dtype=bool))
+    return pinned_copies(j, contacts.corner_xy[k] / half_extent(contacts)[j])
 
 
-def _level_copies(chosen: NDArray[np.bool_], boxes: FloatArray, moments: str) -> Copies:
-    """All pairs of a box's levels: its ends, and zero where it lies between them."""
-    free = free_sign(boxes)
-    top = np.abs(boxes).max(axis=2)
-    symmetric = free & (moments == "independent")
-    levels = [
-        (np.where(symmetric, top, boxes[..., 1]), np.ones_like(free)),
-        (boxes[..., 0], ~symmetric & (boxes[..., 1] > boxes[..., 0])),
-        (np.zeros_like(top), free),
-    ]
-    result = Copies.none()
+def level_places(
+    chosen: NDArray[np.bool_], levels: Sequence[tuple[FloatArray, NDArray[np.bool_]]]
+) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Contacts and pressure centres for all pairs of ``levels``: places (n, 2) along both axes,
+    and where a contact has them."""
     for first, has_first in levels:
         for second, has_second in levels:
             rows = np.flatnonzero(chosen & has_first[:, 0] & has_second[:, 1])
-            centre = np.stack([first[rows, 0], second[rows, 1]], axis=1)
-            result = result.joined(Copies.at(rows, centre, boxes, moments))
-    return result
-
-
-def safe_copies(contacts: Contacts, moments: str, centre: FloatArray, reach: float = 0.0) -> Copies:
-    """One copy per contact whose states are all admissible, about ``centre`` (n, 2) in fractions.
-
-    Independent signs on rectangles: anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the
-    true arm is no smaller and the true eccentricities no larger than the frozen ones. Signed
-    moments on rectangles: up to ``reach`` from ``centre``, with the least arm there and with the
-    torsion about any such point, abs(MT - centre x V) + reach2 abs(V1) + reach1 abs(V2), bounded.
-    Other polygons: pressed exactly at ``centre``.
-    """
-    rectangle, signed = contacts.is_rectangle[:, None], moments == "signed"
-    centre = np.clip(centre, -1.0, 1.0)
-    around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) if signed else np.abs(centre)
-    return Copies(
-        np.arange(len(contacts)),
-        centre if signed else np.where(rectangle, 0.0, centre),
-        np.where(rectangle, around, 0.0),
-        np.full(len(contacts), signed),
-    )
+            yield rows, np.stack([first[rows, 0], second[rows, 1]], axis=1)
 
 
 def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:

@@ -14,29 +14,25 @@ Bounds never rest on the copies: a mechanism is certified against the support fu
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.analysis import Clock
-from cvxlimit.methods.interaction.copies import Copies, box_copies, copy_forces
-from cvxlimit.methods.interaction.support import InteractionFlow, whole_boxes
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.copies import Copies, copy_forces
+from cvxlimit.methods.interaction.flow import InteractionFlow
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LargestFactor, StaticProblem
-from cvxlimit.proof.certificate import Certificate, Certifier
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Iterate
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking
 
-__all__ = ["GlobalBound", "HullProblem", "global_upper_bound"]
-
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 _NOISE = 1e-10
 """Missing opening, as a share of the mechanism's largest rate, that solvers leave anyway."""
@@ -75,13 +71,13 @@ def missed_copies(
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
         chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
-    result = Copies.at(rows, centre[rows], flow.boxes, flow.moments)
+    result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
     if beside > 0.0:
         ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
         inner = ~ends.all(axis=1)
         for step in (-beside, beside):
             moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
-            result = result.joined(Copies.at(rows[inner], moved, flow.boxes, flow.moments))
+            result = result.joined(flow.moments.copies_at(rows[inner], moved, flow.boxes))
     return result
 
 
@@ -91,15 +87,15 @@ class HullProblem:
     Example
     -------
     >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.methods.interaction.moments import SIGNED
     >>> scene = builtin_scene("single-block")
-    >>> state = HullProblem(scene).solve(box_copies(scene.contacts, "signed"))
+    >>> state = HullProblem(scene).solve(SIGNED.box_copies(scene.contacts))
     >>> round(state.load_factor, 4)
     0.4
     """
 
     def __init__(self, scene: Scene | Assemblage) -> None:
         self.assemblage = Assemblage.of(scene)
-        self.scaling = self.assemblage.scaling
 
     def solve(
         self,
@@ -109,9 +105,8 @@ class HullProblem:
     ) -> LimitState:
         """One run of one solver; never raises for what the solver does.
 
-        With ``relief_price``, any share of the dead load may be taken off at this price in load
-        factors, so that the problem always has a solution and a mechanism: where no state of
-        the copies carries the dead load, the mechanism's bound falls to minus the price.
+        With ``relief_price``, any share of the dead load may be taken off at this price: see
+        :class:`~cvxlimit.model.problem.LargestFactor`.
         """
         forces = copy_forces(copies, self.assemblage.scaled.contacts)
         objective = LargestFactor(relief_price=relief_price)
@@ -119,141 +114,81 @@ class HullProblem:
         return problem.solve(settings or default_ladder()[0])
 
 
-@dataclass(frozen=True, eq=False)
-class GlobalBound:
-    """Upper bound on the load factor with interaction, over all eccentricities.
+class UpperBound:
+    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
+
+    Bounds go to ``run.best``; what else is known is here.
 
     Attributes
     ----------
-    upper : float
-        Best certified bound; infinite where the relaxation gave none.
-    is_proved : bool
-        True if it needs no assumption on contact forces (see :class:`Certifier`).
-    relaxed : float or None
-        Load factor of the last relaxation: no hull bound could be lower than nearly this.
-    mechanism : (free blocks, 6) or None
-        Has the bound.
-    forces : (n, 6) or None
-        Of the last relaxation; their pressure centres are a start for methods from below.
-    copies : Copies
-        Those added by pricing, for further relaxations.
-    history : tuple of Iterate
-    seconds : mapping
-        ``compile``, ``solve``, ``certify`` and others of :class:`Clock`.
+    state : LimitState or None
+        The last relaxation with a mechanism: no hull bound could be lower than nearly its load
+        factor, and its pressure centres are a start for methods from below.
+    added : Copies
+        Those added by pricing.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> run = Run(builtin_scene("single-block"))
+    >>> UpperBound(run).search(1e-5, default_ladder())
+    >>> round(run.best.bracket.upper, 5)
+    0.4
     """
 
-    upper: float
-    is_proved: bool
-    relaxed: float | None
-    mechanism: FloatArray | None
-    forces: FloatArray | None
-    copies: Copies
-    history: tuple[Iterate, ...]
-    seconds: dict[str, float]
-
-
-def global_upper_bound(
-    scene: Scene,
-    moments: str,
-    tolerance: float = 1e-5,
-    settings: Sequence[SolverSettings] | None = None,
-    progress: Progress | None = None,
-) -> GlobalBound:
-    """Bound the load factor with interaction from above by the hull of every contact.
-
-    Solves with the first copies, certifies the mechanism, adds copies where it opens too little,
-    and repeats until bound and relaxation are within ``tolerance`` of each other. Solvers that
-    give nothing are followed by the next of ``settings``, the solver ladder by default.
-    """
-    search = _Pricing(scene, moments, progress or (lambda message: None))
-    ladder = tuple(settings or default_ladder())
-    for rung in ladder:
-        for _ in range(MOST_ROUNDS):
-            is_changed = search.improve(rung, tolerance)
-            if search.is_closed(tolerance):
-                return search.result()
-            if not is_changed:
-                break
-        if search.claims_no_optimum:
-            break
-    return search.result()
-
-
-class _Pricing:
-    """Copies so far, and the best bound they led to."""
-
-    def __init__(self, scene: Scene, moments: str, tell: Progress) -> None:
-        self.scene, self.moments, self.tell = scene, moments, tell
-        self.clock = Clock()
-        start = time.perf_counter()
-        self.boxes = whole_boxes(scene.contacts)
-        self.flow = InteractionFlow(scene.contacts, moments)
-        self.certifier = Certifier(scene, (Rocking(),), flow=self.flow)
-        self.problem = HullProblem(scene)
-        self.first = box_copies(scene.contacts, moments)
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        with run.clock.phase("compile"):
+            self.flow = InteractionFlow(run.contacts, run.moments)
+            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
+            self.problem = HullProblem(run.assemblage)
+            self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
-        self.clock.measure("compile", start)
-        self.best: tuple[float, bool, FloatArray | None] = (np.inf, False, None)
         self.state: LimitState | None = None
-        self.history: list[Iterate] = []
-        self.claims_no_optimum = False
+        self._beside, self._claims_no_optimum = _BESIDE, False
 
-    def improve(self, settings: SolverSettings, tolerance: float) -> bool:
+    def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
+        """Solve, certify the mechanism, add copies where it opens too little, and repeat.
+
+        Ends when bound and relaxation are within ``tolerance`` of each other. Solvers that give
+        nothing are followed by the next of the ladder.
+        """
+        for rung in ladder:
+            for _ in range(MOST_ROUNDS):
+                is_changed = self._improve(rung, tolerance)
+                if self._is_closed(tolerance):
+                    return
+                if not is_changed:
+                    break
+            if self._claims_no_optimum:
+                return
+
+    def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
         """Solve, certify, price; False if another round with this solver would not help."""
-        count = len(self.history) + 1
-        self.tell(f"outer bound {count}: {len(self.added)} copies added, solving with {settings}")
-        state = self.problem.solve(self.first.joined(self.added), settings)
-        self.claims_no_optimum = state.outcome.claims_no_optimum
-        bound, new = None, Copies.none()
-        start = time.perf_counter()
-        if state.mechanism is not None:
-            self.state = state
+        run, copies = self.run, self.first.joined(self.added)
+        state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
+        self._claims_no_optimum = state.outcome.claims_no_optimum
+        if state.mechanism is None:
+            run.note(state, settings, **run.bounds)
+            return False
+        self.state = state
+        with run.clock.phase("certify"):
             bound = self.certifier.certificate(state.forces, None, state.mechanism)
-            if bound.upper < self.best[0]:
-                self.best = (bound.upper, bound.upper_is_proved, state.mechanism)
-            worth = _WORTH_A_COPY * tolerance * self.unit
-            new = missed_copies(self.flow, self.certifier, state.mechanism, worth, _BESIDE**count)
-        self.clock.measure("certify", start)
-        self._book(settings, state, bound)
+            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
+            worth = _WORTH_A_COPY * tolerance * self._unit
+            new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
+        run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
         self.added = self.added.joined(new)
+        self._beside *= _BESIDE
         return len(new) > 0
 
-    def _book(self, settings: SolverSettings, state: LimitState, bound: Certificate | None) -> None:
-        self.clock.seconds["compile"] += state.outcome.compile_seconds
-        self.clock.seconds["solve"] += state.outcome.solve_seconds
-        known = bound is not None and np.isfinite(bound.upper)
-        entry = Iterate(
-            load_factor=state.load_factor,
-            seconds=state.outcome.compile_seconds + state.outcome.solve_seconds,
-            solver=str(settings),
-            status=state.outcome.status,
-        )
-        if bound is not None and known:
-            entry = replace(entry, upper=bound.upper, flow_violation=bound.flow_violation)
-            self.tell(f"outer bound {len(self.history) + 1}: at most {bound.upper:.6f}")
-        self.history.append(entry)
-
-    def is_closed(self, tolerance: float) -> bool:
+    def _is_closed(self, tolerance: float) -> bool:
         """True if more copies could not lower the bound by more than ``tolerance``."""
         if self.state is None or self.state.load_factor is None:
             return False
-        return self.best[0] - self.state.load_factor <= tolerance * self.unit
+        return self.run.best.bracket.upper - self.state.load_factor <= tolerance * self._unit
 
     @property
-    def unit(self) -> float:
+    def _unit(self) -> float:
         """What tolerances are relative to: the bound, or its natural unit near zero."""
-        return self.problem.scaling.unit(self.best[0])
-
-    def result(self) -> GlobalBound:
-        """The best so far."""
-        state = self.state
-        return GlobalBound(
-            upper=self.best[0],
-            is_proved=self.best[1],
-            relaxed=None if state is None else state.load_factor,
-            mechanism=self.best[2],
-            forces=None if state is None else state.forces,
-            copies=self.added,
-            history=tuple(self.history),
-            seconds=self.clock.report(),
-        )
+        return replace(self.run.best.bracket, lower=-np.inf).unit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.pressure import interaction_excess
+from cvxlimit.methods.driver import Answer
+from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LargestFactor, LimitProblem
@@ -19,9 +21,11 @@ from cvxlimit.proof.strength import Strength
 from cvxlimit.proof.witnesses import Witnesses
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solvers import default_ladder
-from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 ACCEPTED = 1e-7
 """Equilibrium residual and excess of Eq. 9 and 30, over the total load, beyond which forces are
@@ -80,6 +84,10 @@ class LowerBound:
         """True if the forces passed the checker, exactly or within its tolerance."""
         return bool(np.isfinite(self.value))
 
+    def raising(self, answer: Answer) -> Answer:
+        """``answer`` with this bound and its forces, if they are better."""
+        return answer.raised(self.value, self.is_proved, self.load_factor, self.forces)
+
 
 class LowerBounds:
     """The checker of one scene in one moment convention.
@@ -91,14 +99,12 @@ class LowerBounds:
 
     Parameters
     ----------
-    scene : Scene
-    moments : str
-        ``"independent"`` or ``"signed"``.
+    scene : Scene or Assemblage
+    moments : Moments
     """
 
-    def __init__(self, scene: Scene, moments: str) -> None:
-        self.scene, self.moments = scene, moments
-        self.assemblage = Assemblage.of(scene)
+    def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
+        self.assemblage, self.moments = Assemblage.of(scene), moments
         self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
@@ -123,15 +129,15 @@ class LowerBounds:
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
         """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
-        states = [self._dead_state(friction, size) for friction, size in _RESERVES]
-        found = tuple(state for state in states if state is not None)
+        found = tuple(state for state in central_states(self.assemblage) if self._is_inside(state))
         return found or self._solved_state()
 
     def _solved_state(self) -> tuple[FloatArray, ...]:
         """What a solver finds where projections find nothing: the middle of all such forces."""
-        if not np.any(self.scene.dead_forces):
+        scene = self.assemblage.scene
+        if not np.any(scene.dead_forces):
             return ()
-        alone = self.scene.with_live(self.scene.dead).with_dead(Load())
+        alone = self.assemblage.under(scene.with_live(scene.dead).with_dead(Load()))
         state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()
@@ -142,21 +148,6 @@ class LowerBounds:
         """True if forces carry the dead load strictly inside Eq. 9 and 30."""
         finite = bool(np.isfinite(state).all())
         return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
-
-    def _dead_state(self, friction: float, size: float) -> FloatArray | None:
-        whole = self.statics.contacts
-        smaller = replace(
-            whole.with_friction(friction * whole.friction),
-            corner_xy=size * whole.corner_xy,
-            sides=size * whole.sides,
-            area=size**2 * whole.area,
-        )
-        statics = replace(self.statics, contacts=smaller)
-        balance = Balance(statics, corner_compressions(smaller))
-        shrunk = replace(self.assemblage, statics=statics, balance=balance)
-        strength = Strength(shrunk, (Rocking(), TorsionShear()))
-        state = Witnesses(shrunk, strength).dead_state
-        return state if state is not None and self._is_inside(state) else None
 
     def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not np.isfinite(forces).all():
@@ -176,13 +167,32 @@ class LowerBounds:
         return self.assemblage.balance.balanced(forces, load_factor, self.statics)
 
     def _excess(self, forces: FloatArray) -> FloatArray:
-        contacts = self.statics.contacts
-        return np.maximum(
-            rocking_excess(forces, contacts), interaction_excess(forces, contacts, self.moments)
-        )
+        return true_excess(forces, self.statics.contacts, self.moments)
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
+
+
+class TrueStrength(Strength):
+    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.methods.bearing.borne`."""
+
+    def __init__(self, assemblage: Assemblage, moments: Moments) -> None:
+        super().__init__(assemblage, DEFAULT_SURFACES)
+        self.moments = moments
+
+    def excess(self, state: FloatArray) -> list[FloatArray]:
+        """Per contact, as a force."""
+        return [true_excess(state, self.contacts, self.moments)]
+
+    @property
+    def rows(self) -> list[IntArray]:
+        """All contacts."""
+        return [np.arange(len(self.contacts))]
+
+
+def true_excess(forces: FloatArray, contacts: Contacts, moments: Moments) -> FloatArray:
+    """By how much forces (n, 6) exceed Eq. 9 and 30, per contact."""
+    return np.maximum(rocking_excess(forces, contacts), moments.excess(forces, contacts))
 
 
 def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
@@ -191,12 +201,23 @@ def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
     return np.maximum(outside, -forces[:, COLUMN["N"]])
 
 
-def proved_lower_bound(
-    scene: Scene, forces: FloatArray, load_factor: float, moments: str
-) -> tuple[float, FloatArray, bool, float]:
-    """Bound, checked forces (n, 6), whether it is proved to rounding, and the excess left.
+def plain_witnesses(assemblage: Assemblage) -> Witnesses:
+    """Reference states under the surfaces without interaction."""
+    return Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES))
 
-    See :class:`LowerBounds`, which keeps its factorisation for the next forces.
-    """
-    bound = LowerBounds(scene, moments).of(forces, load_factor)
-    return bound.value, bound.forces, bound.is_proved, bound.excess
+
+def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
+    """Forces (n, 6) that carry the dead load with little shear, and pressure near the centres."""
+    whole = assemblage.contacts
+    for friction, size in _RESERVES:
+        smaller = replace(
+            whole.with_friction(friction * whole.friction),
+            corner_xy=size * whole.corner_xy,
+            sides=size * whole.sides,
+            area=size**2 * whole.area,
+        )
+        statics = replace(assemblage.statics, contacts=smaller)
+        balance = Balance(statics, corner_compressions(smaller))
+        state = plain_witnesses(replace(assemblage, statics=statics, balance=balance)).dead_state
+        if state is not None:
+            yield state

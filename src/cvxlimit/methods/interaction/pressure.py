@@ -1,8 +1,4 @@
-"""Where contacts press, and the true condition of Eq. 30: the independent checker.
-
-Plain NumPy on forces in the user's units. Whatever method produced them, forces that are in
-equilibrium and pass :func:`interaction_excess` prove a lower bound on the load factor.
-"""
+"""Where contacts press: plain NumPy on forces in the user's units."""
 
 from __future__ import annotations
 
@@ -55,21 +51,3 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
         centre = np.array([e1[j], e2[j]])
         arm[j] = mean_distance(effective_region(contacts.corners_of(j), centre), centre)
     return arm
-
-
-def interaction_excess(forces: FloatArray, contacts: Contacts, moments: str) -> FloatArray:
-    """Eq. 30 with its own eccentricities, not linearised: excess (n,) in force units.
-
-    Independent signs: (abs(V1 e2) + abs(V2 e1) + abs(MT) - c (mu N - abs(V))) / c_T; signed:
-    (abs(MT - e1 V2 + e2 V1) - c (mu N - abs(V))) / c_T, with c_T of the whole contact. Zero or
-    less is admissible. Sliding is part of it; tension and rocking are checked elsewhere.
-    """
-    at = Pressure.of(forces, contacts)
-    v1, v2, normal, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N", "MT"))
-    spare = contacts.friction * normal - np.hypot(v1, v2)
-    if moments == "signed":
-        torque = np.abs(mt - at.e1 * v2 + at.e2 * v1)
-    else:
-        torque = np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
-    eq_30 = (torque - at.arm * spare) / contacts.torsion_arm
-    return np.maximum(eq_30, -spare)

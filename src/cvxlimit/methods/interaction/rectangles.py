@@ -15,7 +15,7 @@ with a margin. That is no proof: the checker, which clips polygons, has the last
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,8 +78,8 @@ class Rectangles:
     offset: FloatArray
 
     @classmethod
-    def of(cls, contacts: Contacts, moments: str) -> Rectangles:
-        """Largest rectangles found; the contacts themselves where they are rectangles."""
+    def of(cls, contacts: Contacts, inscribed: Callable[[FloatArray], Rectangle]) -> Rectangles:
+        """Those ``inscribed`` in corners (k, 2), with their arms; rectangles stay as they are."""
         n = len(contacts)
         turn, offset, share = np.tile(np.eye(2), (n, 1, 1)), np.zeros((n, 2)), np.ones(n)
         if contacts.is_rectangle.all():
@@ -89,7 +89,9 @@ class Rectangles:
         known: dict[bytes, Rectangle] = {}
         for j in np.flatnonzero(~contacts.is_rectangle).tolist():
             key = np.round(corners[j] / np.sqrt(area[j]), 9).tobytes() + area[j].tobytes()
-            found = known.setdefault(key, _inscribed(corners[j], moments))
+            if key not in known:
+                known[key] = _with_arm(inscribed(corners[j]), corners[j])
+            found = known[key]
             turn[j], offset[j], share[j] = found.turn, found.centre, found.arm_share
             sides[j] = 2.0 * np.array(found.half)
             area[j] = sides[j].prod()
@@ -153,13 +155,8 @@ def _replaced(
     )
 
 
-def _inscribed(corners: FloatArray, moments: str) -> Rectangle:
-    found = _largest_anywhere(corners) if moments == "signed" else _largest_centred(corners)
-    return replace(found, arm_share=_arm_share(corners, found))
-
-
-def _largest_anywhere(corners: FloatArray) -> Rectangle:
-    """Best over directions, those of all edges among them."""
+def largest_anywhere(corners: FloatArray) -> Rectangle:
+    """The largest rectangle in a polygon (k, 2) over directions, those of all edges among them."""
     along = np.roll(corners, -1, axis=0) - corners
     own = np.arctan2(along[:, 1], along[:, 0])
     angles = np.concatenate([own, np.linspace(0.0, np.pi, _ANGLES, endpoint=False)])
@@ -189,7 +186,7 @@ def _largest_at(corners: FloatArray, angle: float) -> Rectangle:
     return Rectangle((float(centre[0]), float(centre[1])), angle, half)
 
 
-def _largest_centred(corners: FloatArray) -> Rectangle:
+def largest_centred(corners: FloatArray) -> Rectangle:
     """Largest rectangle in the contact's own frame, about its origin."""
     reach = min(float(corners[:, 0].max()), -float(corners[:, 0].min()))
     x = np.linspace(0.0, reach, 4 * _STATIONS)
@@ -211,6 +208,10 @@ def _chains(points: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     if right > 0 and lower[-2, 0] >= lower[-1, 0]:
         lower = lower[:-1]
     return np.interp(x, *lower.T), np.interp(x, *upper.T)
+
+
+def _with_arm(found: Rectangle, corners: FloatArray) -> Rectangle:
+    return replace(found, arm_share=_arm_share(corners, found))
 
 
 def _arm_share(corners: FloatArray, rectangle: Rectangle) -> float:

@@ -1,35 +1,15 @@
-"""One convex step that stays inside Eq. 30, whatever point it is built at.
-
-Multiplied by N, with X_i = N e_i (X1 = -M2, X2 = M1), P_i = l_i N - 2 abs(X_i) and C = c_T, convex
-and homogeneous of degree 1, the true conditions read
-
-    independent:  abs(V2 X1) + abs(V1 X2) + abs(MT) N <= C(P1, P2) (mu N - abs(V))
-    signed:       abs(MT N - X1 V2 + X2 V1)           <= C(P1, P2) (mu N - abs(V))
-
-Three replacements, each on the safe side, make them convex; all are exact at the step's own
-point (e, V / N), so the present state is never cut off:
-
-1. C by a supporting plane ca P1 + cb P2, which is below a convex homogeneous function everywhere;
-   ca, cb >= 0, so m_i >= abs(X_i) and u >= abs(V) may take the place of the absolute values.
-2. Divided by N, what is left is linear but for products x y / N of a moment x and a force y.
-3. x y / N = (p^2 - q^2) / (4 N) with p = x / k + k y and q = x / k - k y. The first square over N
-   is convex; -q^2 / N is concave and below its tangent d^2 N - 2 d q, d = q / N at the point.
-
-So one second-order cone per contact (two with signed moments, for both signs of the torque)
-describes a set inside the true one. Nothing but speed and quality depends on the point, or on k.
-"""
+"""The convex problem of one safe step: rows inside Eq. 30 (:mod:`majorants`) at every contact."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.geometry.polygons import torsion_arm_gradient
+from cvxlimit.methods.interaction.majorants import Plane, Point
+from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
@@ -38,188 +18,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Where a step is built: pressure centres and shears over N, per contact.
-
-    ``centre`` (n, 2) is e1, e2 in the unit of length of the contacts, ``shear`` (n, 2) V / N.
-    """
-
-    centre: FloatArray
-    shear: FloatArray
-
-    @classmethod
-    def middle(cls, contacts: Contacts) -> Point:
-        """All contacts pressed at their centre, without shear."""
-        return cls(np.zeros((len(contacts), 2)), np.zeros((len(contacts), 2)))
-
-    @classmethod
-    def of(cls, forces: FloatArray, contacts: Contacts, otherwise: Point, least: float) -> Point:
-        """From forces (n, 6); contacts with N below ``least`` keep their place in ``otherwise``."""
-        normal = forces[:, [COLUMN["N"]]]
-        pressed = normal >= least
-        safe = np.where(pressed, normal, 1.0)
-        moments = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1)
-        shear = forces[:, [COLUMN["V1"], COLUMN["V2"]]]
-        return cls(
-            np.where(pressed, moments / safe, otherwise.centre),
-            np.where(pressed, shear / safe, otherwise.shear),
-        ).inside(contacts)
-
-    def inside(self, contacts: Contacts) -> Point:
-        """The nearest point with pressure in the rectangles and shear components below friction."""
-        half, mu = contacts.sides / 2.0, contacts.friction[:, None]
-        return Point(np.clip(self.centre, -half, half), np.clip(self.shear, -mu, mu))
-
-    def moved(self, share: float, before: Point) -> Point:
-        """Ahead by ``share`` of the way that led from ``before`` to here; -1 is ``before``."""
-        return Point(
-            self.centre + share * (self.centre - before.centre),
-            self.shear + share * (self.shear - before.shear),
-        )
-
-    def shrunk(self, share: float) -> Point:
-        """Towards the middle by ``share``."""
-        return Point((1.0 - share) * self.centre, (1.0 - share) * self.shear)
-
-
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """Supporting plane of c_T at a point's effective sides, and the balance k of the products.
-
-    ``slope`` (n, 2) is (ca, cb); ``k`` (n, 2) for the products with X1 and X2.
-    """
-
-    slope: FloatArray
-    k: FloatArray
-
-    @classmethod
-    def at(cls, point: Point, rectangles: Rectangles, balance: float) -> Plane:
-        """k^2 = ``balance`` x (largest moment / N) / (largest shear / N)."""
-        contacts = rectangles.contacts
-        sides = np.maximum(contacts.sides - 2.0 * np.abs(point.centre), 0.0)
-        slope = np.stack(torsion_arm_gradient(*sides.T), axis=1) * rectangles.arm_share[:, None]
-        friction = np.maximum(contacts.friction, _LEAST_FRICTION)[:, None]
-        return cls(slope, np.sqrt(balance * contacts.sides / 2.0 / friction))
-
-
-_LEAST_FRICTION = 1e-3
-"""Only k, the balance of the product bounds, is kept finite by it on contacts without friction."""
-
-
-@dataclass(frozen=True, eq=False)
-class Forces:
-    """Expressions (n,) a step is written in: contact forces and bounds on their magnitudes.
-
-    ``X`` are N e1 and N e2; ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT).
-    """
-
-    N: cp.Expression
-    V: Sequence[cp.Expression]
-    X: Sequence[cp.Expression]
-    MT: cp.Expression
-    m: Sequence[cp.Expression]
-    u: cp.Expression
-    s: Sequence[cp.Expression] = ()
-    t: cp.Expression | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Product:
-    """x y / N with a balance k (n,), and x, y over N at the point (x0, y0)."""
-
-    x: cp.Expression
-    y: cp.Expression
-    k: FloatArray
-    x0: FloatArray
-    y0: FloatArray
-
-    def majorant(self, normal: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
-        """p and a linear part: x y / N <= linear + p^2 / (4 N), exact where x, y / N = x0, y0."""
-        x, y = cp.multiply(1.0 / self.k, self.x), cp.multiply(self.k, self.y)
-        d = self.x0 / self.k - self.k * self.y0
-        return x + y, cp.multiply(d**2 / 4.0, normal) - cp.multiply(d / 2.0, x - y)
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """linear + sum of squares / (4 N) <= 0 at every contact."""
-
-    linear: cp.Expression
-    squares: Sequence[cp.Expression]
-
-    @classmethod
-    def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:
-        """``linear`` + products / N <= 0, majorised."""
-        parts = [product.majorant(normal) for product in products]
-        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts])
-
-    def cone(self, normal: cp.Expression, slack: cp.Expression | float) -> cp.Constraint:
-        """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone."""
-        w = slack - self.linear
-        return cp.SOC(normal + w, cp.vstack([*self.squares, normal - w]), axis=0)
-
-
-def independent_rows(
-    f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-) -> list[Row]:
-    """t + base + [m1 (s2 - 2 ca u) + m2 (s1 - 2 cb u)] / N <= 0."""
-    size = np.linalg.norm(point.shear, axis=1)
-    products = [
-        Product(
-            f.m[i],
-            f.s[j] - cp.multiply(2.0 * plane.slope[:, i], f.u),
-            plane.k[:, i],
-            np.abs(point.centre[:, i]),
-            np.abs(point.shear[:, j]) - 2.0 * plane.slope[:, i] * size,
-        )
-        for i, j in ((0, 1), (1, 0))
-    ]
-    return [Row.of(f.t + _base(f, plane, sides, mu), products, f.N)]
-
-
-def signed_rows(
-    f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-) -> list[Row]:
-    """±(MT - (X1 V2 - X2 V1) / N) + base - 2 (ca m1 + cb m2) u / N <= 0 for both signs.
-
-    With X = X+ - X- and m = X+ + X-, X+- = (m +- X) / 2 >= 0, each product has a factor whose
-    sign is known.
-    """
-    base = _base(f, plane, sides, mu)
-    size = np.linalg.norm(point.shear, axis=1)
-    rows = []
-    for torque in (1.0, -1.0):
-        products = []
-        for part in (1.0, -1.0):
-            for i, j in ((0, 1), (1, 0)):
-                turn = part * torque * (-1.0 if i == 0 else 1.0)
-                centre = part * point.centre[:, i]
-                share = np.clip(1.0 + 2.0 * centre / sides[:, i], _IDLE_BALANCE, 1.0)
-                products.append(
-                    Product(
-                        (f.m[i] + part * f.X[i]) / 2.0,
-                        turn * f.V[j] - cp.multiply(2.0 * plane.slope[:, i], f.u),
-                        plane.k[:, i] * share,
-                        np.maximum(centre, 0.0),
-                        turn * point.shear[:, j] - 2.0 * plane.slope[:, i] * size,
-                    )
-                )
-        rows.append(Row.of(torque * f.MT + base, products, f.N))
-    return rows
-
-
-_IDLE_BALANCE = 0.3
-"""Least share of k for the half X+ or X- that is zero at the point: it will move little."""
-
-
-def _base(f: Forces, plane: Plane, sides: FloatArray, mu: FloatArray) -> cp.Expression:
-    """-(ca P1 + cb P2) mu + (ca l1 + cb l2) u: resistance without the products."""
-    effective = [cp.multiply(sides[:, i], f.N) - 2.0 * f.m[i] for i in (0, 1)]
-    resistance = sum(cp.multiply(plane.slope[:, i] * mu, effective[i]) for i in (0, 1))
-    return cp.multiply((plane.slope * sides).sum(axis=1), f.u) - resistance
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,24 +38,22 @@ class SafeStep:
 
     Parameters
     ----------
-    scene : Scene
-    moments : str
-        ``"independent"`` or ``"signed"``.
-    balance : float
-        k^2 of the products in units of (half side / friction).
+    scene : Scene or Assemblage
+    moments : Moments
     """
 
-    def __init__(self, scene: Scene, moments: str, balance: float) -> None:
-        self.moments, self.balance = moments, balance
+    def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
         whole = Assemblage.of(scene)
-        self.scaling = whole.scaling
-        rectangles = Rectangles.of(scene.contacts, moments)
-        statics = replace(whole.statics, contacts=rectangles.contacts)
+        self.moments, self.scaling = moments, whole.scaling
+        rectangles = Rectangles.of(whole.contacts, moments.inscribed)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
-        self.assemblage = replace(whole, statics=statics)
+        self.assemblage = replace(
+            whole, statics=replace(whole.statics, contacts=rectangles.contacts)
+        )
         self.statics = self.assemblage.scaled
-        self.model = ForceVariables.of(corner_compressions(self.statics.contacts), 1.0, 1.0)
-        self.fields, self.magnitudes = _fields(self.model, self.statics.contacts, moments)
+        contacts = self.statics.contacts
+        self.model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
+        self.fields, self.magnitudes = moments.fields(self.model.components, contacts.friction)
 
     def solve(self, point: Point, settings: SolverSettings, price: float | None) -> StepState:
         """Maximise the load factor, less ``price`` x slack; None: no slack, every answer safe.
@@ -274,7 +70,7 @@ class SafeStep:
         return StepState(
             state.outcome,
             state.load_factor,
-            self._forces(),
+            self.scaling.forces(self.rectangles.outward(self.model.values())),
             state.mechanism,
             slack=0.0 if slack is None else float(slack.value.sum()),
         )
@@ -286,30 +82,6 @@ class SafeStep:
 
     def _cones(self, point: Point, slack: cp.Variable | None) -> list[cp.Constraint]:
         contacts = self.statics.contacts
-        plane = Plane.at(point, self.rectangles, self.balance)
-        rows = signed_rows if self.moments == "signed" else independent_rows
-        found = rows(self.fields, point, plane, contacts.sides, contacts.friction)
+        plane = Plane.at(point, self.rectangles, self.moments.balance)
+        found = self.moments.rows(self.fields, point, plane, contacts.sides, contacts.friction)
         return [row.cone(self.fields.N, 0.0 if slack is None else slack) for row in found]
-
-    def _forces(self) -> FloatArray:
-        return self.scaling.forces(self.rectangles.outward(self.model.values()))
-
-
-def _fields(
-    model: ForceVariables, contacts: Contacts, moments: str
-) -> tuple[Forces, list[cp.Constraint]]:
-    """Force expressions with variables for their magnitudes, and what bounds those."""
-    n, c = len(contacts), model.components
-    m, u = cp.Variable((n, 2), name="m"), cp.Variable(n, name="u")
-    V, X = (c["V1"], c["V2"]), (-c["M2"], c["M1"])
-    bounds = [cp.SOC(u, cp.vstack(V), axis=0), u <= cp.multiply(contacts.friction, c["N"])]
-    for i in (0, 1):
-        bounds += [X[i] <= m[:, i], -X[i] <= m[:, i]]
-    plain = Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u)
-    if moments == "signed":
-        return plain, bounds
-    s, t = cp.Variable((n, 2), name="s"), cp.Variable(n, name="t")
-    bounds += [c["MT"] <= t, -c["MT"] <= t]
-    for i in (0, 1):
-        bounds += [V[i] <= s[:, i], -V[i] <= s[:, i]]
-    return replace(plain, s=(s[:, 0], s[:, 1]), t=t), bounds

@@ -37,22 +37,20 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
-from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MOMENTS = ("independent", "signed")
+Support = tuple[FloatArray, FloatArray]
+"""Largest power w . X (n,) of states X with N = 1, but for w_N; and the pressure centres (n, 2)
+that have it as fractions of the half sides, NaN where they are not known."""
 
 _PRECISION = 1e-10
 """Width to which maxima along edges are enclosed, as a share of the largest power in play. The
 upper end of the enclosure is what counts, so this costs tightness, never validity."""
 
 _PIECES = 4
-"""First pieces per edge: what :meth:`InteractionFlow.shortfall_bound` makes do with."""
-
-_HALVINGS = 45
-"""Rounds of halving at most: pieces are then as short as rounding."""
+"""First pieces per edge: what quick bounds make do with."""
 
 
 def half_extent(contacts: Contacts) -> FloatArray:
@@ -92,119 +90,57 @@ def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> Flo
     return np.where(inside, both, single)
 
 
-class InteractionFlow:
-    """The flow rule of torsion-shear-bending interaction, not linearised and not relaxed.
+def signed_support(
+    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray
+) -> Support:
+    """Ends of the boxes, and zero where it lies between them; centres are not kept."""
+    levels = [boxes[..., 0], boxes[..., 1], np.clip(0.0, boxes[..., 0], boxes[..., 1])]
+    best = np.full(len(w), -np.inf)
+    for first in levels:
+        for second in levels:
+            e = half * np.stack([first[:, 0], second[:, 1]], axis=1)
+            torsion = rectangle_arm(half, np.abs(e)) * np.abs(w[:, COLUMN["MT"]])
+            best = np.maximum(best, corner_power(w, e, friction, torsion))
+    return best, np.full((len(w), 2), np.nan)
 
-    Has the methods of :class:`cvxlimit.model.flow.FlowRule` that certificates use, so a
-    :class:`~cvxlimit.proof.certificate.Certifier` with it proves upper bounds on the collapse load
-    with interaction: the shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear,
-    and forces do at least -s N of work on rates q.
 
-    Parameters
-    ----------
-    contacts : Contacts
-    moments : {"independent", "signed"}
-    boxes : (n, 2, 2) array, optional
-        Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Polygons that are not rectangles always count as a whole. With
-        independent signs a range that contains zero inside is widened to a symmetric one.
-    """
+def independent_support(
+    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, halvings: int
+) -> Support:
+    """On the edges of boxes, as ranges of magnitudes; moment rates with the signs of those."""
+    low, high = boxes[..., 0], boxes[..., 1]
+    free = free_sign(boxes)
+    sign = np.where(low + high >= 0.0, 1.0, -1.0)
+    moment = np.stack([-w[:, COLUMN["M2"]], w[:, COLUMN["M1"]]], axis=1)
+    near = np.where(free, 0.0, np.minimum(np.abs(low), np.abs(high)))
+    far = np.maximum(np.abs(low), np.abs(high))
+    search = _EdgeSearch(
+        np.where(free, np.abs(moment), sign * moment),
+        w,
+        half,
+        friction,
+        (near * half, far * half),
+        np.where(free, 1.0, sign),
+    )
+    search.refine(halvings)
+    return search.upper(), search.where / half
 
-    def __init__(self, contacts: Contacts, moments: str, boxes: FloatArray | None = None) -> None:
-        if moments not in MOMENTS:
-            raise ValueError(f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}")
-        self.contacts, self.moments = contacts, moments
-        self.half = half_extent(contacts)
-        self.boxes = whole_boxes(contacts) if boxes is None else boxes
-        self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._is_other = ~contacts.is_rectangle[contacts.corner_contact]
 
-    def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
-
-        An upper bound on the exact value, above it by 1e-10 of the largest power at most
-        (independent signs on polygons: by what friction at the corners allows more).
-        """
-        return Shortfall(self._support(-rates, _HALVINGS)[0], np.zeros(0))
-
-    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """An upper bound (n,) on the shortfall, without a search along the edges."""
-        return self._support(-rates, 0)[0]
-
-    def worst(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shortfall (n,), and the pressure centres (n, 2) that have it, as fractions.
-
-        Centres are found for rectangles with independent signs, and are NaN elsewhere.
-        """
-        return self._support(-rates, _HALVINGS)
-
-    def _support(self, w: FloatArray, halvings: int) -> tuple[FloatArray, FloatArray]:
-        """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
-        power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
-        np.maximum.at(power, *self._corner_power(w))
-        rows = self._rectangles
-        if len(rows) and self.moments == "signed":
-            power[rows] = self._signed(w[rows])
-        elif len(rows):
-            search = self._edge_search(w[rows])
-            search.refine(halvings)
-            power[rows], centre[rows] = search.upper(), search.where / self.half[rows]
-        return power + w[:, COLUMN["N"]], centre
-
-    def _corner_power(self, w: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Contact and power of a unit compression with full friction at polygon corners."""
-        j = self.contacts.corner_contact[self._is_other]
-        e, rows = self.contacts.corner_xy[self._is_other], w[j]
-        return j, _moment_power(rows, e) + self.contacts.friction[j] * _shear_at(rows, e)
-
-    def _signed(self, w: FloatArray) -> FloatArray:
-        """Ends of the boxes, and zero where it lies between them."""
-        rows = self._rectangles
-        half, mu, box = self.half[rows], self.contacts.friction[rows], self.boxes[rows]
-        levels = [box[..., 0], box[..., 1], np.clip(0.0, box[..., 0], box[..., 1])]
-        best = np.full(len(rows), -np.inf)
-        for first in levels:
-            for second in levels:
-                e = half * np.stack([first[:, 0], second[:, 1]], axis=1)
-                torsion = rectangle_arm(half, np.abs(e)) * np.abs(w[:, COLUMN["MT"]])
-                power = _moment_power(w, e) + mu * np.maximum(torsion, _shear_at(w, e))
-                best = np.maximum(best, power)
-        return best
-
-    def _edge_search(self, w: FloatArray) -> _EdgeSearch:
-        """Boxes as ranges of magnitudes, moment rates with the signs that go with them."""
-        rows = self._rectangles
-        low, high = self.boxes[rows, :, 0], self.boxes[rows, :, 1]
-        free = free_sign(self.boxes[rows])
-        sign = np.where(free, 1.0, np.where(low + high >= 0.0, 1.0, -1.0))
-        moment = np.stack([-w[:, COLUMN["M2"]], w[:, COLUMN["M1"]]], axis=1)
-        near = np.where(free, 0.0, np.minimum(np.abs(low), np.abs(high)))
-        far = np.maximum(np.abs(low), np.abs(high))
-        return _EdgeSearch(
-            np.where(free, np.abs(moment), sign * moment),
-            w,
-            self.half[rows],
-            self.contacts.friction[rows],
-            (near * self.half[rows], far * self.half[rows]),
-            np.where(free, 1.0, sign),
-        )
+def corner_power(
+    w: FloatArray, e: FloatArray, friction: FloatArray, torsion: FloatArray | float = 0.0
+) -> FloatArray:
+    """Power (k,) of a unit compression at e (k, 2) with the better of full friction there and
+    ``torsion``; but for w_N."""
+    twist = w[:, COLUMN["MT"]]
+    slip = np.hypot(w[:, COLUMN["V1"]] - twist * e[:, 1], w[:, COLUMN["V2"]] + twist * e[:, 0])
+    moments = w[:, COLUMN["M1"]] * e[:, 1] - w[:, COLUMN["M2"]] * e[:, 0]
+    result: FloatArray = moments + friction * np.maximum(torsion, slip)
+    return result
 
 
 def free_sign(boxes: FloatArray) -> NDArray[np.bool_]:
     """True (n, 2) where a box allows both signs of an eccentricity."""
     return np.asarray((boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0))
-
-
-def _moment_power(w: FloatArray, e: FloatArray) -> FloatArray:
-    """b . e: power (k,) of the moments of a unit compression at e (k, 2)."""
-    result: FloatArray = w[:, COLUMN["M1"]] * e[:, 1] - w[:, COLUMN["M2"]] * e[:, 0]
-    return result
-
-
-def _shear_at(w: FloatArray, e: FloatArray) -> FloatArray:
-    """Velocity of sliding (k,) at e: rates of shear and of the twist about the centre."""
-    twist = w[:, COLUMN["MT"]]
-    return np.hypot(w[:, COLUMN["V1"]] - twist * e[:, 1], w[:, COLUMN["V2"]] + twist * e[:, 0])
 
 
 @dataclass(frozen=True, eq=False)

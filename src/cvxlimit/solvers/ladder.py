@@ -1,45 +1,23 @@
-"""Settings of solvers, and the ladder that is climbed when an answer is not certified."""
+"""The ladder of solvers that is climbed when an answer is not certified, and who comes first."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from types import MappingProxyType
-from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from cvxlimit.errors import ModelError
 from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.solvers.table import SOLVERS, SolverSettings, settings_for
 
-_CLARABEL = {"direct_solve_method": "qdldl"}
-"""Clarabel's own LDL: on block assemblages 2 to 8 times faster than its default (faer)."""
-
-
-def _clarabel(tolerance: float, **more: Any) -> dict[str, Any]:
-    names = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
-    return {**_CLARABEL, **dict.fromkeys(names, tolerance), **more}
-
-
-OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        "CLARABEL": _clarabel(1e-11, max_iter=200),
-        "BLOCKWISE": {},
-        "QOCO": {"abstol": 1e-8, "reltol": 1e-8},
-        "ECOS": {"abstol": 1e-10, "reltol": 1e-10, "feastol": 1e-10, "max_iters": 300},
-        "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 100_000},
-        "HIGHS": {},
-        "MOSEK": {},
-        "GUROBI": {"BarQCPConvTol": 1e-9},
-    }
-)
-"""Tight settings per solver name, as CVXPY spells it.
-
-Looser ones save little and cost the bracket: Clarabel at 1e-8 was 0 to 12 % faster than at 1e-10 on
-panels of 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-8 to 3e-7."""
+Ladder = tuple[SolverSettings, ...]
 
 WORK: Mapping[tuple[str, bool], float] = MappingProxyType(
     {
@@ -59,47 +37,74 @@ _QUICK_BRACKET = 1e-6
 """Narrowest bracket that is asked of QOCO. At tolerances below 1e-8 its brackets are no narrower:
 8e-7 in place of 5e-8 on the S12-class panel, 1e-6 in place of 2e-8 on one of 1,828 contacts."""
 
-_LINEAR_ONLY = frozenset({"HIGHS", "GLOP", "PDLP", "SCIPY", "GLPK", "CBC"})
+
+def default_ladder() -> Ladder:
+    """Rungs in order: Clarabel as a rule, then tighter, then every other installed solver."""
+    rungs = [
+        settings_for("CLARABEL"),
+        settings_for(
+            "CLARABEL", 1e-13, "CLARABEL tight",
+            max_iter=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
+        ),
+        settings_for(
+            "CLARABEL", 1e-12, "CLARABEL unequilibrated", max_iter=500, equilibrate_enable=False
+        ),
+    ]  # fmt: skip
+    others = [row.name for row in SOLVERS.values() if row.is_tried and row.name in installed()]
+    return (*rungs, *map(settings_for, others))
 
 
-@dataclass(frozen=True)
-class SolverSettings:
-    """A solver by CVXPY's name, its options, and a label for the history.
+def ladder_of(rungs: Sequence[str | SolverSettings] | str | SolverSettings) -> Ladder:
+    """A ladder of one's own: names of any installed solvers, or settings.
+
+    Raises
+    ------
+    ModelError
+        For names of solvers that CVXPY does not find, and what is no name at all.
 
     Example
     -------
-    >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
-    'CLARABEL'
+    >>> [str(rung) for rung in ladder_of(["CLARABEL", settings_for("SCS", 1e-6, "SCS loose")])]
+    ['CLARABEL', 'SCS loose']
     """
-
-    name: str
-    options: Mapping[str, Any] = field(default_factory=dict)
-    label: str = ""
-
-    def __str__(self) -> str:
-        return self.label or self.name
+    given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
+    if not isinstance(given, Sequence) or not given:
+        raise ModelError(f"ladder must be a list of solvers, got {rungs!r}: write ['CLARABEL']")
+    return tuple(_rung(rung) for rung in given)
 
 
-def default_ladder() -> tuple[SolverSettings, ...]:
-    """Rungs in order: Clarabel as a rule, then tighter, then every other installed solver."""
-    rungs = [
-        SolverSettings("CLARABEL", OPTIONS["CLARABEL"]),
-        SolverSettings(
-            "CLARABEL",
-            _clarabel(1e-13, max_iter=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50),
-            "CLARABEL tight",
-        ),
-        SolverSettings(
-            "CLARABEL",
-            _clarabel(1e-12, max_iter=500, equilibrate_enable=False),
-            "CLARABEL unequilibrated",
-        ),
-    ]
-    others = [name for name in ("MOSEK", "GUROBI", "ECOS", "HIGHS", "SCS") if name in _installed()]
-    return (*rungs, *(SolverSettings(name, OPTIONS[name]) for name in others))
+def _rung(rung: str | SolverSettings) -> SolverSettings:
+    if isinstance(rung, SolverSettings):
+        return rung
+    if not isinstance(rung, str):
+        raise ModelError(
+            f"a rung of the ladder must be a solver's name or SolverSettings, got {rung!r}"
+        )
+    check_installed(settings := settings_for(rung.upper()))
+    return settings
 
 
-def iterate_ladder() -> tuple[SolverSettings, ...]:
+def check_installed(settings: SolverSettings) -> None:
+    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed.
+
+    Raises
+    ------
+    ModelError
+    """
+    name, backend = settings.name, settings.options.get("backend", "")
+    known = [*installed(), "BLOCKWISE"]
+    if name not in known:
+        close = get_close_matches(name.upper(), known, 1, 0.8)
+        row = SOLVERS.get(name)
+        hint = f"did you mean {close[0]}?" if close else "CVXPY finds it once it is"
+        if row is not None:
+            hint = f"it comes with {row.comes_with}"
+        raise ModelError(f"solver {name} is not installed; {hint}")
+    if backend == "cholmod" and best_backend() != backend:
+        raise ModelError("CHOLMOD is not installed; it comes with the package cvxopt")
+
+
+def iterate_ladder() -> Ladder:
     """The ladder for iterations that feed on the forces of their last solve.
 
     Clarabel at 1e-9 comes first, whatever else is installed: which of many possible forces a
@@ -112,7 +117,7 @@ def iterate_ladder() -> tuple[SolverSettings, ...]:
     >>> str(iterate_ladder()[0])
     'CLARABEL'
     """
-    return (SolverSettings("CLARABEL", _clarabel(1e-9, max_iter=200)), *default_ladder())
+    return (settings_for("CLARABEL", 1e-9), *default_ladder())
 
 
 @dataclass(frozen=True)
@@ -145,7 +150,7 @@ class Shape:
         return cls(equations.shape[1], equations.shape[0], front_width(equations), is_conic)
 
 
-def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
+def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
     The blockwise solver comes first where it was measured to be faster (:data:`WORK`). Elsewhere
@@ -165,12 +170,12 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> tuple[SolverSettings,
     True
     """
     first, *others = default_ladder()
-    own = SolverSettings("BLOCKWISE", OPTIONS["BLOCKWISE"])
+    own = settings_for("BLOCKWISE")
     if shape.work >= WORK[best_backend(), shape.is_conic]:
         return (own, first, *others)
-    if tolerance < _QUICK_BRACKET or "QOCO" not in _installed():
+    if tolerance < _QUICK_BRACKET or "QOCO" not in installed():
         return (first, own, *others)
-    return (SolverSettings("QOCO", OPTIONS["QOCO"]), first, own, *others)
+    return (settings_for("QOCO"), first, own, *others)
 
 
 def front_width(equations: sp.csr_array) -> float:
@@ -193,9 +198,11 @@ def is_conic(problem: cp.Problem) -> bool:
 
 def suits(settings: SolverSettings, problem: cp.Problem) -> bool:
     """False for solvers of linear problems when the problem has second-order cones."""
-    return not (is_conic(problem) and settings.name in _LINEAR_ONLY)
+    row = SOLVERS.get(settings.name)
+    return row is None or row.has_cones or not is_conic(problem)
 
 
 @cache
-def _installed() -> frozenset[str]:
+def installed() -> frozenset[str]:
+    """Names of the solvers that CVXPY finds."""
     return frozenset(cp.installed_solvers())

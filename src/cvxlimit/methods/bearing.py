@@ -1,0 +1,110 @@
+"""Forces that carry a load exactly, from nearly exact ones: blocks it does not reach stay idle.
+
+A live load that forces carry on their own does no harm: any multiple of it is carried. A solver's
+forces for that leave noise on blocks which the load does not reach; where nothing else loads these
+blocks, no balance of theirs could be told from noise. So contacts that carry next to nothing carry
+nothing, which is admissible everywhere, and the others are put into balance without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.proof.strength import Strength
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BORNE = 1e-8
+"""Excess, as a share of the forces on the less loaded block of the contact, that is put down to the
+solver where forces are on the boundary of a surface and cannot be anywhere else."""
+
+INSIDE = -1e-9
+"""The same for forces that must be strictly inside: for conditions that are not convex, to which
+small forces are added."""
+
+_CUTS, _CUT = 6, 3.0
+"""Forces are cut at their largest gaps, so many at most, each by more than this factor: enough for
+all of 162 walls and rows of boxes with some blocks pressed down."""
+
+
+def borne(
+    assemblage: Assemblage,
+    strength_of: Callable[[Assemblage], Strength],
+    state: FloatArray,
+    most: float = BORNE,
+    others: Callable[[Assemblage], Iterable[FloatArray]] = lambda reached: (),
+) -> FloatArray | None:
+    """Contact forces (n, 6) near a state that carry the dead load of ``assemblage``, or None.
+
+    In equilibrium to rounding, with no more excess than ``most``, a share of the forces on a
+    contact's less loaded block. ``others`` are tried where the state given does not pass: states
+    of the contacts that are left, in balance.
+    """
+    whole = strength_of(assemblage)
+    length = float(np.median(np.sqrt(whole.contacts.area)))
+    owner = whole.model.contact if whole.is_internal else np.arange(len(whole.contacts))
+    for kept in _cuts(block_sizes(whole.forces(state), length)):
+        reached = _reached(assemblage, kept)
+        if not reached.balance.is_supported:
+            continue
+        strength = strength_of(reached)
+        given = strength.balanced(state[np.isin(owner, kept)], 0.0, reached.statics)
+        for found in chain([given], others(reached)):
+            if _is_borne(strength, found, most, length):
+                result = np.zeros((len(whole.contacts), DOF))
+                result[kept] = strength.forces(found)
+                return result
+    return None
+
+
+def _cuts(size: FloatArray) -> Iterator[IntArray]:
+    """All contacts, then those above the widest gaps between sizes (n,) of their forces."""
+    order = np.argsort(size)
+    ranked = np.maximum(size[order], 1e-300)
+    gap = ranked[1:] / ranked[:-1]
+    yield np.arange(len(size))
+    for k in np.argsort(-gap)[:_CUTS]:
+        if gap[k] > _CUT:
+            yield np.sort(order[k + 1 :])
+
+
+def _reached(assemblage: Assemblage, kept: IntArray) -> Assemblage:
+    """Contacts ``kept``, and the free blocks that they or the load touch."""
+    statics = assemblage.statics
+    if len(kept) == len(statics.contacts):
+        return assemblage
+    contacts, number = statics.contacts.take(kept), statics.row_of_block
+    rows = np.concatenate([number[contacts.a], number[contacts.b]])
+    is_reached = np.any(statics.dead.reshape(-1, DOF), axis=1)
+    is_reached[rows[rows >= 0]] = True
+    new = np.cumsum(is_reached) - 1
+    dof = np.repeat(is_reached, DOF)
+    smaller = replace(
+        statics,
+        contacts=contacts,
+        row_of_block=np.where((number >= 0) & is_reached[number], new[number], -1),
+        dead=statics.dead[dof],
+        live=statics.live[dof],
+    )
+    balance = Balance(smaller, corner_compressions(contacts))
+    return replace(assemblage, statics=smaller, balance=balance)
+
+
+def _is_borne(strength: Strength, state: FloatArray, most: float, length: float) -> bool:
+    statics, forces = strength.assemblage.statics, strength.forces(state)
+    if not (np.isfinite(forces).all() and statics.is_balanced(forces, 0.0, length)):
+        return False
+    contacts, number = statics.contacts, statics.row_of_block
+    acting = np.append(statics.acting(forces, 0.0, length), np.inf)
+    least = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
+    found = zip(strength.excess(state), strength.rows, strict=True)
+    return all((y <= most * least[rows]).all() for y, rows in found)

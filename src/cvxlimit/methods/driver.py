@@ -1,0 +1,352 @@
+"""One driver for all methods: clock, history, solver ladder, progress, interruption, packing.
+
+A method is a :class:`Rule`: settings in a frozen dataclass, and four functions on a state of its
+own. Everything that is alike in all of them happens here, once.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.bracket import Bracket, known, rounded
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.interaction.moments import INDEPENDENT, Moments
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.scene import Scene, check_scene
+from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of
+from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.versions import versions
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+Solver = Callable[[SolverSettings], LimitState]
+"""One run of one solver on a problem: ``LimitProblem(scene).solve``, for example."""
+
+
+_BOUNDLESS = 1e6
+"""Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
+live load does any harm."""
+
+
+class Clock:
+    """Seconds by phase; phases inside phases count once, for the inner one."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(("detect", "compile", "solve", "certify"), 0.0)
+        self.started = time.perf_counter()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self.started
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the time inside ``with`` to a phase, but for what is booked meanwhile."""
+        start, booked = time.perf_counter(), sum(self.seconds.values())
+        try:
+            yield
+        finally:
+            inside = sum(self.seconds.values()) - booked
+            self.seconds[name] += time.perf_counter() - start - inside
+
+    def book(self, outcome: Outcome) -> None:
+        """Add what a solver took."""
+        self.seconds["compile"] += outcome.compile_seconds
+        self.seconds["solve"] += outcome.solve_seconds
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method has to offer so far.
+
+    Attributes
+    ----------
+    load_factor : float or None
+    bracket : Bracket
+        Bounds of the load factor asked for; infinite where the method has none.
+    forces : (contacts, 6) array or None
+        Those behind the load factor, and behind the lower bound if there is one.
+    mechanism : (free blocks, 6) array or None
+        That of the upper bound, if there is one.
+    note : str
+        What all this rests on.
+    """
+
+    load_factor: float | None = None
+    bracket: Bracket = field(default_factory=Bracket)
+    forces: FloatArray | None = None
+    mechanism: FloatArray | None = None
+    note: str = ""
+
+    def raised(
+        self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
+    ) -> Answer:
+        """With a better lower bound, and the forces that have it."""
+        bracket = self.bracket.raised(lower, is_proved)
+        if bracket is self.bracket:
+            return self
+        return replace(self, bracket=bracket, load_factor=load_factor, forces=forces)
+
+    def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
+        """With a better upper bound, and the mechanism that has it."""
+        bracket = self.bracket.lowered(upper, is_proved)
+        return (
+            self if bracket is self.bracket else replace(self, bracket=bracket, mechanism=mechanism)
+        )
+
+
+class Run:
+    """One analysis under way: the scene, and the books that are kept about it.
+
+    Attributes
+    ----------
+    assemblage : Assemblage
+        Of the scene, computed once.
+    surfaces : tuple of YieldSurface, surface : str
+        Asked for, and their name.
+    moments : Moments
+        How interaction adds moments.
+    formulation : Formulation
+    ladder : tuple of SolverSettings or None
+        Asked for; None leaves the choice to the method.
+    clock : Clock
+    history : list of Iterate
+    best : Answer
+        The best so far: what is left if the run is interrupted.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.model.problem import LimitProblem
+    >>> run = Run(builtin_scene("single-block"))
+    >>> state = run.solve(LimitProblem(run.assemblage).solve, SolverSettings("CLARABEL"))
+    >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0
+    (0.4, True)
+    """
+
+    def __init__(
+        self,
+        scene: Scene | Assemblage,
+        surface: str | Cone | Sequence[YieldSurface] = "conic",
+        moments: Moments = INDEPENDENT,
+        formulation: Formulation = corner_compressions,
+        ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.surfaces, self.surface = surfaces_of(surface)
+        self._is_preset = isinstance(surface, (str, Cone))
+        self.moments, self.formulation = moments, formulation
+        self.ladder = None if ladder is None else ladder_of(ladder)
+        self.tell = progress or (lambda message: None)
+        self.clock = Clock()
+        self.history: list[Iterate] = []
+        self.solvers: set[str] = set()
+        self.tell("finding contacts")
+        if not isinstance(scene, Assemblage):
+            check_scene(scene)
+        with self.clock.phase("detect"):
+            self.contacts = scene.contacts
+        with self.clock.phase("compile"):
+            self.assemblage = Assemblage.of(scene)
+        self.best = Answer(bracket=Bracket(least=self.scaling.least))
+
+    @property
+    def scene(self) -> Scene:
+        """What is analysed."""
+        return self.assemblage.scene
+
+    @property
+    def scaling(self) -> Scaling:
+        """Units inside solvers."""
+        return self.assemblage.scaling
+
+    @property
+    def cone(self) -> Cone:
+        """The cone of the surface asked for, for methods that bring their own surfaces.
+
+        Raises
+        ------
+        ModelError
+            If a list of surfaces was given, or a formulation.
+        """
+        if self.formulation is not corner_compressions:
+            raise ModelError("interaction brings its own formulation: leave formulation out")
+        if not self._is_preset:
+            raise ModelError(
+                "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
+                "'K-gon' or a Cone, not as a list of surfaces"
+            )
+        return self.surfaces[-1].cone
+
+    def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
+        """One run of one solver, on the clock."""
+        self.tell(f"solving with {settings}")
+        self.solvers.add(settings.name)
+        with self.clock.phase("compile"):
+            state = solver(settings)
+            self.clock.book(state.outcome)
+        return state
+
+    def climb(
+        self, solver: Solver, ladder: Sequence[SolverSettings]
+    ) -> tuple[LimitState, SolverSettings]:
+        """Solvers in turn, until one has forces or claims that there is no optimum."""
+        for settings in ladder:
+            state = self.solve(solver, settings)
+            if state.forces is not None or state.outcome.claims_no_optimum:
+                break
+        return state, settings
+
+    def note(self, state: LimitState, solver: object, **figures: float | None) -> None:
+        """A line of the history; ``figures`` are those of :class:`Iterate`."""
+        outcome = state.outcome
+        seconds = outcome.compile_seconds + outcome.solve_seconds
+        entry = Iterate(state.load_factor, seconds, str(solver), outcome.status, **figures)
+        self.history.append(entry)
+        factor = "" if state.load_factor is None else f"load factor {rounded(state.load_factor)}"
+        inside = f"load factor in {self.best.bracket}" if self.best.bracket.has_any else factor
+        self.tell(f"solve {len(self.history)}, {solver}: {inside or outcome.status}")
+
+    @property
+    def bounds(self) -> dict[str, float | None]:
+        """The best bounds so far, for the history."""
+        return {"lower": known(self.best.bracket.lower), "upper": known(self.best.bracket.upper)}
+
+    def is_boundless(self, load_factor: float | None) -> bool:
+        """True for a load factor that no load is meant to have: asked for where there is no limit,
+        solvers return 1e9 to 1e14."""
+        return load_factor is not None and abs(load_factor) > _BOUNDLESS * self.scaling.ratio
+
+    def aside(self, scene: Scene) -> Run:
+        """A run on another scene for a question on the way: same clock, books of its own."""
+        result = copy(self)
+        result.assemblage, result.history = self.assemblage.under(scene), []
+        result.best = Answer(bracket=Bracket(least=result.scaling.least))
+        return result
+
+    @property
+    def load_factors(self) -> list[float | None]:
+        """Those of the history."""
+        return [iterate.load_factor for iterate in self.history]
+
+
+@dataclass(frozen=True)
+class Rule(ABC):
+    """A method: how to start, what one step is, when it is done, and what has come out.
+
+    Settings belong into a frozen dataclass; ``tolerance``, if it is one of them, is what
+    :func:`cvxlimit.solve` sets. State is of any type. Give an instance as ``interaction`` to
+    :func:`cvxlimit.solve`.
+
+    Attributes
+    ----------
+    name : str
+        What the solution calls it.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def start(self, run: Run) -> Any:
+        """The first state: compile here what all steps share. Refuse here what cannot be done."""
+
+    @abstractmethod
+    def step(self, run: Run, state: Any) -> Any:
+        """The next state: as a rule one convex problem, solved by the run and noted there."""
+
+    @abstractmethod
+    def is_done(self, run: Run, state: Any) -> Status | None:
+        """How it ended, or None to go on; asked before every step."""
+
+    @abstractmethod
+    def result(self, run: Run, state: Any) -> Answer:
+        """What has come out; with bounds only if they are bounds of the answer asked for."""
+
+
+def drive(rule: Rule, run: Run) -> Solution:
+    """Follow a rule to its end.
+
+    Interrupted (Ctrl-C), a run whose rule has bounds returns them with
+    :attr:`Status.INTERRUPTED <cvxlimit.solution.Status.INTERRUPTED>`; others leave the
+    interruption to the caller.
+    """
+    state = rule.start(run)
+    try:
+        while (status := rule.is_done(run, state)) is None:
+            state = rule.step(run, state)
+    except KeyboardInterrupt:
+        if not run.best.bracket.has_any:
+            raise
+        status = Status.INTERRUPTED
+    return packed(rule, run, rule.result(run, state), status)
+
+
+def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
+    """The answer as a solution; bounds that contradict each other are said to do so."""
+    bracket = answer.bracket if status.has_answer else Bracket()
+    factor = answer.load_factor if status.has_answer else None
+    notes = [answer.note]
+    if status is not Status.NOT_CERTIFIED and not status.is_good:
+        notes = [answer.note] if status.advice in answer.note else [status.advice, answer.note]
+    if bracket.contradicts:
+        status = Status.NOT_CERTIFIED
+        notes.insert(0, "the bounds contradict each other, so an assumption behind them fails")
+    return Solution(
+        scene=run.scene.name,
+        surface=run.surface,
+        interaction=rule.name,
+        moments=run.moments.name,
+        blocks=len(run.scene.free),
+        contacts=len(run.contacts),
+        load_factor=None if factor is None else bracket.clipped(factor),
+        bracket=bracket,
+        status=status,
+        history=tuple(run.history),
+        seconds={**run.clock.seconds, "total": run.clock.elapsed},
+        forces=answer.forces,
+        mechanism=by_block(run.scene, answer.mechanism),
+        note="; ".join(note for note in notes if note),
+        versions=versions(run.solvers),
+    )
+
+
+def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
+    """A mechanism (free, 6) as rates by block id."""
+    if mechanism is None:
+        return None
+    rows = np.asarray(mechanism).reshape(-1, DOF)
+    return {scene.blocks[i].id: rates for i, rates in zip(scene.free, rows, strict=True)}
+
+
+_LAPS, _LONGEST = 3, 8
+"""A cycle is one of 2 to 8 values that were run through three times: two could be chance."""
+
+
+def cycles(values: Sequence[float | None], tolerance: float) -> bool:
+    """True if the last values repeat with a period of 2 to 8, three times over.
+
+    >>> cycles([0.5, 0.3, 0.1, 0.3, 0.1, 0.3, 0.1], 1e-4), cycles([0.3, 0.2, 0.1], 1e-4)
+    (True, False)
+    """
+    for period in range(2, _LONGEST + 1):
+        tail = values[-_LAPS * period :]
+        if len(tail) < _LAPS * period or any(value is None for value in tail):
+            continue
+        laps = np.array(tail, dtype=float).reshape(_LAPS, period)
+        if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():
+            return True
+    return False

@@ -1,0 +1,77 @@
+"""The flow rule of torsion-shear-bending interaction, for certificates of upper bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.moments import Moments
+from cvxlimit.methods.interaction.support import Support, corner_power, half_extent, whole_boxes
+from cvxlimit.model.flow import Shortfall
+
+FloatArray = NDArray[np.float64]
+
+_HALVINGS = 45
+"""Rounds of halving at most: pieces are then as short as rounding."""
+
+
+class InteractionFlow:
+    """The flow rule of torsion-shear-bending interaction, not linearised and not relaxed.
+
+    Has the methods of :class:`cvxlimit.model.flow.FlowRule` that certificates use, so a
+    :class:`~cvxlimit.proof.certificate.Certifier` with it proves upper bounds on the collapse load
+    with interaction: the shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear,
+    and forces do at least -s N of work on rates q.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    moments : Moments
+    boxes : (n, 2, 2) array, optional
+        Pressure centres considered: lowest and highest e1 and e2 as fractions of
+        :func:`half_extent`. Polygons that are not rectangles always count as a whole. With
+        independent signs a range that contains zero inside is widened to a symmetric one.
+    """
+
+    def __init__(
+        self, contacts: Contacts, moments: Moments, boxes: FloatArray | None = None
+    ) -> None:
+        self.contacts, self.moments = contacts, moments
+        self.half = half_extent(contacts)
+        self.boxes = whole_boxes(contacts) if boxes is None else boxes
+        self._rectangles = np.flatnonzero(contacts.is_rectangle)
+        self._is_other = ~contacts.is_rectangle[contacts.corner_contact]
+
+    def shortfall(self, rates: FloatArray) -> Shortfall:
+        """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
+
+        An upper bound on the exact value, above it by 1e-10 of the largest power at most
+        (independent signs on polygons: by what friction at the corners allows more).
+        """
+        return Shortfall(self._support(-rates, _HALVINGS)[0], np.zeros(0))
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """An upper bound (n,) on the shortfall, without a search along the edges."""
+        return self._support(-rates, 0)[0]
+
+    def worst(self, rates: FloatArray) -> Support:
+        """Shortfall (n,), and the pressure centres (n, 2) that have it, as fractions.
+
+        Centres are found for rectangles with independent signs, and are NaN elsewhere.
+        """
+        return self._support(-rates, _HALVINGS)
+
+    def _support(self, w: FloatArray, halvings: int) -> Support:
+        """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
+        power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
+        friction = self.contacts.friction
+        j = self.contacts.corner_contact[self._is_other]
+        corners = self.contacts.corner_xy[self._is_other]
+        np.maximum.at(power, j, corner_power(w[j], corners, friction[j]))
+        rows = self._rectangles
+        if len(rows):
+            power[rows], centre[rows] = self.moments.support(
+                w[rows], self.half[rows], friction[rows], self.boxes[rows], halvings
+            )
+        return power + w[:, COLUMN["N"]], centre

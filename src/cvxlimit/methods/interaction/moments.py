@@ -1,0 +1,383 @@
+"""How Eq. 30 adds moments: one object per reading, which knows all that depends on it.
+
+Everything else in this package takes such an object. A further reading is one more class.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, Protocol
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.copies import (
+    Copies,
+    corner_copies,
+    level_places,
+    pinned_copies,
+    spread_copies,
+)
+from cvxlimit.methods.interaction.majorants import (
+    Forces,
+    Plane,
+    Point,
+    Row,
+    forces_with_sizes,
+    independent_rows,
+    plain_forces,
+    signed_rows,
+)
+from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.rectangles import Rectangle, largest_anywhere, largest_centred
+from cvxlimit.methods.interaction.support import (
+    Support,
+    free_sign,
+    independent_support,
+    signed_support,
+    whole_boxes,
+)
+from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.frozen import (
+    Eccentricity,
+    SignedTorsionShearBending,
+    TorsionShearBending,
+)
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SMALLEST_ARM = 1e-9
+"""An effective area without extent counts as this fraction of c_T: the frozen surface keeps an
+interior, and nothing is allowed there that a solver could tell from nothing."""
+
+_NARROWEST_CHILD = 0.2
+"""Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
+
+
+class Ways(Protocol):
+    """Ways to admissible forces: see :class:`cvxlimit.methods.interaction.inner.InnerMethod`."""
+
+    def stepped(self, start: FloatArray | None) -> Iterator[Any]:
+        """Steps inside Eq. 30, from given forces (n, 6) or from the middle."""
+
+    def boxed(self, start: FloatArray | None) -> Iterator[Any]:
+        """Hulls over shrinking boxes of pressure centres, and frozen problems at their ends."""
+
+
+class Moments(ABC):
+    """A reading of Eq. 30: torque of a contact's forces <= c (mu N - abs(V)).
+
+    Attributes
+    ----------
+    name : str
+        As in options and result files.
+    starts : tuple of {"relaxation", "middle"}
+        Where climbs to a lower bound begin unless they are told.
+    balance : float
+        k^2 of the product bounds of safe steps, in units of (half side / friction).
+    reach : float
+        Safe steps are built ahead of the last forces by this share of the last move, while that
+        gains.
+    shrink : float
+        Safe steps are built this share nearer to the middle than the last forces.
+    """
+
+    name: ClassVar[str]
+    starts: ClassVar[tuple[str, ...]]
+    balance: ClassVar[float]
+    reach: ClassVar[float] = 0.0
+    shrink: ClassVar[float] = 0.0
+
+    def __str__(self) -> str:
+        return self.name
+
+    @abstractmethod
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """Left side of Eq. 30 (n,), for forces (n, 6) that press ``at`` some centre."""
+
+    def excess(self, forces: FloatArray, contacts: Contacts) -> FloatArray:
+        """Eq. 30 with its own eccentricities, not linearised: excess (n,) in force units.
+
+        (torque - c (mu N - abs(V))) / c_T, with c_T of the whole contact. Zero or less is
+        admissible. Sliding is part of it; tension and rocking are checked elsewhere.
+        """
+        at = Pressure.of(forces, contacts)
+        v1, v2, normal = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N"))
+        spare = contacts.friction * normal - np.hypot(v1, v2)
+        eq_30 = (self.torque(forces, at) - at.arm * spare) / contacts.torsion_arm
+        return np.maximum(eq_30, -spare)
+
+    @abstractmethod
+    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
+        """Eq. 32: the convex surface with the eccentricities frozen."""
+
+    def parameters(self, contacts: int) -> Eccentricity:
+        """What :meth:`frozen` takes, as Parameters of so many contacts."""
+        return Eccentricity(
+            cp.Parameter(contacts, nonneg=True), cp.Parameter(contacts), cp.Parameter(contacts)
+        )
+
+    def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
+        """What :meth:`frozen` takes, over c_T."""
+        arm = np.maximum(at.arm / contacts.torsion_arm, _SMALLEST_ARM)
+        return Eccentricity(arm, at.e1 / contacts.torsion_arm, at.e2 / contacts.torsion_arm)
+
+    def fields(
+        self, components: Mapping[str, cp.Expression], friction: FloatArray
+    ) -> tuple[Forces, list[cp.Constraint]]:
+        """What :meth:`rows` are written in, and the bounds on magnitudes that go with it."""
+        return plain_forces(components, friction)
+
+    @abstractmethod
+    def rows(
+        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
+    ) -> list[Row]:
+        """Rows of a safe step, convex and inside Eq. 30."""
+
+    @abstractmethod
+    def inscribed(self, corners: FloatArray) -> Rectangle:
+        """A rectangle in a contact of another shape on which Eq. 30 is as strict or stricter."""
+
+    @abstractmethod
+    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
+        """The way to admissible forces from a relaxation's forces (n, 6), or from the middle."""
+
+    @abstractmethod
+    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
+        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2)."""
+
+    @abstractmethod
+    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
+        """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
+
+    @abstractmethod
+    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+        """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
+
+    @abstractmethod
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """Largest power of true states with N = 1 on rectangles; see :mod:`support`."""
+
+    @abstractmethod
+    def split(self, low: float, high: float, at: float) -> list[float]:
+        """Ends of the ranges into which branching cuts [low, high] near ``at``."""
+
+    def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Low ends and pressure centre (2,) as branching sees them in a box (2, 2)."""
+        return box[:, 0], centre
+
+
+class Independent(Moments):
+    """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, Eq. 30 read literally.
+
+    Only magnitudes of eccentricities count.
+    """
+
+    name = "independent"
+    starts = ("relaxation", "middle")
+    balance = 2.0
+    reach = 1.0
+
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """See the class."""
+        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
+        return np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
+
+    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
+        """See :class:`Moments`."""
+        return TorsionShearBending(at, cone)
+
+    def parameters(self, contacts: int) -> Eccentricity:
+        """Magnitudes."""
+        return Eccentricity(*(cp.Parameter(contacts, nonneg=True) for _ in range(3)))
+
+    def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
+        """Magnitudes."""
+        return super().eccentricity(Pressure(np.abs(at.e1), np.abs(at.e2), at.arm), contacts)
+
+    def fields(
+        self, components: Mapping[str, cp.Expression], friction: FloatArray
+    ) -> tuple[Forces, list[cp.Constraint]]:
+        """With the sizes of shear components and torsion."""
+        return forces_with_sizes(components, friction)
+
+    def rows(
+        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
+    ) -> list[Row]:
+        """See :class:`Moments`."""
+        return independent_rows(f, point, plane, sides, mu)
+
+    def inscribed(self, corners: FloatArray) -> Rectangle:
+        """In the contact's frame and about its origin: the torque depends on the frame."""
+        return largest_centred(corners)
+
+    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
+        """Steps."""
+        return to.stepped(start)
+
+    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
+        """Spread over both signs where boxes allow both."""
+        return spread_copies(rows, centre, free_sign(boxes[rows]))
+
+    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
+        """Ends of boxes, and zero where it lies between them; symmetric ranges have one end."""
+        boxes = whole_boxes(contacts) if boxes is None else boxes
+        free = free_sign(boxes)
+        top = np.abs(boxes).max(axis=2)
+        levels = [
+            (np.where(free, top, boxes[..., 1]), np.ones_like(free)),
+            (boxes[..., 0], ~free & (boxes[..., 1] > boxes[..., 0])),
+            (np.zeros_like(top), free),
+        ]
+        places = level_places(contacts.is_rectangle, levels)
+        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
+        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
+
+    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+        """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
+        the true eccentricities no larger than the frozen ones; pressed exactly there on other
+        polygons."""
+        every, centre = np.arange(len(contacts)), np.clip(centre, -1.0, 1.0)
+        return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
+
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """On the edges of boxes, searched."""
+        return independent_support(w, half, friction, boxes, halvings)
+
+    def split(self, low: float, high: float, at: float) -> list[float]:
+        """A range of both signs into its middle and two sides, so that no other has both."""
+        if not low < 0.0 < high:
+            return _halved(low, high, at)
+        cut = float(np.clip(abs(at), _NARROWEST_CHILD * high, (1.0 - _NARROWEST_CHILD) * high))
+        return [low, -cut, cut, high]
+
+    def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """A range of both signs is one of magnitudes."""
+        free = free_sign(box)
+        return np.where(free, 0.0, box[:, 0]), np.where(free, np.abs(centre), centre)
+
+
+class Signed(Moments):
+    """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
+
+    name = "signed"
+    starts = ("relaxation",)
+    balance = 1.0
+    shrink = 0.005
+    """Pressed in a corner or at full slip a contact's safe set has no interior, and solvers return
+    inaccurate answers."""
+
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """See the class."""
+        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
+        return np.abs(mt - at.e1 * v2 + at.e2 * v1)
+
+    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
+        """See :class:`Moments`."""
+        return SignedTorsionShearBending(at, cone)
+
+    def rows(
+        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
+    ) -> list[Row]:
+        """See :class:`Moments`."""
+        return signed_rows(f, point, plane, sides, mu)
+
+    def inscribed(self, corners: FloatArray) -> Rectangle:
+        """Of any place and direction: the torque about the pressure centre has no frame."""
+        return largest_anywhere(corners)
+
+    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
+        """Boxes: better than safe steps on all built-in panels."""
+        return to.boxed(start)
+
+    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
+        """Torsion about the centre itself."""
+        return pinned_copies(rows, centre)
+
+    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
+        """Corners of boxes, and their corners at zero; friction at the corners of whole contacts,
+        whatever their shape."""
+        boxes = whole_boxes(contacts) if boxes is None else boxes
+        whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
+        free = free_sign(boxes)
+        levels = [
+            (boxes[..., 1], np.ones_like(free)),
+            (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
+            (np.zeros(free.shape), free),
+        ]
+        inside = (pinned_copies(rows, centre) for rows, centre in level_places(~whole, levels))
+        return corner_copies(contacts, whole).joined(*inside)
+
+    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+        """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
+        such point, abs(MT - centre x V) + reach2 abs(V1) + reach1 abs(V2), bounded; pressed
+        exactly there on other polygons."""
+        centre = np.clip(centre, -1.0, 1.0)
+        around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) * contacts.is_rectangle[:, None]
+        return pinned_copies(np.arange(len(contacts)), centre, around)
+
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """At the corners of boxes, or at their corners at zero."""
+        return signed_support(w, half, friction, boxes)
+
+    def split(self, low: float, high: float, at: float) -> list[float]:
+        """At zero first, where the range has both signs."""
+        return [low, 0.0, high] if low < 0.0 < high else _halved(low, high, at)
+
+
+def _halved(low: float, high: float, at: float) -> list[float]:
+    reserve = _NARROWEST_CHILD * (high - low)
+    return [low, float(np.clip(at, low + reserve, high - reserve)), high]
+
+
+INDEPENDENT, SIGNED = Independent(), Signed()
+
+MOMENTS = {moments.name: moments for moments in (INDEPENDENT, SIGNED)}
+"""By name, as options and files have them."""
+
+
+def parse_moments(moments: str | Moments) -> Moments:
+    """The reading of this name; one of your own is returned as it is.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name.
+
+    Example
+    -------
+    >>> str(parse_moments("signed"))
+    'signed'
+    """
+    if isinstance(moments, Moments):
+        return moments
+    if moments not in MOMENTS:
+        raise ModelError(f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}")
+    return MOMENTS[moments]
