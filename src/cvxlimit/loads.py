@@ -32,6 +32,12 @@ Coordinates rounded to a hundredth of the block still pass; a point in other uni
 bound is a sphere, so that a scene which passes also passes after any rotation."""
 
 
+_CURES = {
+    "forces": "write {'b1': (fx, fy, fz, mx, my, mz)}",
+    "weights": "write {'b1': (0, 0, -1)}",
+}
+
+
 @dataclass(frozen=True)
 class PointForce:
     """A force at a point of a block; its moment about the centroid follows.
@@ -182,14 +188,9 @@ class Load:
                 f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
                 "weight per volume; use acceleration for multiples of the weight"
             )
-        cure = "write {'b1': (fx, fy, fz, mx, my, mz)}"
-        of_type(
-            {} if self.forces is None else self.forces, Mapping, "forces must be a mapping", cure
-        )
-        cure = "write {'b1': (0, 0, -1)}"
-        of_type(
-            {} if self.weights is None else self.weights, Mapping, "weights must be a mapping", cure
-        )
+        for name, cure in _CURES.items():
+            given = getattr(self, name)
+            of_type({} if given is None else given, Mapping, f"{name} must be a mapping", cure)
         _set(self, "forces", _vectors(self.forces, 6, "force on block"))
         _set(self, "weights", _vectors(self.weights, 3, "multiple of the weight of block"))
         _set(self, "points", _members(self.points, PointForce, "points"))

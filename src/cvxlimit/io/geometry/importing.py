@@ -162,20 +162,45 @@ def import_geometry(
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
 
+class BodyError(GeometryError):
+    """A body of a file that is no block.
+
+    Attributes
+    ----------
+    body : Body or None
+        The body as the file has it, for a picture: see :func:`sketch`.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        points: ArrayLike = (),
+        blocks: tuple[str, ...] = (),
+        body: Body | None = None,
+    ) -> None:
+        super().__init__(message, points, blocks)
+        self.body = body
+
+
 def sketch(error: GeometryError) -> Scene | None:
     """The body that ``error`` refuses, as a scene to draw: unchecked, of no use for anything else.
 
-    None if the error does not come from a body of an import.
+    None if the error does not come from a body of an import, or nothing of it can be drawn.
     """
-    body = getattr(error, "body", None)
-    if not isinstance(body, Body) or len(body.vertices) < 2:
+    body = error.body if isinstance(error, BodyError) else None
+    faces = () if body is None else tuple(tuple(f) for f in body.faces if len(set(f)) > 2)
+    if body is None or not faces:
         return None
-    faces = tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
-    middle = body.vertices.mean(axis=0)
-    block = Block(body.name, body.vertices, faces, 1.0, 1.0, middle)
-    if not faces or not np.isfinite(body.vertices).all():
-        return None
-    return Scene((block,), (), Load(weights={body.name: (0.0, 0.0, -1.0)}), name=body.name)
+    block = Block(
+        id=body.name,
+        vertices=body.vertices,
+        faces=faces,
+        density=0.0,
+        volume=1.0,
+        centroid=body.vertices.mean(axis=0),
+    )
+    turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
+    return Scene((block,), (), turning, name=body.name)
 
 
 def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
@@ -352,5 +377,4 @@ def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
     try:
         return solid(body.name, body.vertices, body.faces, body.density, tolerance)
     except GeometryError as error:
-        error.body = body  # type: ignore[attr-defined]
-        raise
+        raise BodyError(str(error), error.points, error.blocks, body) from error
