@@ -14,7 +14,8 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.blocks import BOX_FACES, JOINT_TOLERANCE, Block
+from cvxlimit.geometry.blocks import BOX_FACES, Block
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.blocks import BOX_FACES, RELATIVE_TOLERANCE, Block
+from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.geometry.nearby import nearby_pairs
@@ -21,6 +21,7 @@ from cvxlimit.geometry.penetration import penetration
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
 )
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
 from cvxlimit.scene import Scene
 

@@ -13,17 +13,7 @@ from scipy.spatial import cKDTree
 
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
-from cvxlimit.geometry.blocks import (
-    JOINT_TOLERANCE,
-    RELATIVE_TOLERANCE,
-    Block,
-    Repair,
-    _points,
-    checked_faces,
-    default_tolerance,
-    enclosed,
-    warps,
-)
+from cvxlimit.geometry.blocks import Block, Repair
 from cvxlimit.geometry.crossings import check_faces
 from cvxlimit.geometry.mesh import (
     EdgeTable,
@@ -34,6 +24,15 @@ from cvxlimit.geometry.mesh import (
     place,
     surface,
     volume_and_centroid,
+)
+from cvxlimit.geometry.polyhedra import (
+    JOINT_TOLERANCE,
+    RELATIVE_TOLERANCE,
+    body_inside,
+    checked_faces,
+    default_tolerance,
+    vertices_of,
+    warps,
 )
 from cvxlimit.geometry.triangles import triangulated
 
@@ -74,9 +73,9 @@ def solid(
         Weight per volume.
     tolerance : float or None
         Joint tolerance (length): how far a face may be warped and an open seam may gape. None
-        takes :data:`JOINT_TOLERANCE` of the block's mean thickness. Vertices closer than 1e-6 of
-        the block's size are one in any case; others are only welded along open seams, so that
-        small features stay.
+        takes one hundredth of the block's mean thickness. Vertices closer than 1e-6 of the
+        block's size are one in any case; others are only welded along open seams, so that small
+        features stay.
 
     Raises
     ------
@@ -94,7 +93,7 @@ def solid(
     >>> block.volume, [(repair.kind, repair.count) for repair in block.repairs]
     (2.0, [('welded', 28), ('turned', 6)])
     """
-    points = _points(id, vertices)
+    points = vertices_of(id, vertices)
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
     mesh = _Mesh(id, points, checked_faces(id, faces, len(points)))
     mesh.weld(RELATIVE_TOLERANCE * mesh.size)
@@ -105,7 +104,8 @@ def solid(
     mesh.turn_out()
     mesh.split_warped(allowed)
     check_faces(id, mesh.points, mesh.faces, RELATIVE_TOLERANCE * mesh.size)
-    return enclosed(id, mesh.points, mesh.faces, density, allowed, tuple(mesh.repairs))
+    body = body_inside(id, mesh.points, mesh.faces, allowed)
+    return Block.of_body(id, mesh.points, body, density, tuple(mesh.repairs))
 
 
 class _Mesh:
