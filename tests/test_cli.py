@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -326,7 +327,7 @@ def test_disk_full_at_the_end_still_shows_the_result(run: Run) -> None:
 
 
 def test_picture_without_matplotlib(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert_refused(run("solve", "arch", "--plot", "m.png"), "pip install 'cvxlimit[plot]'")
 
 
