@@ -205,6 +205,7 @@ class _Proof:
         UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
             run.best = replace(run.best, forces=None, mechanism=alone.best.mechanism)
+            self.note = Status.DEAD_LOAD_UNSTABLE.advice
             return True
         bracket = run.best.bracket
         if not (bracket.is_below_zero and bracket.upper_is_proved):
@@ -232,9 +233,11 @@ class _Proof:
                 INSIDE,
                 central_states,
             )
-        if forces is not None:
-            run.best = replace(run.best, forces=forces, mechanism=None)
-        return forces is not None
+        if forces is None:
+            return False
+        run.best = replace(run.best, forces=forces, mechanism=None)
+        self.note = Status.LIVE_LOAD_HARMLESS.advice
+        return True
 
     def basis(self) -> str:
         """What the bounds rest on, in a sentence."""
