@@ -8,7 +8,6 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from cvxlimit.model.kinematics import KinematicProblem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from cvxlimit.solvers.blockwise.elimination import NewtonSystem
 from cvxlimit.solvers.sparse import BACKENDS
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import assert_certified, named_scene, scenes
+from kinematics import KinematicProblem
 
 FloatArray = NDArray[np.float64]
 

@@ -267,6 +267,7 @@ class _Climb:
                     )
                 if forces is not None:
                     run.best = replace(run.best, forces=forces, mechanism=None)
+                    self.note = Status.LIVE_LOAD_HARMLESS.advice
                     return True
             elif certificate().upper < 0.5:
                 break

@@ -236,9 +236,11 @@ class _Proof:
                 INSIDE,
                 central_states,
             )
-        if forces is not None:
-            run.best = replace(run.best, forces=forces, mechanism=None)
-        return forces is not None
+        if forces is None:
+            return False
+        run.best = replace(run.best, forces=forces, mechanism=None)
+        self.note = Status.LIVE_LOAD_HARMLESS.advice
+        return True
 
     def basis(self) -> str:
         """What the bounds rest on, in a sentence."""

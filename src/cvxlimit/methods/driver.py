@@ -340,7 +340,7 @@ def fallen(scene: Scene, rates: FloatArray) -> str:
     """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
     row = int((rates * scene.dead_forces).sum(axis=1).argmax())
     block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
-    gravity = np.array(scene.dead.gravity or (0.0, 0.0, -1.0))
+    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
     rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
     return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
 
