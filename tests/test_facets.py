@@ -143,6 +143,8 @@ class TestNotConvexContacts:
         )
         assert not contacts.is_rectangle[0]
         assert len(contacts.corners_of(0)) == 5
+        filled = shapely.union_all([shapely.Polygon(p[:, :2]) for p in contacts.piece_points(0)])
+        assert filled.symmetric_difference(shapely.Polygon(L_SHAPE)).area < 1e-9
         (contact,) = contacts
         assert contact.area == pytest.approx(3.0)
 

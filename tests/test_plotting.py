@@ -280,7 +280,7 @@ def test_cropped_polyhedron_is_the_intersection():
     low, high = np.array([-0.5, -0.6, -0.7]), np.array([0.6, 0.5, 0.4])
     sides = np.vstack([np.c_[np.eye(3), -high], np.c_[-np.eye(3), low]])
     for _ in range(20):
-        block = Block.hull("b", rng.normal(size=(12, 3)) * 0.7, 1.0, inner="drop")
+        block = Block.hull("b", rng.normal(size=(12, 3)) * 0.7, density=1.0, inner="drop")
         vertices, faces = cropped(block.vertices, block.faces, low, high)
         hull = ConvexHull(block.vertices)
         both = HalfspaceIntersection(np.vstack([hull.equations, sides]), np.zeros(3))

@@ -84,13 +84,18 @@ class TestBlocksAndFriction:
         }
 
     def test_friction_override_holds_for_all_contacts_of_the_pair(self) -> None:
-        points = np.vstack([LOWER.vertices, [[0.5, 0, 0.5], [0.5, 1, 0.5]]])
-        faces = [(0, 3, 2, 1), (4, 8, 9, 7), (8, 5, 6, 9), (0, 1, 5, 8, 4), (2, 3, 7, 9, 6),
-                 (0, 4, 7, 3), (1, 2, 6, 5)]  # fmt: skip
-        split = Block.polyhedron("lower", points, faces, density=20.0)
-        own = scene(blocks=(GROUND, split, UPPER), contact_friction={("lower", "upper"): 0.1})
-        assert own.contacts.names == ("ground-lower", "lower-upper", "lower-upper#2")
-        assert own.contacts.friction.tolist() == [0.6, 0.1, 0.1]
+        """Two blocks have one contact in each plane they meet in: a brick in a quoin has two."""
+        outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+        points = [(x, y, z) for z in (0, 1) for x, y in outline]
+        sides = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
+        faces = [tuple(range(6)), tuple(range(6, 12)), *sides]
+        quoin = Block.polyhedron("quoin", points, faces, density=20.0)
+        brick = Block.box("brick", (1, 1, 0), (2, 2, 1), density=20.0)
+        ground = Block.box("ground", (0, 0, -1), (2, 2, 0))
+        own = scene(blocks=(ground, quoin, brick), contact_friction={("brick", "quoin"): 0.1})
+        names = ("ground-quoin", "ground-brick", "quoin-brick", "quoin-brick#2")
+        assert own.contacts.names == names
+        assert own.contacts.friction.tolist() == [0.6, 0.6, 0.1, 0.1]
 
     def test_no_friction_at_all_is_allowed(self) -> None:
         assert scene(friction=0).contacts.friction.tolist() == [0.0, 0.0]
