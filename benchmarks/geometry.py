@@ -117,7 +117,7 @@ def _solve(scene: Scene, row: Row, pictures: Path | None) -> None:
     row.result = str(solution.status)
     if solution.load_factor is not None:
         row.factor = f"{solution.load_factor:.6g}"
-        row.bracket = f"[{solution.lower:.6g}, {solution.upper:.6g}]"
+        row.bracket = str(solution.bracket)  # rounded outward
     elif solution.note:
         row.result += f": {solution.note}"
     if pictures is not None:

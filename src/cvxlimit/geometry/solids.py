@@ -30,6 +30,7 @@ from cvxlimit.geometry.polyhedra import (
     RELATIVE_TOLERANCE,
     body_inside,
     checked_faces,
+    convex_body,
     default_tolerance,
     vertices_of,
     warps,
@@ -95,7 +96,11 @@ def solid(
     """
     points = vertices_of(id, vertices)
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
-    mesh = _Mesh(id, points, checked_faces(id, faces, len(points)))
+    loops = checked_faces(id, faces, len(points))
+    exact = convex_body(points, loops)
+    if exact is not None and exact.faces == loops:  # nothing to mend: a fifth of the time
+        return Block.of_body(id, points, exact, density)
+    mesh = _Mesh(id, points, loops)
     mesh.weld(RELATIVE_TOLERANCE * mesh.size)
     mesh.drop_degenerate()
     mesh.drop_doubled()

@@ -211,6 +211,9 @@ def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
         "start": c.corner_start.tolist(),
         "points": _coordinates(scene, c.corner_points),
         "origin": _coordinates(scene, c.origin),
+        "pieces": {
+            j: [_coordinates(scene, piece) for piece in c.piece_points(j)] for j in sorted(c.pieces)
+        },
         "axes": [round(x, 6) for x in c.axes.ravel().tolist()],
         "area": _short(c.area),
         "friction": _short(c.friction),

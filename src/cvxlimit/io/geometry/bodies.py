@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,10 @@ IntArray = NDArray[np.int64]
 SAME_ANGLE = 1e-6
 """Radians within which two faces at an edge count as one behind the other: between what double
 precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
+
+
+FEW = 64
+"""Faces up to which plain Python is faster than arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +78,7 @@ def separated(body: Body) -> list[Body]:
     is turned inside out within another is its cavity and stays with it. Shells that are not closed
     stay together, for a repair to try.
     """
-    if body.is_box or not len(body.faces):
+    if body.is_box or not len(body.faces) or _is_one_shell(body.faces):
         return [body]
     try:
         label = _shells(body.vertices, body.faces)
@@ -92,6 +97,23 @@ def separated(body: Body) -> list[Body]:
         _part(body, np.flatnonzero(label == number), f"{name}{dot}{i}")
         for i, number in enumerate(order, 1)
     ]
+
+
+def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
+    """True if every edge has two faces and all hang together: nearly always, and quickly told."""
+    if len(faces) > FEW:
+        return False
+    at: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, face in enumerate(faces):
+        for i, k in zip(face, (*face[1:], face[0]), strict=True):
+            at[min(i, k), max(i, k)].append(number)
+    if any(len(two) != 2 for two in at.values()):
+        return False
+    shell = list(range(len(faces)))
+    for one, other in at.values():
+        if shell[one] != shell[other]:
+            shell = [shell[one] if x == shell[other] else x for x in shell]
+    return len(set(shell)) == 1
 
 
 def _part(body: Body, faces: IntArray, name: str) -> Body:
