@@ -494,10 +494,7 @@ class TestWriting:
         file.write_text("old")
         for scene in (
             self.scene().with_name("\ud800"),
-<<<<<<< HEAD
             replace(self.scene(), units=Units("m", "\ud800")),
-=======
->>>>>>> 82c9de142cedf60dcb0fc6a02ab6df05455d7cec
             self.scene().with_friction(1e31),
             replace(self.scene(), blocks=(*self.scene().blocks[:2], huge_ground())),
         ):
