@@ -129,6 +129,8 @@ class Solution:
         What the status rests on, in a sentence; empty if there is nothing to add.
     versions : mapping of distribution to version
         cvxlimit, CVXPY and every solver that ran; empty where they are not known.
+    torsion_shear : str
+        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     """
 
     scene: str
@@ -146,6 +148,7 @@ class Solution:
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
     note: str = ""
     versions: Mapping[str, str] = field(default_factory=dict, repr=False)
+    torsion_shear: str = "linear"
 
     @property
     def lower(self) -> float:

@@ -38,6 +38,7 @@ from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.surfaces.presets import TORSION_SHEAR
 from cvxlimit.versions import __version__
 
 Job = Callable[[], int]
@@ -65,6 +66,7 @@ class Order:
     surface: str
     interaction: str
     moments: str
+    torsion_shear: str
     tolerance: float | None
     json: Path | None
     plot: Path | None
@@ -137,6 +139,16 @@ def _solve_command(
             "static torsion about the pressure centre. Matters with an interaction only.",
         ),
     ] = "independent",
+    torsion_shear: Annotated[
+        str,
+        typer.Option(
+            "--torsion-shear",
+            metavar="|".join(TORSION_SHEAR),
+            help="How torsion and shear share friction: on the paper's line, on a parabola nearer "
+            "the exact limit at the same price, or on that limit, to a tolerance. Without "
+            "interaction only.",
+        ),
+    ] = "linear",
     json: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write the result to this JSON file.")
     ] = None,
@@ -153,13 +165,14 @@ def _solve_command(
             metavar="WIDTH",
             help="Asked width of the bracket, relative to its larger bound; the fixed point stops "
             "at a change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed "
-            "point; the certified method goes as far as it can, and 0.05 counts as good.",
+            "point, 1e-3 for exact torsion-shear; the certified method goes as far as it can, and "
+            "0.05 counts as good.",
             show_default=False,
         ),
     ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, tolerance, json, plot)
+    order = Order(scene, surface, interaction, moments, torsion_shear, tolerance, json, plot)
     return partial(_solve_job, order)
 
 
@@ -274,6 +287,7 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
         order.surface,
         interaction=order.interaction,
         moments=order.moments,
+        torsion_shear=order.torsion_shear,
         tolerance=order.tolerance,
         progress=tell,
     )

@@ -43,6 +43,7 @@ def summary(
             f"{_count(solution.blocks, 'free block')} x {_count(solution.contacts, 'contact')}",
         ),
         ("surface", one_line(solution.surface)),
+        ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
         ("interaction", _interaction(solution)),
         ("load factor", Text(_load_factor(solution), style="bold")),
         ("bracket", _bracket(solution, tolerance)),

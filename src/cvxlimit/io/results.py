@@ -34,7 +34,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions")
+_OPTIONAL = ("note", "bracket", "versions", "torsion_shear")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -143,6 +143,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["note"] = text(solution.note, "note")
         if solution.bracket != Bracket(solution.lower, solution.upper):
             document["bracket"] = _bracket_to_dict(solution.bracket)
+        if solution.torsion_shear != "linear":
+            document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
         if solution.versions:
             document["versions"] = _versions(solution.versions)
         return document
@@ -187,6 +189,7 @@ this is not a result file
             mechanism=_mechanism(top["mechanism"]),
             note=text(top.get("note", ""), "note"),
             versions=_versions(top.get("versions", {})),
+            torsion_shear=text(top.get("torsion_shear", "linear"), "torsion_shear"),
         )
 
 

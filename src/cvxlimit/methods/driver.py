@@ -121,6 +121,8 @@ class Run:
     moments : Moments
         How interaction adds moments.
     formulation : Formulation
+    torsion_shear : str
+        One of :data:`~cvxlimit.surfaces.presets.TORSION_SHEAR`.
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
     clock : Clock
@@ -146,8 +148,10 @@ class Run:
         formulation: Formulation = corner_compressions,
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
+        torsion_shear: str = "linear",
     ) -> None:
-        self.surfaces, self.surface = surfaces_of(surface)
+        self.surfaces, self.surface = surfaces_of(surface, torsion_shear)
+        self.torsion_shear = torsion_shear
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
@@ -189,6 +193,11 @@ class Run:
             raise ModelError(
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
                 "'K-gon' or a Cone, not as a list of surfaces"
+            )
+        if self.torsion_shear != "linear":
+            raise ModelError(
+                "interaction brings its own surface (Eq. 32), with torsion and shear on the "
+                f"paper's line: leave torsion_shear {self.torsion_shear!r} out"
             )
         return self.surfaces[-1].cone
 
@@ -321,6 +330,7 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         mechanism=by_block(run.scene, answer.mechanism),
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
+        torsion_shear=run.torsion_shear,
     )
 
 

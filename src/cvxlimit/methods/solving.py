@@ -11,6 +11,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import Convex
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Progress, Rule, Run, drive
+from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -30,6 +31,7 @@ def solve(
     *,
     interaction: str | Rule | None = "none",
     moments: str | Moments = "independent",
+    torsion_shear: str = "linear",
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
@@ -51,6 +53,10 @@ def solve(
     moments : {"independent", "signed"} or Moments
         How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
         centre. Without interaction it makes no difference.
+    torsion_shear : {"linear", "parabolic", "exact"}
+        How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
+        it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of
+        1e-3 (:class:`~cvxlimit.methods.exact_friction.ExactFriction`). Without interaction only.
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
@@ -85,9 +91,15 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    rule = _rule("none" if interaction is None else interaction, tolerance)
-    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress)
+    chosen = _default_rule(torsion_shear) if interaction in (None, "none") else interaction
+    rule = _rule(chosen, tolerance)
+    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear)
     return drive(rule, run)
+
+
+def _default_rule(torsion_shear: str) -> Rule:
+    """Without interaction: one convex problem, unless torsion-shear takes several."""
+    return ExactFriction() if torsion_shear == "exact" else Convex()
 
 
 def _rule(interaction: str | Rule, tolerance: float | None) -> Rule:
