@@ -194,6 +194,11 @@ class Run:
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
                 "'K-gon' or a Cone, not as a list of surfaces"
             )
+        if np.isfinite(self.contacts.compressive_strength).any():
+            raise ModelError(
+                "interaction knows no strength of the stone yet: leave compressive_strength or the "
+                "interaction out"
+            )
         if self.torsion_shear != "linear":
             raise ModelError(
                 "interaction brings its own surface (Eq. 32), with torsion and shear on the "

@@ -16,13 +16,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.analysis import Convex
 from cvxlimit.methods.driver import Answer, Rule, Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.point_friction import (
-    ExactFlow,
-    Placing,
-    PointFriction,
-    at_centroids,
-    at_corners,
-)
+from cvxlimit.model.point_friction import ExactFlow, PointFriction
+from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Status
 from cvxlimit.surfaces import Rocking
