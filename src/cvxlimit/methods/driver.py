@@ -22,6 +22,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
@@ -165,7 +166,7 @@ class Run:
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
         with self.clock.phase("compile"):
-            self.assemblage = Assemblage.of(scene)
+            self.assemblage, self.mortar = _assembled(scene)
         self.best = Answer(bracket=Bracket(least=self.scaling.least))
 
     @property
@@ -194,10 +195,11 @@ class Run:
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
                 "'K-gon' or a Cone, not as a list of surfaces"
             )
-        if np.isfinite(self.contacts.compressive_strength).any():
+        limited = np.isfinite(self.contacts.compressive_strength).any()
+        if limited or np.any(self.mortar.pull):
             raise ModelError(
-                "interaction knows no strength of the stone yet: leave compressive_strength or the "
-                "interaction out"
+                "interaction knows no strength of stone or mortar yet: leave compressive_strength "
+                "and tensile_strength out, or the interaction"
             )
         if self.torsion_shear != "linear":
             raise ModelError(
@@ -331,12 +333,22 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         status=status,
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
-        forces=answer.forces,
+        forces=run.mortar.original(answer.forces),
         mechanism=by_block(run.scene, answer.mechanism),
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
         torsion_shear=run.torsion_shear,
     )
+
+
+def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar]:
+    """The scene's mechanics; mortar that bears tension becomes a dead load."""
+    given = Assemblage.of(scene) if isinstance(scene, Scene) else scene
+    mortar = Mortar.of(given.scene)
+    if mortar.scene is given.scene:
+        return given, mortar
+    scaling = None if isinstance(scene, Scene) else given.scaling
+    return Assemblage.of(mortar.scene, scaling), mortar
 
 
 def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
