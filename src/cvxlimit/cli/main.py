@@ -34,7 +34,7 @@ from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import read_scene, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
+from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -67,6 +67,7 @@ class Order:
     interaction: str
     moments: str
     torsion_shear: str
+    flow: str
     tolerance: float | None
     json: Path | None
     plot: Path | None
@@ -149,6 +150,14 @@ def _solve_command(
             "interaction only.",
         ),
     ] = "linear",
+    flow: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(FLOWS),
+            help="Whether sliding opens contacts: the associated rule has one load factor; without "
+            "dilatancy there is a set of solutions, of which the lowest found is shown.",
+        ),
+    ] = "associated",
     json: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write the result to this JSON file.")
     ] = None,
@@ -172,7 +181,7 @@ def _solve_command(
     ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, torsion_shear, tolerance, json, plot)
+    order = Order(scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot)
     return partial(_solve_job, order)
 
 
@@ -288,6 +297,7 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
         interaction=order.interaction,
         moments=order.moments,
         torsion_shear=order.torsion_shear,
+        flow=order.flow,
         tolerance=order.tolerance,
         progress=tell,
     )

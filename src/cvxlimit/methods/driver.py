@@ -25,7 +25,7 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution import Iterate, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
@@ -85,6 +85,8 @@ class Answer:
         That of the upper bound, if there is one.
     note : str
         What all this rests on.
+    members : tuple of Member
+        All solutions, where the answer is a set.
     """
 
     load_factor: float | None = None
@@ -92,6 +94,7 @@ class Answer:
     forces: FloatArray | None = None
     mechanism: FloatArray | None = None
     note: str = ""
+    members: tuple[Member, ...] = ()
 
     def raised(
         self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
@@ -152,7 +155,7 @@ class Run:
         torsion_shear: str = "linear",
     ) -> None:
         self.surfaces, self.surface = surfaces_of(surface, torsion_shear)
-        self.torsion_shear = torsion_shear
+        self.torsion_shear, self.flow = torsion_shear, "associated"
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
@@ -338,6 +341,8 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
         torsion_shear=run.torsion_shear,
+        flow=run.flow,
+        members=answer.members,
     )
 
 
