@@ -40,11 +40,13 @@ if TYPE_CHECKING:
     from cvxlimit.methods.certified import Certified as Certified
     from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
     from cvxlimit.methods.solving import solve as solve
+    from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
     from cvxlimit.proof.certificate import Certificate as Certificate
     from cvxlimit.proof.certificate import Certifier as Certifier
     from cvxlimit.scene import Scene as Scene
     from cvxlimit.scene import Units as Units
     from cvxlimit.solution import Iterate as Iterate
+    from cvxlimit.solution import Member as Member
     from cvxlimit.solution import Solution as Solution
     from cvxlimit.solution import Status as Status
 
@@ -65,12 +67,14 @@ _HOME = {
     "FixedPoint": "methods.fixed_point",
     "Iterate": "solution",
     "Load": "loads",
+    "Member": "solution",
     "PointForce": "loads",
     "Pressure": "loads",
     "Scene": "scene",
     "Solution": "solution",
     "Status": "solution",
     "Units": "scene",
+    "ZeroDilatancy": "methods.zero_dilatancy",
     "analyse": "methods.analysis",
     "builtin_scene": "masonry",
     "solve": "methods.solving",

@@ -60,6 +60,15 @@ def not_negative(value: Any, what: str) -> float:
     return float(value)
 
 
+def strength(value: Any, what: str) -> float:
+    """``value`` as a float above 0, infinity allowed; ``what`` names it in the refusal.
+
+    >>> strength(float("inf"), "compressive_strength")
+    inf
+    """
+    return float("inf") if is_number(value) and value == float("inf") else positive(value, what)
+
+
 def ratio(value: Any, what: str) -> float:
     """A setting as a float between 0 and 1, both excluded; ``what`` names it in the refusal."""
     if not (is_number(value) and 0.0 < value < 1.0):

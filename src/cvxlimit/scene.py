@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import not_negative, of_type, positive
+from cvxlimit.checks import not_negative, of_type, positive, strength
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -62,8 +62,12 @@ class Scene:
     cohesion : float
         Force per area that every contact without its own resists in shear besides friction;
         none by default.
-    contact_cohesion : mapping of (id, id) to float
-        Likewise.
+    compressive_strength : float
+        Largest pressure that contacts bear (force per area); infinite by default.
+    tensile_strength : float
+        Largest tension that mortar bears (force per area); none by default.
+    contact_cohesion, contact_compressive_strength, contact_tensile_strength : mapping
+        Of (id, id) to float, likewise.
     units : Units
     name : str
     joint_tolerance : float or None
@@ -97,6 +101,10 @@ class Scene:
     cohesion: float = 0.0
     contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
     joint_tolerance: float | None = None
+    compressive_strength: float = float("inf")
+    contact_compressive_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    tensile_strength: float = 0.0
+    contact_tensile_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
@@ -104,8 +112,8 @@ class Scene:
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "supports", supports)
         _check_kinds(self)
-        for what in _BY_CONTACT:
-            value = not_negative(getattr(self, what), f"{what} of the scene")
+        for what, check in _BY_CONTACT.items():
+            value = check(getattr(self, what), f"{what} of the scene")
             object.__setattr__(self, what, value)
             overrides = _overrides(what, getattr(self, f"contact_{what}") or {})
             object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
@@ -119,7 +127,9 @@ class Scene:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
         own = dict(self.contact_friction), self.units, self.name
         cohesion = self.cohesion, dict(self.contact_cohesion)
-        return Scene, (*fields, *own, *cohesion, self.joint_tolerance)
+        compression = self.compressive_strength, dict(self.contact_compressive_strength)
+        tension = self.tensile_strength, dict(self.contact_tensile_strength)
+        return Scene, (*fields, *own, *cohesion, self.joint_tolerance, *compression, *tension)
 
     @cached_property
     def contacts(self) -> Contacts:
@@ -188,6 +198,13 @@ class Scene:
         """The same scene with other cohesion (force per area); overrides are kept."""
         return self._copy(cohesion=cohesion)
 
+    def with_strength(
+        self, compressive: float | None = None, tensile: float | None = None
+    ) -> Scene:
+        """The same scene with other strengths (force per area); None and overrides are kept."""
+        changes = {"compressive_strength": compressive, "tensile_strength": tensile}
+        return self._copy(**{k: value for k, value in changes.items() if value is not None})
+
     def with_name(self, name: str) -> Scene:
         """The same scene under another name."""
         return self._copy(name=name)
@@ -221,10 +238,7 @@ class Scene:
             dead=self.dead.scaled(length, force),
             live=self.live.scaled(length, force),
             units=units,
-            cohesion=self.cohesion * force / length**2,
-            contact_cohesion={
-                pair: c * force / length**2 for pair, c in self.contact_cohesion.items()
-            },
+            **self._strengths(force / length**2),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 
@@ -243,6 +257,15 @@ class Scene:
 
         return scene_figure(self, viewer) if path is None else plot_scene(self, path)
 
+    def _strengths(self, factor: float) -> dict[str, Any]:
+        """Strengths and cohesion, of all contacts and their own, times a factor."""
+        result: dict[str, Any] = {}
+        for what in _PER_AREA:
+            result[what] = factor * getattr(self, what)
+            own = getattr(self, f"contact_{what}")
+            result[f"contact_{what}"] = {pair: factor * value for pair, value in own.items()}
+        return result
+
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
         if "_detection" in self.__dict__:
@@ -250,10 +273,12 @@ class Scene:
         return copy
 
     def _with_own(self, contacts: Contacts) -> Contacts:
-        """Contacts with the scene's friction and cohesion, or the pair's own."""
-        return contacts.with_friction(self._by_contact("friction", contacts)).with_cohesion(
-            self._by_contact("cohesion", contacts)
+        """Contacts with the scene's friction, cohesion and strengths, or the pair's own."""
+        friction, cohesion, compressive, tensile = (
+            self._by_contact(what, contacts) for what in _BY_CONTACT
         )
+        made = contacts.with_friction(friction).with_cohesion(cohesion)
+        return made.with_strength(compressive, tensile)
 
     def _by_contact(self, what: str, contacts: Contacts) -> FloatArray:
         default, own = getattr(self, what), getattr(self, f"contact_{what}")
@@ -274,13 +299,20 @@ class Scene:
         return np.array([own.get(pair, default) for pair in pairs])
 
 
-_BY_CONTACT = ("friction", "cohesion")
-"""What contacts have from the scene, or of their own."""
+_BY_CONTACT = {
+    "friction": not_negative,
+    "cohesion": not_negative,
+    "compressive_strength": strength,
+    "tensile_strength": not_negative,
+}
+"""What contacts have from the scene, or of their own, and how it is checked."""
+
+_PER_AREA = ("cohesion", "compressive_strength", "tensile_strength")
 
 
 def _overrides(what: str, given: Mapping[tuple[str, str], float]) -> dict[tuple[str, ...], float]:
     checked = {
-        tuple(sorted(pair)): not_negative(value, f"{what} of contact {pair[0]!r}-{pair[1]!r}")
+        tuple(sorted(pair)): _BY_CONTACT[what](value, f"{what} of contact {pair[0]!r}-{pair[1]!r}")
         for pair, value in given.items()
     }
     if len(checked) < len(given):
@@ -297,8 +329,9 @@ def check_scene(value: Any) -> None:
     cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
 or read_scene('arch') if it is a file
     """
-    name = repr(value)
-    cure = "builtin_scene('arch') makes one"
+    if isinstance(value, Scene):
+        return
+    name, cure = repr(value), "builtin_scene('arch') makes one"
     if isinstance(value, str):
         cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
     of_type(value, Scene, "scene must be a Scene", cure)

@@ -96,6 +96,41 @@ class Iterate:
 
 
 @dataclass(frozen=True, eq=False)
+class Member:
+    """One of several solutions, where the answer is a set: friction without dilatancy.
+
+    Attributes
+    ----------
+    load_factor : float
+    start : str
+        How it was found, in ``iterations`` convex problems.
+    equilibrium, yield_excess : float
+        Largest residual and excess, in units of the total load.
+    flow : float
+        Largest penetration at a corner over the largest opening.
+    complementarity : float
+        Power of contact forces that friction does not account for, over the load factor's.
+    forces : (contacts, 6) array, mechanism : (free blocks, 6) array
+        User's units; live power 1.
+    """
+
+    load_factor: float
+    start: str
+    iterations: int
+    equilibrium: float
+    yield_excess: float
+    flow: float
+    complementarity: float
+    forces: FloatArray = field(repr=False)
+    mechanism: FloatArray = field(repr=False)
+
+    @property
+    def residual(self) -> float:
+        """The largest of the four."""
+        return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Result of an analysis. Plain numbers and NumPy arrays only: pickles, and goes to JSON.
 
@@ -129,6 +164,12 @@ class Solution:
         What the status rests on, in a sentence; empty if there is nothing to add.
     versions : mapping of distribution to version
         cvxlimit, CVXPY and every solver that ran; empty where they are not known.
+    torsion_shear : str
+        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
+    flow : str
+        ``"associated"`` or ``"zero-dilatancy"``.
+    members : tuple of Member
+        All solutions found, lowest first, where the answer is a set: zero dilatancy.
     """
 
     scene: str
@@ -146,6 +187,9 @@ class Solution:
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
     note: str = ""
     versions: Mapping[str, str] = field(default_factory=dict, repr=False)
+    torsion_shear: str = "linear"
+    flow: str = "associated"
+    members: tuple[Member, ...] = field(default=(), repr=False)
 
     @property
     def lower(self) -> float:

@@ -43,10 +43,11 @@ from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry import EXPORTS
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
+from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.surfaces.presets import TORSION_SHEAR
 from cvxlimit.versions import __version__
 
 Job = Callable[[], int]
@@ -61,6 +62,8 @@ class Order:
     surface: str
     interaction: str
     moments: str
+    torsion_shear: str
+    flow: str
     tolerance: float | None
     json: Path | None
     plot: Path | None
@@ -134,6 +137,24 @@ def _solve_command(
             "static torsion about the pressure centre. Matters with an interaction only.",
         ),
     ] = "independent",
+    torsion_shear: Annotated[
+        str,
+        typer.Option(
+            "--torsion-shear",
+            metavar="|".join(TORSION_SHEAR),
+            help="How torsion and shear share friction: on the paper's line, on a parabola nearer "
+            "the exact limit at the same price, or on that limit, to a tolerance. Without "
+            "interaction only.",
+        ),
+    ] = "linear",
+    flow: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(FLOWS),
+            help="Whether sliding opens contacts: the associated rule has one load factor; without "
+            "dilatancy there is a set of solutions, of which the lowest found is shown.",
+        ),
+    ] = "associated",
     json: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write the result to this JSON file.")
     ] = None,
@@ -157,13 +178,16 @@ def _solve_command(
             metavar="WIDTH",
             help="Asked width of the bracket, relative to its larger bound; the fixed point stops "
             "at a change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed "
-            "point; the certified method goes as far as it can, and 0.05 counts as good.",
+            "point, 1e-3 for exact torsion-shear; the certified method goes as far as it can, and "
+            "0.05 counts as good.",
             show_default=False,
         ),
     ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, tolerance, json, plot, export)
+    order = Order(
+        scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot, export
+    )
     return partial(_solve_job, order)
 
 
@@ -283,6 +307,8 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
         order.surface,
         interaction=order.interaction,
         moments=order.moments,
+        torsion_shear=order.torsion_shear,
+        flow=order.flow,
         tolerance=order.tolerance,
         progress=tell,
     )

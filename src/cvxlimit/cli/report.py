@@ -43,6 +43,8 @@ def summary(
             f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
         ),
         ("surface", one_line(solution.surface)),
+        ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
+        ("flow", "" if solution.flow == "associated" else solution.flow),
         ("interaction", _interaction(solution)),
         ("load factor", Text(_load_factor(solution), style="bold")),
         ("bracket", _bracket(solution, tolerance)),
@@ -85,6 +87,8 @@ def is_eventful(solution: Solution) -> bool:
     about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
     good = solution.status is Status.CERTIFIED
     failed = any(iterate.status.startswith("failed") for iterate in solution.history)
+    if solution.flow != "associated":
+        return False  # dozens of iterates from several starts; the summary has what came of them
     return solution.interaction != "none" or about_load_factor != 1 or failed or not good
 
 

@@ -68,6 +68,8 @@ class Contacts(ReadOnlyArrays):
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
     area : (n,), friction : (n,), cohesion : (n,)
         Cohesion is a force per area, zero unless the scene has one.
+    compressive_strength : (n,), tensile_strength : (n,)
+        Forces per area, infinite and zero unless the scene says otherwise; None is that.
     pieces : mapping of int to tuple of (k, 2) arrays
         For contacts that are not convex, have holes or several parts: convex polygons that tile
         them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
@@ -86,8 +88,13 @@ class Contacts(ReadOnlyArrays):
     friction: FloatArray
     cohesion: FloatArray
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
+    compressive_strength: FloatArray = None  # type: ignore[assignment]  # (n,) after all
+    tensile_strength: FloatArray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        for name, default in (("compressive_strength", np.inf), ("tensile_strength", 0.0)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(len(self.names), default))
         for each in fields(self):
             object.__setattr__(self, each.name, read_only(getattr(self, each.name)))
 
@@ -203,6 +210,9 @@ class Contacts(ReadOnlyArrays):
             sides=self.sides[rows],
             area=self.area[rows],
             friction=self.friction[rows],
+            cohesion=self.cohesion[rows],
+            compressive_strength=self.compressive_strength[rows],
+            tensile_strength=self.tensile_strength[rows],
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
         )
 
@@ -213,6 +223,10 @@ class Contacts(ReadOnlyArrays):
     def with_cohesion(self, cohesion: FloatArray) -> Contacts:
         """The same contacts with cohesion (n,), force per area."""
         return replace(self, cohesion=cohesion)
+
+    def with_strength(self, compressive: FloatArray, tensile: FloatArray) -> Contacts:
+        """The same contacts with compressive and tensile strengths (n,), forces per area."""
+        return replace(self, compressive_strength=compressive, tensile_strength=tensile)
 
     def corner_sums(self, values: FloatArray) -> FloatArray:
         """Sum of corner values (m, ...) over each contact, (n, ...)."""

@@ -28,13 +28,13 @@ from cvxlimit.io.fields import (
     text,
     whole,
 )
-from cvxlimit.solution import FloatArray, Iterate, Solution, Status
+from cvxlimit.solution import FloatArray, Iterate, Member, Solution, Status
 
 _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions")
+_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -143,6 +143,11 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["note"] = text(solution.note, "note")
         if solution.bracket != Bracket(solution.lower, solution.upper):
             document["bracket"] = _bracket_to_dict(solution.bracket)
+        if solution.torsion_shear != "linear":
+            document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
+        if solution.flow != "associated":
+            document["flow"] = text(solution.flow, "flow")
+            document["members"] = [_member_to_dict(member) for member in solution.members]
         if solution.versions:
             document["versions"] = _versions(solution.versions)
         return document
@@ -187,7 +192,34 @@ this is not a result file
             mechanism=_mechanism(top["mechanism"]),
             note=text(top.get("note", ""), "note"),
             versions=_versions(top.get("versions", {})),
+            torsion_shear=text(top.get("torsion_shear", "linear"), "torsion_shear"),
+            flow=text(top.get("flow", "associated"), "flow"),
+            members=tuple(
+                _member(i, x) for i, x in enumerate(items(top.get("members", []), "members"))
+            ),
         )
+
+
+_MEMBER_NUMBERS = ("load_factor", "equilibrium", "yield_excess", "flow", "complementarity")
+
+
+def _member_to_dict(member: Member) -> JsonObject:
+    """Load factor and residuals; forces and mechanism of the lowest are the result's own."""
+    figures = {name: _to_json(getattr(member, name)) for name in _MEMBER_NUMBERS}
+    return {"start": member.start, "iterations": member.iterations, **figures}
+
+
+def _member(index: int, value: object) -> Member:
+    where = f"entry {index} of members"
+    entry = fields(value, where, ("start", "iterations", *_MEMBER_NUMBERS))
+    figures = {name: _from_json(entry[name], f"{name} of {where}") for name in _MEMBER_NUMBERS}
+    return Member(
+        start=text(entry["start"], f"start of {where}"),
+        iterations=whole(entry["iterations"], f"iterations of {where}"),
+        forces=np.zeros((0, 6)),
+        mechanism=np.zeros((0, 6)),
+        **figures,
+    )
 
 
 def _to_json(value: float, no_bound: float | None = None) -> float | str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,9 @@ _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
 _LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
-_OPTIONAL = ("name", "units", "contacts", "joint_tolerance")
+_STRENGTHS = ("cohesion", "compressive_strength", "tensile_strength")
+_BY_CONTACT = ("friction", *_STRENGTHS)
+_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *_STRENGTHS)
 
 
 def read_scene(path: Path) -> Scene:
@@ -131,11 +134,10 @@ def scene_to_dict(scene: Scene) -> JsonObject:
         }
         if scene.joint_tolerance is not None:
             document["joint_tolerance"] = number(scene.joint_tolerance, "joint_tolerance")
-        if scene.contact_friction:
-            document["contacts"] = [
-                {"between": list(pair), "friction": number(mu, f"friction of contact {pair}")}
-                for pair, mu in scene.contact_friction.items()
-            ]
+        document |= _strengths_to_dict(scene)
+        own = _contacts_to_list(scene)
+        if own:
+            document["contacts"] = own
         loads = (("dead", scene.dead), ("live", scene.live))
         document["loads"] = {case: _load_to_dict(case, load) for case, load in loads}
         return document
@@ -161,13 +163,17 @@ def scene_from_dict(document: object) -> Scene:
         loads = fields(top["loads"], "loads", ("dead", "live"))
         supports = items(top["supports"], "supports")
         joint_tolerance = _joint_tolerance(top)
+        own: dict[str, Any] = dict(_by_contact(top.get("contacts", [])))
+        own |= {
+            what: number(top[what], f"{what} of the scene") for what in _STRENGTHS if what in top
+        }
         return Scene(
             blocks=_blocks(top["blocks"], joint_tolerance),
             supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
             live=_load("live", loads["live"]),
             dead=_load("dead", loads["dead"]),
             friction=number(top["friction"], "friction of the scene"),
-            contact_friction=_contact_friction(top.get("contacts", [])),
+            **own,
             units=_units(top["units"]) if "units" in top else Units(),
             name=text(top.get("name", "scene"), "name of the scene"),
             joint_tolerance=joint_tolerance,
@@ -306,18 +312,51 @@ def _indices(value: object, where: str) -> tuple[int, ...]:
     return tuple(whole(index, f"a vertex index in {where}") for index in items(value, where))
 
 
-def _contact_friction(value: object) -> dict[tuple[str, str], float]:
-    result: dict[tuple[str, str], float] = {}
+def _strengths_to_dict(scene: Scene) -> JsonObject:
+    """Cohesion and strengths that the scene has: none and unlimited ones are left out."""
+    values = {what: getattr(scene, what) for what in _STRENGTHS}
+    return {
+        what: number(value, f"{what} of the scene")
+        for what, value in values.items()
+        if value not in (0.0, float("inf"))
+    }
+
+
+def _contacts_to_list(scene: Scene) -> list[JsonObject]:
+    """One entry per pair of blocks with anything of its own."""
+    entries: dict[tuple[str, str], JsonObject] = {}
+    for what in _BY_CONTACT:
+        for pair, value in getattr(scene, f"contact_{what}").items():
+            if value == float("inf"):
+                raise InputError(
+                    f"{what} of contact {pair} is infinite, which a scene file cannot say for one "
+                    "contact: give a large number"
+                )
+            entry = entries.setdefault(pair, {"between": list(pair)})
+            entry[what] = number(value, f"{what} of contact {pair}")
+    return list(entries.values())
+
+
+def _by_contact(value: object) -> dict[str, dict[tuple[str, str], float]]:
+    """What contacts have of their own, as arguments of the scene."""
+    result: dict[str, dict[tuple[str, str], float]] = {
+        f"contact_{what}": {} for what in _BY_CONTACT
+    }
     for i, item in enumerate(items(value, "contacts")):
         where = f"entry {i} of contacts"
-        entry = fields(item, where, ("between", "friction"))
+        entry = fields(item, where, ("between",), _BY_CONTACT)
         first, second = _pair(entry["between"], f"'between' in {where}")
         contact = f"contact {shown(first)}-{shown(second)}"
         if first == second:
             raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
-        if (first, second) in result or (second, first) in result:
-            raise InputError(f"friction of {contact} is given twice; keep one entry")
-        result[first, second] = number(entry["friction"], f"friction of {contact}")
+        given = [what for what in _BY_CONTACT if what in entry]
+        if not given:
+            raise InputError(f"{where} lacks {', '.join(_BY_CONTACT)}: give at least one")
+        for what in given:
+            own = result[f"contact_{what}"]
+            if (first, second) in own or (second, first) in own:
+                raise InputError(f"{what} of {contact} is given twice; keep one entry")
+            own[first, second] = number(entry[what], f"{what} of {contact}")
     return result
 
 

@@ -223,7 +223,8 @@ class _Climb:
         self.run.tell("checking that the dead load can stand")
         alone = scene.with_live(scene.dead).with_dead(Load())
         enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
-        for state, certificate in self._shares(alone, "dead load alone", self.run.surfaces):
+        surfaces, formulation = self.run.surfaces, self.run.formulation
+        for state, certificate in self._shares(alone, "dead load alone", surfaces, formulation):
             forces = self.certifier.given(state)
             if forces is not None and state.load_factor and state.load_factor > enough:
                 if self.certifier.offer_dead_state(forces / state.load_factor):
@@ -253,16 +254,16 @@ class _Climb:
         self.is_live_load_solved = True
         run, scene = self.run, self.run.scene
         run.tell("checking whether the live load does any harm")
-        surfaces = self.certifier.strength.recession()
+        surfaces, formulation = self.certifier.strength.recession()
         loaded = run.assemblage.under(scene.with_dead(scene.live))
         alone = scene.with_dead(Load())
-        for state, certificate in self._shares(alone, "live load alone", surfaces):
+        for state, certificate in self._shares(alone, "live load alone", surfaces, formulation):
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
                     forces = borne(
                         loaded,
-                        lambda reached: Strength(reached, surfaces, run.formulation),
+                        lambda reached: Strength(reached, surfaces, formulation),
                         given / state.load_factor,
                     )
                 if forces is not None:
@@ -274,14 +275,18 @@ class _Climb:
         return False
 
     def _shares(
-        self, scene: Scene, what: str, surfaces: Sequence[YieldSurface]
+        self,
+        scene: Scene,
+        what: str,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation,
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Climb the first rungs on the question which share <= 1 of the live load is carried.
 
         Certificates are computed when called for.
         """
         with self.run.clock.phase("compile"):
-            assemblage, formulation = self.run.assemblage.under(scene), self.run.formulation
+            assemblage = self.run.assemblage.under(scene)
             reach = LargestFactor(most=1.0)
             problem = LimitProblem(assemblage, surfaces, formulation, reach)
             certifier = Certifier(assemblage, problem.surfaces, formulation)

@@ -22,9 +22,10 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution import Iterate, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
@@ -84,6 +85,8 @@ class Answer:
         That of the upper bound, if there is one.
     note : str
         What all this rests on.
+    members : tuple of Member
+        All solutions, where the answer is a set.
     """
 
     load_factor: float | None = None
@@ -91,6 +94,7 @@ class Answer:
     forces: FloatArray | None = None
     mechanism: FloatArray | None = None
     note: str = ""
+    members: tuple[Member, ...] = ()
 
     def raised(
         self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
@@ -121,6 +125,8 @@ class Run:
     moments : Moments
         How interaction adds moments.
     formulation : Formulation
+    torsion_shear : str
+        One of :data:`~cvxlimit.surfaces.presets.TORSION_SHEAR`.
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
     clock : Clock
@@ -146,8 +152,10 @@ class Run:
         formulation: Formulation = corner_compressions,
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
+        torsion_shear: str = "linear",
     ) -> None:
-        self.surfaces, self.surface = surfaces_of(surface)
+        self.surfaces, self.surface = surfaces_of(surface, torsion_shear)
+        self.torsion_shear, self.flow = torsion_shear, "associated"
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
@@ -161,7 +169,7 @@ class Run:
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
         with self.clock.phase("compile"):
-            self.assemblage = Assemblage.of(scene)
+            self.assemblage, self.mortar = _assembled(scene)
         self.best = Answer(bracket=Bracket(least=self.scaling.least))
 
     @property
@@ -193,6 +201,17 @@ class Run:
             raise ModelError(
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
                 "'K-gon' or a Cone, not as a list of surfaces"
+            )
+        limited = np.isfinite(self.contacts.compressive_strength).any()
+        if limited or np.any(self.mortar.pull):
+            raise ModelError(
+                "interaction knows no strength of stone or mortar yet: leave compressive_strength "
+                "and tensile_strength out, or the interaction"
+            )
+        if self.torsion_shear != "linear":
+            raise ModelError(
+                "interaction brings its own surface (Eq. 32), with torsion and shear on the "
+                f"paper's line: leave torsion_shear {self.torsion_shear!r} out"
             )
         return self.surfaces[-1].cone
 
@@ -321,11 +340,24 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         status=status,
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
-        forces=answer.forces,
+        forces=run.mortar.original(answer.forces),
         mechanism=by_block(run.scene, answer.mechanism),
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
+        torsion_shear=run.torsion_shear,
+        flow=run.flow,
+        members=answer.members,
     )
+
+
+def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar]:
+    """The scene's mechanics; mortar that bears tension becomes a dead load."""
+    given = Assemblage.of(scene) if isinstance(scene, Scene) else scene
+    mortar = Mortar.of(given.scene)
+    if mortar.scene is given.scene:
+        return given, mortar
+    scaling = None if isinstance(scene, Scene) else given.scaling
+    return Assemblage.of(mortar.scene, scaling), mortar
 
 
 def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:

@@ -11,15 +11,19 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import Convex
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Progress, Rule, Run, drive
+from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
+from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface
 
-__all__ = ["INTERACTIONS", "MOMENTS", "check_choice", "solve"]
+__all__ = ["FLOWS", "INTERACTIONS", "MOMENTS", "check_choice", "solve"]
+
+FLOWS = ("associated", "zero-dilatancy")
 
 INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, FixedPoint, Certified)}
 
@@ -30,6 +34,8 @@ def solve(
     *,
     interaction: str | Rule | None = "none",
     moments: str | Moments = "independent",
+    torsion_shear: str = "linear",
+    flow: str = "associated",
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
@@ -51,6 +57,15 @@ def solve(
     moments : {"independent", "signed"} or Moments
         How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
         centre. Without interaction it makes no difference.
+    torsion_shear : {"linear", "parabolic", "exact"}
+        How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
+        it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of
+        1e-3 (:class:`~cvxlimit.methods.exact_friction.ExactFriction`). Without interaction only.
+    flow : {"associated", "zero-dilatancy"}
+        Whether sliding opens contacts (the associated rule, which has one load factor) or not: then
+        the answer is a set of solutions without a bracket, ``solution.members``, and the load
+        factor is the lowest found (:class:`~cvxlimit.methods.zero_dilatancy.ZeroDilatancy`).
+        Without interaction only.
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
@@ -90,9 +105,25 @@ def solve(
             "formulation must be a function of contacts like "
             f"cvxlimit.model.formulations.resultants, got {formulation!r}"
         )
-    rule = _rule("none" if interaction is None else interaction, tolerance)
-    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress)
+    check_choice("flow", flow, FLOWS)
+    is_none = interaction is None or interaction == "none"
+    if flow != "associated" and not is_none:
+        raise ModelError(f"flow {flow!r} goes without interaction: leave the interaction out")
+    chosen = _default_rule(torsion_shear, flow) if is_none else interaction
+    rule = _rule(chosen, tolerance)
+    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear)
     return drive(rule, run)
+
+
+def _default_rule(torsion_shear: str, flow: str) -> Rule:
+    """Without interaction: one convex problem, unless flow or torsion-shear take several."""
+    if flow == "zero-dilatancy":
+        if torsion_shear == "exact":
+            raise ModelError(
+                "zero dilatancy goes with torsion_shear 'linear' or 'parabolic', got 'exact'"
+            )
+        return ZeroDilatancy()
+    return ExactFriction() if torsion_shear == "exact" else Convex()
 
 
 def _rule(interaction: str | Rule, tolerance: float | None) -> Rule:

@@ -18,7 +18,7 @@ would make them so. Forces on a contact then do at least -shortfall * N of work 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,6 +34,15 @@ from cvxlimit.surfaces.base import Condition, YieldSurface
 from cvxlimit.surfaces.cones import Cone
 
 FloatArray = NDArray[np.float64]
+
+
+_TIGHT = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
+"""Of proposed flows: dissipation is a small difference where strength is far above the forces."""
+
+_PENALTY = 10.0
+"""Price of missing opening over that of dissipation; any above 1 gives the same flows."""
+
+_Goal = Callable[[cp.Variable, "list[_Flow]"], cp.Expression]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +82,11 @@ class _Rows:
     constant: FloatArray
     norms: list[list[sp.csr_array]]
     constants: list[list[FloatArray]]
+    contact: NDArray[np.int64]
 
     @classmethod
     def of(cls, condition: Condition, cone: Cone, model: ForceModel) -> _Rows:
+        every = np.arange(len(model.contacts))
         resistance, constant = model.rows(condition.resistance, condition.contact)
         found = [
             [model.rows(form, condition.contact) for form in norm.weighted_rows]
@@ -87,6 +98,7 @@ class _Rows:
             constant,
             [[matrix for matrix, _ in rows] for rows in found],
             [[constant for _, constant in rows] for rows in found],
+            every if condition.contact is None else condition.contact,
         )
 
     @property
@@ -118,11 +130,13 @@ class _Flow:
                 total = total - matrix.T @ y
         return total
 
-    def dissipation(self) -> cp.Expression:
-        total = self.rows.constant @ self.multiplier
+    def dissipation(self, unit: FloatArray | None = None) -> cp.Expression:
+        """Power, or its share of a unit (n,) of force at each contact."""
+        per = 1.0 if unit is None else unit[self.rows.contact]
+        total = (self.rows.constant / per) @ self.multiplier
         for norm, part in zip(self.rows.constants, self.parts, strict=True):
             for constant, y in zip(norm, part, strict=True):
-                total = total - constant @ y
+                total = total - (constant / per) @ y
         return total
 
 
@@ -166,13 +180,18 @@ class FlowRule:
         return SymbolicFlow(limits, lost, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Of relative rates (n, 6).
+        """Of relative rates (n, 6), with as little dissipation as the missing opening allows.
 
         Exact when the conditions determine the flow uniquely, and otherwise an upper bound, from
         the best decomposition found.
         """
         inner = self._internal(rates)
-        return self._completed(inner, *self._proposal(inner))
+        return self._completed(inner, *self._proposal(inner, self._cheapest))
+
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The same, with as much opening to spare as can be."""
+        inner = self._internal(rates)
+        return self._completed(inner, *self._proposal(inner, self._most_open))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
@@ -191,16 +210,18 @@ class FlowRule:
 
         ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
         """
-        taken = self._linear.T @ multipliers
+        matrix, norms = self._norm_rows, self._loose_rows[:, self._free]
+        held = np.where(self._is_coupled, flows, 0.0)
+        taken = self._linear.T @ multipliers - matrix.T @ held
+        taken = taken + self._resistance.T @ self._multipliers(held)
         target = -(rates - taken)[self._free]
-        matrix, norms = self._norm_rows, self._norm_rows[:, self._free]
         missing = target - norms.T @ flows
         flows = flows + norms @ self._normal(missing)
-        leftover = target - norms.T @ flows
         least = self._multipliers(flows)
-        opening = rates - taken - (self._resistance.T @ least - matrix.T @ flows)
+        rest = rates - self._linear.T @ multipliers
+        rest = rest - (self._resistance.T @ least - matrix.T @ flows)
         lost = self._constant @ (least + multipliers) - self._norm_constants @ flows
-        return Shortfall(self._missing(opening), leftover * self._reach, float(lost))
+        return Shortfall(self._missing(rest), -rest[self._free] * self._reach, float(lost))
 
     def _missing(self, opening: FloatArray) -> FloatArray:
         """Uniform opening (n,) that brings all rates of compressions up to zero."""
@@ -242,6 +263,26 @@ class FlowRule:
         return _stacked(found, self.model.meaning.shape[1])
 
     @cached_property
+    def _is_coupled(self) -> NDArray[np.bool_]:
+        """True for norm rows (rows,) of conditions whose resistance grows with forces of any sign.
+
+        Their multipliers change rates that must agree exactly, so their flows are left as proposed
+        and the others make up for them.
+        """
+        found = [
+            np.full(rows.count * len(norm), rows.resistance[:, self._free].nnz > 0)
+            for rows in self._rows
+            for norm in rows.norms
+        ]
+        return np.concatenate([np.zeros(0, dtype=bool), *found])
+
+    @cached_property
+    def _loose_rows(self) -> sp.csr_array:
+        """Norm rows (rows, p) without the coupled ones."""
+        kept = sp.diags_array((~self._is_coupled).astype(float))
+        return (kept @ self._norm_rows).tocsr() if len(self._is_coupled) else self._norm_rows
+
+    @cached_property
     def _norm_constants(self) -> FloatArray:
         found = [c for rows in self._rows for norm in rows.constants for c in norm]
         return np.concatenate([np.zeros(0), *found])
@@ -264,8 +305,8 @@ class FlowRule:
 
     @cached_property
     def _normal(self):  # type: ignore[no-untyped-def]
-        """Solver of G' G for the norms' rows G on the free rates; nothing where nobody resists."""
-        norms = self._norm_rows[:, self._free]
+        """Solver of G' G for loose norm rows G on the free rates; nothing where nobody resists."""
+        norms = self._loose_rows[:, self._free]
         square = (norms.T @ norms).tocsc()
         idle = square.diagonal() == 0.0
         solve = splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
@@ -277,11 +318,11 @@ class FlowRule:
 
     @cached_property
     def _is_unique(self) -> bool:
-        linear = any(not rows.norms for rows in self._rows)
+        linear = any(not rows.norms for rows in self._rows) or self._is_coupled.any()
         return not linear and self._norm_rows.shape[0] <= len(self._free)
 
-    def _proposal(self, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Flows with the least shortfall where the conditions leave a choice, else zero; and the
+    def _proposal(self, rates: FloatArray, goal: _Goal) -> tuple[FloatArray, FloatArray]:
+        """Flows that are best for a goal where the conditions leave a choice, else zero; and the
         multipliers >= 0 of conditions without norms.
 
         One small conic problem without coupling between contacts; what comes back is only a
@@ -292,12 +333,11 @@ class FlowRule:
             return self._nothing
         missing = cp.Variable(len(self.model.contacts))
         found = self.symbolic(rates / scale + self._opening @ missing)
-        goal = cp.sum(missing) + self._price * found.dissipation
-        problem = cp.Problem(cp.Minimize(goal), found.limits)
+        problem = cp.Problem(cp.Minimize(goal(missing, found.flows)), found.limits)
         try:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-                problem.solve(solver=cp.CLARABEL, ignore_dpp=True)
+                problem.solve(solver=cp.CLARABEL, ignore_dpp=True, **_TIGHT)
         except cp.error.SolverError:
             return self._nothing
         if missing.value is None:
@@ -312,18 +352,37 @@ class FlowRule:
             scale * np.concatenate([np.zeros(0), *linear]),
         )
 
+    def _most_open(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
+        """Missing opening, and little dissipation besides."""
+        return cp.sum(missing) + self._dissipation(flows)
+
+    def _cheapest(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
+        """Dissipation; opening that is missing costs more than it can save, since no compression
+        is above the strength that limits it; opening to spare is worth nothing."""
+        if not np.any(self._strength):
+            return cp.sum(missing)
+        return _PENALTY * cp.sum(cp.pos(missing)) + self._dissipation(flows)
+
+    def _dissipation(self, flows: list[_Flow]) -> cp.Expression:
+        """In units of each contact's strength: contacts do not know of each other."""
+        unit = np.where(self._strength > 0.0, self._strength, 1.0)
+        return sum((flow.dissipation(unit) for flow in flows), start=cp.Constant(0.0))
+
+    @cached_property
+    def _strength(self) -> FloatArray:
+        """Sum of the constants (n,) of conditions at each contact: no less than what presses it."""
+        result = np.zeros(len(self.model.contacts))
+        for rows in self._rows:
+            for constant in (rows.constant, *(c for norm in rows.constants for c in norm)):
+                np.add.at(result, rows.contact, np.abs(constant))
+        return result
+
     @cached_property
     def _opening(self) -> sp.csr_array:
         """Rates (p, n) of compressions when contacts open uniformly."""
         index = (self._pressed, self.model.contact[self._pressed])
         shape = (len(self.model.nonneg), len(self.model.contacts))
         return sp.csr_array((self._compression, index), shape=shape)
-
-    @cached_property
-    def _price(self) -> float:
-        """Of dissipation against missing opening: the constants themselves set the scale."""
-        largest = float(np.abs(self._constant).max(initial=0.0))
-        return 1.0 / largest if largest > 0.0 else 0.0
 
 
 def _stacked(matrices: list[sp.csr_array], width: int) -> sp.csr_array:

@@ -44,7 +44,7 @@ class Part:
         For conditions of the formulation's own; V1 ... MT always mean the contact's resultants.
     gives : mapping of component to number or (k,) array
         Contact force components per unit: ``{"N": 1, "M1": y, "M2": -x}`` for a compression at a
-        point (x, y) of the contact. User's units.
+        point (x, y) of the contact. User's units. Empty for what only conditions speak of.
     contact : (k,) int array
     nonneg : bool
         True for compressions.
@@ -62,12 +62,14 @@ class Part:
 
     @property
     def is_moment(self) -> bool:
-        """True if it gives moments only, and hence is one."""
-        return not any(component in _FORCES for component in self.gives)
+        """True if it gives moments only, and hence is one; what gives nothing counts as a force."""
+        return bool(self.gives) and not any(component in _FORCES for component in self.gives)
 
     def meaning(self, contacts: int) -> sp.csr_array:
         """Contact forces (6 n, k) per unit."""
         k = len(self.contact)
+        if not self.gives:
+            return sp.csr_array((len(COMPONENTS) * contacts, k))
         rows = [len(COMPONENTS) * self.contact + COLUMN[c] for c in self.gives]
         values = [np.broadcast_to(np.asarray(v, dtype=float), (k,)) for v in self.gives.values()]
         index = (np.concatenate(rows), np.tile(np.arange(k), len(rows)))

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.crushing import limited
 from cvxlimit.model.formulations import (
     ForceModel,
     ForceVariables,
@@ -224,7 +225,7 @@ class LimitProblem(StaticProblem):
     ) -> None:
         assemblage = Assemblage.of(scene)
         self.surfaces = needed_surfaces(surfaces)
-        self.model: ForceModel = formulation(assemblage.contacts)
+        self.model: ForceModel = limited(formulation)(assemblage.contacts)
         scaling = assemblage.scaling
         forces = ForceVariables.of(self.model, scaling.force, scaling.length)
         limits = [

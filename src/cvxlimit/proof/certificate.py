@@ -145,7 +145,7 @@ class Certifier:
 
         Nothing is spare where no surface resists some of the slip.
         """
-        found = self.strength.flow.shortfall(self.statics.relative_rates(rates))
+        found = self.strength.flow.opened(self.statics.relative_rates(rates))
         spare: FloatArray = -found.missing - self._rounding(rates)
         return np.where(_is_resisted(found.unresisted, rates), spare, -np.inf)
 
@@ -267,7 +267,7 @@ class Certifier:
         share = max(float((missing / spare).max()), 0.0)
         u = u + share * field
         if not self.strength.is_cone and share > 0.0:
-            opened = self.strength.flow.shortfall(self.statics.relative_rates(field))
+            opened = self.strength.flow.opened(self.statics.relative_rates(field))
             dissipation += share * opened.dissipation
         rates = np.abs(u).ravel()
         live = float(self.statics.live @ u.ravel())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.crushing import limited, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import Statics
@@ -39,6 +40,9 @@ class Flow(Protocol):
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """How far rates (n, 6) are from it, sublinear in them."""
+
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The same, with much opening to spare where the rule leaves a choice."""
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """A cheap upper bound (n,) on the missing opening."""
@@ -69,7 +73,8 @@ class Strength:
     ) -> None:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
-        own = formulation(self.contacts)
+        self.formulation = limited(formulation)
+        own = self.formulation(self.contacts)
         self.is_internal = bool(own.conditions)
         self.model = own if self.is_internal else assemblage.balance.model
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
@@ -94,23 +99,13 @@ class Strength:
         """True if admissible forces may be scaled at will: no condition has a constant."""
         return not any(has_constants(condition) for condition, _ in self.conditions)
 
-    def recession(self) -> tuple[YieldSurface, ...]:
-        """Surfaces without their constants.
-
-        Raises
-        ------
-        ModelError
-            If the formulation itself states constants.
-        """
-        if any(has_constants(condition) for condition in self.model.conditions):
-            raise ModelError(
-                "the formulation states constants, which its recession cone would lose: "
-                "state them as a yield surface"
-            )
-        return tuple(
+    def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
+        """Surfaces and formulation without their constants."""
+        surfaces = tuple(
             Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
             for s in self.surfaces
         )
+        return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
         """``value`` as a state; None if it holds numbers that are not finite, or is None.

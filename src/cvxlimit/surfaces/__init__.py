@@ -3,6 +3,7 @@
 from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, parse_cone
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
+from cvxlimit.surfaces.torsion_shear import Parabola, ParabolicTorsionShear
 
 __all__ = [
     "Condition",
@@ -10,6 +11,8 @@ __all__ = [
     "Conic",
     "Facets",
     "Norm",
+    "Parabola",
+    "ParabolicTorsionShear",
     "Rocking",
     "Sliding",
     "Torsion",

@@ -6,8 +6,13 @@ from collections.abc import Iterable, Sequence
 
 from cvxlimit.errors import ModelError
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.cones import Cone, parse_cone
+from cvxlimit.surfaces.cones import Cone, Conic, parse_cone
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+from cvxlimit.surfaces.torsion_shear import ParabolicTorsionShear
+
+TORSION_SHEAR = ("linear", "parabolic", "exact")
+"""How torsion and shear share friction: the paper's line (Eq. 24), a parabola between it and the
+exact limit, or that limit itself (Eq. 18-21), to a tolerance."""
 
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
@@ -37,13 +42,31 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
 
 
 def surfaces_of(
-    surface: str | Cone | Sequence[YieldSurface],
+    surface: str | Cone | Sequence[YieldSurface], torsion_shear: str = "linear"
 ) -> tuple[tuple[YieldSurface, ...], str]:
-    """Surfaces and their name from ``"conic"``, ``"octagon"``, a cone, or surfaces themselves."""
+    """Surfaces and their name from ``"conic"``, ``"octagon"``, a cone, or surfaces themselves.
+
+    ``"exact"`` torsion-shear is a matter of the formulation: of the surfaces, rocking remains.
+
+    Raises
+    ------
+    ModelError
+        For anything else, and for facets or own surfaces with another torsion-shear than the
+        paper's.
+    """
     if isinstance(surface, str):
         surface = parse_cone(surface)
+    if torsion_shear not in TORSION_SHEAR:
+        raise ModelError(
+            f"torsion_shear must be one of {', '.join(TORSION_SHEAR)}, got {torsion_shear!r}"
+        )
     if isinstance(surface, Cone):
-        return (Rocking(), TorsionShear(surface)), str(surface)
+        return _of_cone(surface, torsion_shear), str(surface)
+    if torsion_shear != "linear":
+        raise ModelError(
+            f"torsion_shear {torsion_shear!r} goes with surface 'conic'; in a list of surfaces "
+            "give ParabolicTorsionShear() itself"
+        )
     surfaces = tuple(surface) if isinstance(surface, Iterable) else (surface,)
     if not all(isinstance(s, YieldSurface) for s in surfaces):
         raise ModelError(
@@ -51,3 +74,14 @@ def surfaces_of(
             f"got {surface!r}"
         )
     return surfaces, "+".join(f"{s.name}({s.cone})" for s in surfaces)
+
+
+def _of_cone(cone: Cone, torsion_shear: str) -> tuple[YieldSurface, ...]:
+    if torsion_shear == "linear":
+        return Rocking(), TorsionShear(cone)
+    if not isinstance(cone, Conic):
+        raise ModelError(
+            f"torsion_shear {torsion_shear!r} is not made of facets: use surface 'conic' with it, "
+            f"or torsion_shear 'linear' with {str(cone)!r}"
+        )
+    return (Rocking(), ParabolicTorsionShear()) if torsion_shear == "parabolic" else (Rocking(),)

@@ -51,6 +51,10 @@ class InteractionFlow:
         """
         return Shortfall(self._support(-rates, _HALVINGS)[0], np.zeros(0))
 
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The shortfall itself: the rule leaves no choice."""
+        return self.shortfall(rates)
+
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the shortfall, without a search along the edges."""
         return self._support(-rates, 0)[0]

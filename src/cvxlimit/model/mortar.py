@@ -1,0 +1,108 @@
+"""Mortar that bears tension: Mohr-Coulomb with a tension cut-off, for any polygon.
+
+Pressures p >= -t are pressures p + t >= 0, and a uniform tension t over the contact is a force
+t A through its centroid without moments. So contacts with
+
+    p >= -t,   abs(slip stress) <= c + mu p
+
+are dry ones, with N + t A in place of N and cohesion c - mu t, under a dead load that also pulls
+both blocks of every contact together with t A. No surface, formulation or proof has to know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.scene import Load, Scene
+
+FloatArray = NDArray[np.float64]
+
+_ROUNDING = 1e-12
+"""Share of the cohesion by which c - mu t may be below zero: c = mu t is a fair choice."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mortar:
+    """A scene without tension that stands for one with, and what its normal forces hide.
+
+    Attributes
+    ----------
+    scene : Scene
+        Without tensile strength.
+    pull : (n,)
+        t A of each contact: N of the original scene is N here less this.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> scene = builtin_scene("single-block").with_cohesion(1.0).with_strength(tensile=0.5)
+    >>> mortar = Mortar.of(scene)
+    >>> mortar.scene.tensile_strength, (mortar.pull / scene.contacts.area).round(6).tolist()
+    (0.0, [0.5])
+    """
+
+    scene: Scene
+    pull: FloatArray
+
+    @classmethod
+    def of(cls, scene: Scene) -> Mortar:
+        """Of any scene; one without tensile strength stays as it is.
+
+        Raises
+        ------
+        ModelError
+            If a tensile strength is beyond the cone's apex, cohesion over friction.
+        """
+        contacts = scene.contacts
+        tension = contacts.tensile_strength
+        if not np.any(tension):
+            return cls(scene, np.zeros(len(contacts)))
+        cohesion = contacts.cohesion - contacts.friction * tension
+        short = np.flatnonzero(cohesion < -_ROUNDING * contacts.cohesion)
+        if len(short):
+            j = int(short[0])
+            raise ModelError(
+                f"tensile_strength {tension[j]:g} of contact {contacts.names[j]} is beyond its "
+                f"cohesion over friction, {contacts.cohesion[j]:g} / {contacts.friction[j]:g}: "
+                "Mohr-Coulomb's cone ends there; give more cohesion or less tensile strength"
+            )
+        pull = tension * contacts.area
+        ids = contacts.block_ids
+        pairs = [(ids[a], ids[b]) for a, b in zip(contacts.a, contacts.b, strict=True)]
+        dry = replace(
+            scene,
+            dead=_with_pull(scene, pull),
+            contact_cohesion=dict(zip(pairs, np.maximum(cohesion, 0.0).tolist(), strict=True)),
+            contact_compressive_strength=dict(
+                zip(pairs, (contacts.compressive_strength + tension).tolist(), strict=True)
+            ),
+            tensile_strength=0.0,
+            contact_tensile_strength={},
+        )
+        return cls(dry, pull)
+
+    def original(self, forces: FloatArray | None) -> FloatArray | None:
+        """Contact forces (n, 6) of the scene with tension."""
+        if forces is None or not np.any(self.pull):
+            return forces
+        result = np.array(forces)
+        result[:, COLUMN["N"]] -= self.pull
+        return result
+
+
+def _with_pull(scene: Scene, pull: FloatArray) -> Load:
+    """The dead load, and what pulls the blocks of every contact together."""
+    forces = np.zeros((len(pull), len(COMPONENTS)))
+    forces[:, COLUMN["N"]] = pull
+    extra = -(Statics.of(scene).matrix @ forces.ravel()).reshape(-1, DOF)
+    own = {key: np.array(force) for key, force in scene.dead.forces.items()}
+    for i, force in zip(scene.free, extra, strict=True):
+        key = scene.blocks[i].id
+        own[key] = own.get(key, np.zeros(DOF)) + force
+    return replace(scene.dead, forces={key: tuple(force) for key, force in own.items()})

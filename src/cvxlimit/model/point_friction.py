@@ -1,0 +1,117 @@
+"""Friction at points of the contact, each with its share of a uniform pressure.
+
+A contact pressed uniformly resists slip everywhere. With Coulomb's law at the centroids of cells,
+each pressed by the cell's share of N, the contact is weaker than that, and with shares at the
+cells' corners stronger: the mean of a convex function over a cell is no less than its value at the
+centroid, and no more than the mean over the corners. Both errors fall with the square of the
+cells' size. One corner each is what vertex forces are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.model.flow import Shortfall, corner_openings
+from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.points import Placing, Points, at_centroids, at_corners
+from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, Norm
+from cvxlimit.surfaces.exact_torsion import Edges
+
+__all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners", "friction_at"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def friction_at(contacts: Contacts, points: Points) -> ForceModel:
+    """Corner compressions, and friction at points: abs(v_i) <= share_i (mu N + c A)."""
+    j, (x, y) = points.contact, points.xy.T
+    n, (n_x, n_y) = contacts.corner_contact, contacts.corner_xy.T
+    parts = [
+        Part("n", {"N": 1, "M1": n_y, "M2": -n_x}, n, nonneg=True),
+        Part("v1", {"V1": 1, "MT": -y}, j),
+        Part("v2", {"V2": 1, "MT": x}, j),
+    ]
+    resistance: dict[str, Coefficient] = {"N": points.share * contacts.friction[j]}
+    if np.any(contacts.cohesion):
+        resistance[CONSTANT] = points.share * (contacts.cohesion * contacts.area)[j]
+    return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], resistance, j)])
+
+
+@dataclass(frozen=True, eq=False)
+class PointFriction:
+    """Formulation with friction at points, ``divisions`` of them across a contact.
+
+    Parameters
+    ----------
+    placing : callable
+        :func:`at_centroids` (safe side) or :func:`at_corners` (unsafe side).
+    divisions : int or (n,) int array
+        Cells have about 1 / divisions of the contact's size.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> from cvxlimit.surfaces import Rocking
+    >>> scene = builtin_scene("single-block")
+    >>> inner = solve(scene, [Rocking()], formulation=PointFriction(at_centroids, 2))
+    >>> round(inner.load_factor, 6)
+    0.4
+    """
+
+    placing: Placing
+    divisions: int | IntArray = 4
+
+    def __post_init__(self) -> None:
+        if np.min(self.divisions) < 1:
+            raise ModelError(f"divisions must be at least 1, got {self.divisions!r}")
+
+    def points(self, contacts: Contacts) -> Points:
+        """Where friction acts."""
+        count = np.broadcast_to(np.asarray(self.divisions, dtype=int), (len(contacts),))
+        return self.placing(contacts, count)
+
+    def __call__(self, contacts: Contacts) -> ForceModel:
+        """See the class."""
+        return friction_at(contacts, self.points(contacts))
+
+
+class ExactFlow:
+    """The exact flow rule of contacts pressed uniformly, for certificates of upper bounds.
+
+    Has the methods of :class:`~cvxlimit.model.flow.FlowRule` that certificates use: the missing
+    opening is mu times the mean slip, less the opening at the corner where it is least. Nothing
+    is approximated, so a certificate with it bounds the load factor of the exact limit surface,
+    whatever problem the mechanism came from.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    """
+
+    def __init__(self, contacts: Contacts) -> None:
+        self.contacts, self.edges = contacts, Edges.of(contacts)
+
+    def mean_slip(self, rates: FloatArray) -> FloatArray:
+        """Mean slip (n,) of relative rates (n, 6)."""
+        return self.edges.mean_slip(rates[:, :2], rates[:, COLUMN["MT"]])
+
+    def shortfall(self, rates: FloatArray) -> Shortfall:
+        """Of relative rates (n, 6); cohesion dissipates."""
+        slip = self.mean_slip(rates)
+        opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
+        lost = float((self.contacts.cohesion * self.contacts.area) @ slip)
+        return Shortfall(self.contacts.friction * slip - opening, np.zeros(0), lost)
+
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The shortfall itself: the rule leaves no choice."""
+        return self.shortfall(rates)
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """The missing opening (n,) itself."""
+        return self.shortfall(rates).missing

@@ -1,0 +1,164 @@
+"""Friction without dilatancy: published ranges, and solutions checked by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
+from cvxlimit.cli.main import run
+from cvxlimit.errors import ModelError
+from cvxlimit.io import read_result
+from cvxlimit.masonry import single_block
+from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from helpers import hand_equilibrium, renumbered, yield_excess
+
+FloatArray = NDArray[np.float64]
+
+PUBLISHED = {
+    "ferris-tin-loi-1": (0.638982, 0.642859),
+    "ferris-tin-loi-2": (0.557416, 0.579606),
+    "ferris-tin-loi-3": (0.355817, 0.388684),
+}
+"""Lowest and highest exact solutions found by linear programs on complementarity pieces, by an
+independent prototype in the plane. The true set may be wider."""
+
+ASSOCIATED = {"ferris-tin-loi-1": 0.642859, "ferris-tin-loi-2": 0.579999,
+              "ferris-tin-loi-3": 0.403694}  # fmt: skip
+
+
+@cache
+def solved(name: str, starts: int = 2) -> Solution:
+    return solve(builtin_scene(name), interaction=ZeroDilatancy(starts=starts))
+
+
+def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor: float) -> None:
+    """Equilibrium, yield, no penetration, no opening under pressure, friction against slip: with
+    matrices and rigid motions of the tests' own, to 2e-6 (residuals promised are 1e-6)."""
+    matrix, dead, live = hand_equilibrium(scene)
+    load = np.abs(dead).sum()
+    assert np.abs(matrix @ forces.ravel() + dead + factor * live).max() < 1e-9 * load
+    assert yield_excess(scene, forces).max() < 2e-6 * load
+    assert live @ mechanism.ravel() == pytest.approx(1.0)
+    place = {scene.blocks[i].id: row for row, i in enumerate(scene.free)}
+    lost, worst, largest = 0.0, 0.0, 0.0
+    for contact, x in zip(scene.contacts, forces, strict=True):
+        moved = []
+        for key in (contact.b, contact.a):
+            u = mechanism[place[key]] if key in place else np.zeros(6)
+            block = next(b for b in scene.blocks if b.id == key)
+            at = np.vstack([contact.origin, contact.corners]) - block.centroid
+            moved.append(u[:3] + np.cross(u[3:], at))
+        gap = moved[0] - moved[1]
+        worst = min(worst, float((gap[1:] @ contact.normal).min()))
+        largest = max(largest, float(np.abs(gap @ contact.normal).max()))
+        slip = np.array([gap[0] @ contact.t1, gap[0] @ contact.t2])
+        power = x[:2] @ slip + x[2] * (gap[0] @ contact.normal)
+        spin = [
+            (mechanism[place[k]][3:] if k in place else np.zeros(3)) for k in (contact.b, contact.a)
+        ]
+        turning = spin[0] - spin[1]
+        power += x[3] * (turning @ contact.t1) + x[4] * (turning @ contact.t2)
+        power += x[5] * (turning @ contact.normal)
+        from helpers import hand_torsion_arm
+
+        slide = max(np.hypot(*slip), hand_torsion_arm(contact) * abs(turning @ contact.normal))
+        lost += abs(power + contact.friction * x[2] * slide)
+    assert worst > -2e-6 * largest
+    assert lost < 2e-6 * abs(factor)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+class TestWalls:
+    def test_within_what_is_known(self, name: str) -> None:
+        """All starts converge; nothing is above the associated factor, nothing much below what an
+        exhaustive search found, and the lowest is within the published range."""
+        solution = solved(name)
+        lowest, highest = PUBLISHED[name]
+        assert solution.status is Status.CONVERGED
+        assert "2 of 2 starts" in solution.note
+        factors = [member.load_factor for member in solution.members]
+        assert factors == sorted(factors)
+        assert factors[-1] <= ASSOCIATED[name] * (1 + 1e-5)
+        assert factors[0] >= lowest * (1 - 1e-5)
+        assert factors[0] <= highest
+        assert solution.load_factor == factors[0]
+        assert max(member.residual for member in solution.members) <= 1e-6
+
+    def test_extremes_by_hand(self, name: str) -> None:
+        for member in (solved(name).members[0], solved(name).members[-1]):
+            assert_exact(builtin_scene(name), member.forces, member.mechanism, member.load_factor)
+
+    def test_no_bracket(self, name: str) -> None:
+        assert not solved(name).bracket.has_any
+        assert solved(name).flow == "zero-dilatancy"
+
+
+class TestSmall:
+    def test_wall_one_attains_the_published_range(self) -> None:
+        factors = [m.load_factor for m in solved("ferris-tin-loi-1").members]
+        assert (factors[0], factors[-1]) == pytest.approx(PUBLISHED["ferris-tin-loi-1"], rel=1e-5)
+
+    def test_a_sliding_and_a_tipping_block_are_unique(self) -> None:
+        for height, expected in ((0.5, 0.6), (2.0, 0.5)):
+            solution = solve(single_block((1.0, 1.0, height), friction=0.6), flow="zero-dilatancy")
+            spread = [member.load_factor for member in solution.members]
+            np.testing.assert_allclose(spread, expected, rtol=1e-5)
+
+    def test_wedged_block_slides_at_less_than_the_associated_factor(self) -> None:
+        """A block under a fixed lintel that just touches: to slide it must dilate, and cannot, if
+        friction is associated. Without dilatancy any clamping force will do, none among them."""
+        ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+        lintel = Block.box("lintel", (-1, -1, 1), (2, 2, 2))
+        block = Block.box("block", (0, 0, 0), (1, 1, 1), density=1.0)
+        scene = Scene([ground, lintel, block], ["ground", "lintel"], Load(acceleration=(1, 0, 0)),
+                      friction=0.4)  # fmt: skip
+        assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
+        stayed = solve(scene, interaction=ZeroDilatancy(starts=2, most=5))
+        assert stayed.status in (Status.CONVERGED, Status.NOT_CONVERGED)
+
+    def test_units_and_numbering(self) -> None:
+        """The first start is the same problem in any units and order: so is the lowest member on
+        its mechanism, as far as that is unique."""
+        scene = single_block((1.0, 1.0, 0.5), friction=0.6)
+        for other in (scene.in_units(scene.units, 1e3, 1e3), renumbered(scene, 1)):
+            found = solve(other, flow="zero-dilatancy")
+            assert found.load_factor == pytest.approx(0.6, rel=1e-5)
+
+    def test_given_up(self) -> None:
+        rule = ZeroDilatancy(starts=1, most=2)
+        solution = solve(builtin_scene("ferris-tin-loi-3"), interaction=rule)
+        assert solution.status is Status.NOT_CONVERGED
+        assert "no zero-dilatancy solution was found from 0 of 1 starts" in solution.note
+        assert not solution.members
+
+    def test_command_line_and_file(self, tmp_path: Path) -> None:
+        out = tmp_path / "out.json"
+        arguments = ["solve", "single-block", "--flow", "zero-dilatancy", "--json", str(out)]
+        assert run(arguments) == 0
+        document = json.loads(out.read_text())
+        assert document["flow"] == "zero-dilatancy"
+        assert document["lower"] is None
+        assert document["upper"] is None
+        again = read_result(out)
+        assert len(again.members) == len(document["members"]) > 1
+        assert run(["solve", "stack", "--flow", "none"]) == 2
+
+    def test_refusals(self) -> None:
+        scene = builtin_scene("single-block")
+        for options, message in (
+            ({"interaction": "certified"}, "goes without interaction"),
+            ({"torsion_shear": "exact"}, "'linear' or 'parabolic'"),
+        ):
+            with pytest.raises(ModelError, match=message):
+                solve(scene, flow="zero-dilatancy", **options)
+        with pytest.raises(ModelError, match="knows no strength"):
+            solve(scene.with_strength(compressive=1e3), flow="zero-dilatancy")
+        with pytest.raises(ModelError, match="damping must be above 0"):
+            replace(ZeroDilatancy(), damping=0.0)
