@@ -199,6 +199,7 @@ class Contacts(ReadOnlyArrays):
             sides=self.sides[rows],
             area=self.area[rows],
             friction=self.friction[rows],
+            cohesion=self.cohesion[rows],
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
         )
 
