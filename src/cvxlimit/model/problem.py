@@ -167,10 +167,14 @@ class StaticProblem:
         return LimitState(
             outcome,
             self.scaling.load_factor(float(alpha)),
-            self.scaling.forces(self.forces.values()),
+            self._forces(),
             self._mechanism(),
             self._internal(),
         )
+
+    def _forces(self) -> FloatArray:
+        """Contact forces (n, 6), in the user's units."""
+        return self.scaling.forces(self.forces.values())
 
     def _internal(self) -> FloatArray | None:
         """Internal forces (p,), in the user's units."""
