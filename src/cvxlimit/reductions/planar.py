@@ -24,11 +24,10 @@ is not planar: there facets let shear across the plane pay.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
@@ -57,7 +56,7 @@ class Plane:
         Unit vector y.
     contacts : Contacts
     conditions : sequence of Condition
-        Of the surfaces, on N and V.
+        Of the surfaces, on N and V, with one coefficient per contact.
     names : frozenset of str
         Those of the surfaces that they stand for.
     """
@@ -116,19 +115,16 @@ class Plane:
             self.names | {Rocking.name},
         )
 
-    def rates(self, blocks: int) -> sp.csr_array:
-        """Ways to move (3 blocks, 6 blocks): along two axes in the plane, and about its normal."""
-        first = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
-        first /= np.linalg.norm(first)
-        ways = np.zeros((3, DOF))
-        ways[0, :3], ways[1, :3] = first, np.cross(self.normal, first)
-        ways[2, 3:] = self.normal
-        return sp.kron(sp.eye_array(blocks), sp.csr_array(ways), format="csr")
-
-    def taking(self, contacts: Contacts, surfaces: Sequence[YieldSurface]) -> Plane | None:
-        """The same with some of the contacts."""
-        plane = Plane(self.normal, contacts)
-        return plane.with_strength(surfaces)
+    def taking(self, kept: NDArray[np.bool_]) -> Plane:
+        """The same with some of the contacts (n,)."""
+        if kept.all():
+            return self
+        rows = np.flatnonzero(kept)
+        smaller = [
+            replace(c, resistance={k: v[rows] for k, v in c.resistance.items()})
+            for c in self.conditions
+        ]
+        return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
 
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
         """With the surfaces' conditions; None if they are not those of a plane."""
@@ -140,7 +136,7 @@ class Plane:
         if len(rows) < len(found):
             return None
         names = frozenset(surface.name for surface in surfaces)
-        return Plane(self.normal, self.contacts, rows, names)
+        return replace(self, conditions=rows, names=names)
 
     @property
     def _reflections(self) -> FloatArray:

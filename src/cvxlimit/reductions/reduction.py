@@ -15,20 +15,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import (
-    ForceVariables,
-    Formulation,
-    corner_compressions,
-)
+from cvxlimit.model.formulations import ForceVariables, Formulation, corner_compressions
 from cvxlimit.model.problem import Objective, StaticProblem
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.surfaces.base import YieldSurface, admissible
 from cvxlimit.surfaces.presets import needed_surfaces
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,20 +33,20 @@ class Reduction:
     Attributes
     ----------
     names : tuple of str
-        What has been reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for the
-        full model.
+        What was reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for the full
+        model.
     contacts : Contacts
         Those whose forces are unknown, k of them.
-    rows : (k,) int array
-        Which of the scene's contacts they are.
+    blocks : int
+        Number of the scene's free blocks.
     forces : (6 n, 6 k) sparse array or None
         What they make of the forces of all contacts; None where they are all.
     rates : (r, 6 free blocks) sparse array or None
-        The ways in which blocks move, one per row, orthogonal to each other; None is all.
+        The ways in which blocks move, one per row; None is all.
     formulation : Formulation
         For ``contacts``.
     still : (n, 6) array or None
-        Forces of contacts that are left out: they do not depend on the load factor.
+        Forces of contacts that are left out, the same at every load factor.
 
     Example
     -------
@@ -63,7 +58,6 @@ class Reduction:
 
     names: tuple[str, ...]
     contacts: Contacts
-    rows: IntArray
     blocks: int
     forces: sp.csr_array | None = None
     rates: sp.csr_array | None = None
@@ -73,47 +67,12 @@ class Reduction:
     @classmethod
     def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:
         """The full model."""
-        contacts, blocks = statics.contacts, len(statics.dead) // DOF
-        return cls((), contacts, np.arange(len(contacts)), blocks, formulation=formulation)
+        return cls((), statics.contacts, len(statics.dead) // DOF, formulation=formulation)
 
     @property
     def degrees_of_freedom(self) -> int:
         """Ways in which blocks move."""
         return DOF * self.blocks if self.rates is None else int(self.rates.shape[0])
-
-    @property
-    def lift(self) -> sp.csr_array:
-        """:attr:`forces`, also where it is the identity."""
-        size = len(COMPONENTS) * len(self.contacts)
-        return sp.eye_array(size, format="csr") if self.forces is None else self.forces
-
-    @property
-    def ways(self) -> sp.csr_array:
-        """:attr:`rates`, also where it is the identity."""
-        return sp.eye_array(DOF * self.blocks, format="csr") if self.rates is None else self.rates
-
-    def then(
-        self,
-        name: str,
-        kept: IntArray | None = None,
-        forces: sp.csr_array | None = None,
-        rates: sp.csr_array | None = None,
-        formulation: Formulation | None = None,
-        still: FloatArray | None = None,
-    ) -> Reduction:
-        """One more step: keep some contacts, with the forces they stand for, and ways to move."""
-        own = self.forces if forces is None else (self.lift @ forces).tocsr()
-        ways = self.rates if rates is None else (rates @ self.ways).tocsr()
-        return replace(
-            self,
-            names=(*self.names, name),
-            contacts=self.contacts if kept is None else self.contacts.take(kept),
-            rows=self.rows if kept is None else self.rows[kept],
-            forces=own,
-            rates=ways,
-            formulation=formulation or self.formulation,
-            still=self.still if still is None else still,
-        )
 
 
 class ReducedProblem(StaticProblem):
