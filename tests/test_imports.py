@@ -20,6 +20,7 @@ LAYERS = (
     {"surfaces"},
     {"model"},
     {"proof"},
+    {"reductions"},
     {"methods"},
     {"io", "plotting"},
     {"compare"},

@@ -129,6 +129,9 @@ class Solution:
         What the status rests on, in a sentence; empty if there is nothing to add.
     versions : mapping of distribution to version
         cvxlimit, CVXPY and every solver that ran; empty where they are not known.
+    model : tuple of str
+        Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
+        the full one.
     """
 
     scene: str
@@ -146,6 +149,7 @@ class Solution:
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
     note: str = ""
     versions: Mapping[str, str] = field(default_factory=dict, repr=False)
+    model: tuple[str, ...] = ()
 
     @property
     def lower(self) -> float:

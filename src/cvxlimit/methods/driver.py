@@ -123,6 +123,10 @@ class Run:
     formulation : Formulation
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
+    model : str
+        How much model: one of :data:`~cvxlimit.reductions.choice.MODELS`.
+    reductions : tuple of str
+        Those used.
     clock : Clock
     history : list of Iterate
     best : Answer
@@ -146,8 +150,11 @@ class Run:
         formulation: Formulation = corner_compressions,
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
+        model: str = "auto",
     ) -> None:
         self.surfaces, self.surface = surfaces_of(surface)
+        self.model = model
+        self.reductions: tuple[str, ...] = ()
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
@@ -321,6 +328,7 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         mechanism=by_block(run.scene, answer.mechanism),
         note="; ".join(note for note in notes if note),
         versions=versions(run.solvers),
+        model=run.reductions,
     )
 
 

@@ -14,12 +14,13 @@ from cvxlimit.methods.driver import Progress, Rule, Run, drive
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface
 
-__all__ = ["INTERACTIONS", "MOMENTS", "check_choice", "solve"]
+__all__ = ["INTERACTIONS", "MODELS", "MOMENTS", "check_choice", "solve"]
 
 INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, FixedPoint, Certified)}
 
@@ -34,6 +35,7 @@ def solve(
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
+    model: str = "auto",
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
 
@@ -64,6 +66,10 @@ def solve(
         the tested order.
     progress : callable or None
         Called with one line of text at every step of long work.
+    model : {"auto", "full"}
+        How much model: no more than the scene needs (planar, half of a symmetric scene, parts
+        with live load only; :func:`cvxlimit.explain` says which), or all of it. Bounds are those of
+        the full scene either way. With interaction it is the full model.
 
     Returns
     -------
@@ -85,8 +91,9 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
+    check_choice("model", model, MODELS)
     rule = _rule("none" if interaction is None else interaction, tolerance)
-    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress)
+    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress, model)
     return drive(rule, run)
 
 

@@ -21,7 +21,7 @@ from cvxlimit.model.formulations import (
 )
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, Shape, SolverSettings, is_conic, limit_ladder, run
+from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 
@@ -156,7 +156,7 @@ class StaticProblem:
     @cached_property
     def shape(self) -> Shape:
         """Size and structure, which decide about solvers."""
-        return Shape.of(sp.hstack(self._matrices, format="csr"), is_conic(self.problem))
+        return Shape.of(sp.hstack(self._matrices, format="csr"), self.problem)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""

@@ -182,7 +182,9 @@ class Witnesses:
         model, contacts = self._balance.model, self.statics.contacts
         mu, at = contacts.friction, model.contact
         lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
-        slips = np.where(model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates)
+        slips = np.where(
+            model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates
+        )
         size = np.sqrt(np.bincount(at, slips**2, len(contacts)))
         kept = np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
         return np.where(model.nonneg, rates + lack[at], kept[at] * rates)

@@ -116,7 +116,9 @@ class Reductions:
         return replace(
             self.full,
             names=names,
-            contacts=statics.contacts if kept.all() else statics.contacts.take(np.flatnonzero(kept)),
+            contacts=statics.contacts
+            if kept.all()
+            else statics.contacts.take(np.flatnonzero(kept)),
             forces=None if kept.all() else _forces(statics, mirror, kept),
             rates=_rates(
                 len(moving), None if plane is None else plane.normal, mirror, np.flatnonzero(moving)

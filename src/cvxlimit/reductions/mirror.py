@@ -184,9 +184,7 @@ def _same_blocks(
     return bool((a[partner] == one).all() and (b[partner] == other).all())
 
 
-def _same_corners(
-    contacts: Contacts, partner: IntArray, turn: FloatArray, near: float
-) -> bool:
+def _same_corners(contacts: Contacts, partner: IntArray, turn: FloatArray, near: float) -> bool:
     """Whether corners of contacts become corners of their partners."""
     count = np.diff(contacts.corner_start)
     if (count[partner] != count).any():

@@ -30,7 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Part
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.carrying import coefficients, is_carried
