@@ -34,7 +34,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions")
+_OPTIONAL = ("note", "bracket", "versions", "model")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -95,8 +95,8 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    The keys are those of the format, always all of them, plus ``note``, ``versions`` and
-    ``bracket`` (which bounds are proved, and by what the width of one around zero is measured)
+    The keys are those of the format, always all of them, plus ``note``, ``versions``,
+    ``model`` (the reductions that were used) and ``bracket`` (which bounds are proved, and by what the width of one around zero is measured)
     when there are any.
     A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
     finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
@@ -145,6 +145,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["bracket"] = _bracket_to_dict(solution.bracket)
         if solution.versions:
             document["versions"] = _versions(solution.versions)
+        if solution.model:
+            document["model"] = [text(name, "a reduction") for name in solution.model]
         return document
 
 
@@ -187,6 +189,7 @@ this is not a result file
             mechanism=_mechanism(top["mechanism"]),
             note=text(top.get("note", ""), "note"),
             versions=_versions(top.get("versions", {})),
+            model=tuple(text(x, "a reduction") for x in items(top.get("model", []), "model")),
         )
 
 

@@ -187,8 +187,8 @@ class StaticProblem:
         along = self._rates
         rates = np.zeros(len(self.assemblage.scaled.dead) if along is None else along.shape[0])
         rates[self._rows] = np.asarray(self.equilibrium.dual_value)
-        rates = rates if along is None else along.T @ rates
-        return self.scaling.mechanism(rates.reshape(-1, DOF))
+        full = rates if along is None else np.asarray(along.T @ rates)
+        return self.scaling.mechanism(full.reshape(-1, DOF))
 
 
 def _equations(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,18 +89,24 @@ class Reductions:
     @property
     def whole(self) -> Reduction:
         """All parts of the scene, with or without live load."""
-        return self._reduction(None, None)
+        return self._reduction(None)
 
     def best(self, dead_state: FloatArray | None) -> Reduction:
         """The smallest model; parts are left out if a state (n, 6) shows that they stand."""
-        if dead_state is None or self.loaded is None:
-            return self.whole
-        return self._reduction(self.loaded, dead_state)
+        return self._reduction(dead_state)
 
-    def _reduction(
-        self, blocks: NDArray[np.bool_] | None, dead_state: FloatArray | None
-    ) -> Reduction:
+    def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
+        """From the full model to the smallest, one reduction more each."""
+        step = replace(self, plane=None, mirror=None, loaded=None)
+        yield step.full
+        for name in ("loaded", "mirror", "plane"):
+            if getattr(self, name) is not None and not (name == "loaded" and dead_state is None):
+                step = replace(step, **{name: getattr(self, name)})
+                yield step.best(dead_state)
+
+    def _reduction(self, dead_state: FloatArray | None) -> Reduction:
         statics, plane, mirror = self.assemblage.statics, self.plane, self.mirror
+        blocks = None if dead_state is None else self.loaded
         found = {"parts": blocks, "symmetry": mirror, "planar": plane}
         names = tuple(name for name, part in found.items() if part is not None)
         if not names:

@@ -167,7 +167,7 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
     """Which place each image is at; None if some are at none, or two at one."""
-    distance, found = cKDTree(places).query(images)
+    distance, found = map(np.asarray, cKDTree(places).query(images))
     if distance.max() > near or len(np.unique(found)) < len(places):
         return None
     return np.asarray(found)

@@ -121,7 +121,7 @@ class Plane:
             return self
         rows = np.flatnonzero(kept)
         smaller = [
-            replace(c, resistance={k: v[rows] for k, v in c.resistance.items()})
+            replace(c, resistance={k: np.asarray(v)[rows] for k, v in c.resistance.items()})
             for c in self.conditions
         ]
         return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
@@ -214,7 +214,7 @@ def _candidates(statics: Statics) -> Iterator[FloatArray]:
     corners = contacts.corner_points[: contacts.corner_start[1]]
     edges = np.roll(corners, -1, axis=0) - corners
     normals = contacts.axes[:, 2]
-    _, size, axes = np.linalg.svd(np.append(normals, np.zeros((3, 3)), 0), full_matrices=False)
+    axes = np.linalg.svd(np.append(normals, np.zeros((3, 3)), 0), full_matrices=False)[2]
     found = [axes[2], *(edges / np.linalg.norm(edges, axis=1)[:, None])]
     tried: list[FloatArray] = []
     for vector in found:
