@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cvxlimit import model as model
     from cvxlimit import plotting as plotting
     from cvxlimit import proof as proof
+    from cvxlimit import reductions as reductions
     from cvxlimit import scene as scene
     from cvxlimit import solution as solution
     from cvxlimit import solvers as solvers
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from cvxlimit.methods.solving import solve as solve
     from cvxlimit.proof.certificate import Certificate as Certificate
     from cvxlimit.proof.certificate import Certifier as Certifier
+    from cvxlimit.reductions.explaining import explain as explain
     from cvxlimit.scene import GRAVITY as GRAVITY
     from cvxlimit.scene import Load as Load
     from cvxlimit.scene import Scene as Scene
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
 
 _MODULES = (
     "compare", "errors", "geometry", "io", "masonry", "methods", "model",
-    "plotting", "proof", "scene", "solution", "solvers", "surfaces",
+    "plotting", "proof", "reductions", "scene", "solution", "solvers", "surfaces",
 )  # fmt: skip
 
 _HOME = {
@@ -68,6 +70,7 @@ _HOME = {
     "Units": "scene",
     "analyse": "methods.analysis",
     "builtin_scene": "masonry",
+    "explain": "reductions.explaining",
     "solve": "methods.solving",
 }
 """The module of every public name; above once more, for type checkers."""

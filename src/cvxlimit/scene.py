@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
+
+if TYPE_CHECKING:
+    from cvxlimit.reductions.explaining import Explanation
 
 FloatArray = NDArray[np.float64]
 Vector = tuple[float, ...]
@@ -259,6 +262,15 @@ class Scene:
             dead=_turned(self.dead, turn),
             live=_turned(self.live, turn),
         )
+
+    def explain(self, surface: Any = "conic", **options: Any) -> Explanation:
+        """How much model ``solve`` gives the scene, which solver, and why; nothing is solved.
+
+        Parameters and errors are those of :func:`cvxlimit.reductions.explaining.explain`.
+        """
+        from cvxlimit.reductions.explaining import explain  # models see scenes, not they them
+
+        return explain(self, surface, **options)
 
     def in_units(self, units: Units, length: float, force: float) -> Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.

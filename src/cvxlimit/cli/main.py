@@ -29,12 +29,13 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from cvxlimit.cli.explaining import explanation
 from cvxlimit.cli.report import advice, history, is_eventful, listing, show, summary
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import read_scene, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, solve
+from cvxlimit.methods.solving import INTERACTIONS, MODELS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -68,6 +69,7 @@ class Order:
     tolerance: float | None
     json: Path | None
     plot: Path | None
+    model: str
 
 
 app = typer.Typer(
@@ -157,10 +159,37 @@ def _solve_command(
             show_default=False,
         ),
     ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(MODELS),
+            help="How much model: no more than the scene needs, or all of it. The bounds are those "
+            "of the full scene either way; cvxlimit explain SCENE says what is left out.",
+        ),
+    ] = "auto",
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, tolerance, json, plot)
+    order = Order(scene, surface, interaction, moments, tolerance, json, plot, model)
     return partial(_solve_job, order)
+
+
+@app.command("explain")
+def _explain_command(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
+        ),
+    ],
+    surface: Annotated[
+        str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
+    ] = "conic",
+    model: Annotated[
+        str, typer.Option(metavar="|".join(MODELS), help="How much model, as for solve.")
+    ] = "auto",
+) -> Job:
+    """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
+    return partial(_explain_job, scene, surface, model)
 
 
 @app.command("scenes")
@@ -217,7 +246,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes") else ""
+    return f"{arguments[0]} " if arguments[0] in ("solve", "explain", "scenes") else ""
 
 
 def _refuse(code: ExitCode, message: str) -> ExitCode:
@@ -276,6 +305,7 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
         moments=order.moments,
         tolerance=order.tolerance,
         progress=tell,
+        model=order.model,
     )
 
 
@@ -379,7 +409,12 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written += [str(path) for path in plot(scene, solution, order.plot)]
 
 
-# --- cvxlimit scenes ----------------------------------------------------------------------------
+# --- cvxlimit explain and cvxlimit scenes ----------------------------------------------------------------------------
+
+
+def _explain_job(scene: str, surface: str, model: str) -> ExitCode:
+    show(explanation(_scene(scene), surface, model))
+    return ExitCode.SOLVED
 
 
 def _scenes_job() -> ExitCode:

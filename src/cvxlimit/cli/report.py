@@ -42,6 +42,7 @@ def summary(
             "size",
             f"{_count(solution.blocks, 'free block')} x {_count(solution.contacts, 'contact')}",
         ),
+        ("model", f"reduced: {', '.join(map(one_line, solution.model))}" if solution.model else ""),
         ("surface", one_line(solution.surface)),
         ("interaction", _interaction(solution)),
         ("load factor", Text(_load_factor(solution), style="bold")),
