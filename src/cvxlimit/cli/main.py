@@ -409,7 +409,7 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written += [str(path) for path in plot(scene, solution, order.plot)]
 
 
-# --- cvxlimit explain and cvxlimit scenes ----------------------------------------------------------------------------
+# --- cvxlimit explain and cvxlimit scenes ---------------------------------------------------------
 
 
 def _explain_job(scene: str, surface: str, model: str) -> ExitCode:

@@ -96,8 +96,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
     The keys are those of the format, always all of them, plus ``note``, ``versions``,
-    ``model`` (the reductions that were used) and ``bracket`` (which bounds are proved, and by what the width of one around zero is measured)
-    when there are any.
+    ``model`` (the reductions that were used) and ``bracket`` (which bounds are proved, and by what
+    the width of one around zero is measured) when there are any.
     A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
     finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
     history, fields that do not apply are left out.
