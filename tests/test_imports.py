@@ -21,6 +21,7 @@ LAYERS = (
     {"surfaces"},
     {"model"},
     {"proof"},
+    {"reductions"},
     {"methods"},
     {"io", "plotting"},
     {"compare"},
@@ -48,10 +49,11 @@ def modules() -> dict[str, ast.Module]:
 TREES = modules()
 
 
-CONVENIENCES = {"scene": ("plotting.__init__", "plotting.drawing")}
+CONVENIENCES = {"scene": ("plotting.__init__", "plotting.drawing", "reductions.explaining")}
 """Arrows that point up: methods that call what is above them, imported when they are called.
 
-``scene.plot()`` reads better than a function of its own; nothing in ``scene`` depends on it."""
+``scene.plot()`` and ``scene.explain()`` read better than functions of their own; nothing in
+``scene`` depends on them."""
 
 
 def imported(name: str) -> Iterator[str]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cvxlimit import model as model
     from cvxlimit import plotting as plotting
     from cvxlimit import proof as proof
+    from cvxlimit import reductions as reductions
     from cvxlimit import scene as scene
     from cvxlimit import solution as solution
     from cvxlimit import solvers as solvers
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
     from cvxlimit.proof.certificate import Certificate as Certificate
     from cvxlimit.proof.certificate import Certifier as Certifier
+    from cvxlimit.reductions.explaining import explain as explain
     from cvxlimit.scene import Scene as Scene
     from cvxlimit.scene import Units as Units
     from cvxlimit.solution import Iterate as Iterate
@@ -52,7 +54,7 @@ if TYPE_CHECKING:
 
 _MODULES = (
     "compare", "errors", "geometry", "io", "loads", "masonry", "methods", "model",
-    "plotting", "proof", "scene", "solution", "solvers", "surfaces",
+    "plotting", "proof", "reductions", "scene", "solution", "solvers", "surfaces",
 )  # fmt: skip
 
 _HOME = {
@@ -77,6 +79,7 @@ _HOME = {
     "ZeroDilatancy": "methods.zero_dilatancy",
     "analyse": "methods.analysis",
     "builtin_scene": "masonry",
+    "explain": "reductions.explaining",
     "solve": "methods.solving",
 }
 """The module of every public name; above once more, for type checkers."""

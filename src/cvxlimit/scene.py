@@ -24,6 +24,9 @@ from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
 if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
 
+if TYPE_CHECKING:
+    from cvxlimit.reductions.explaining import Explanation
+
 FloatArray = NDArray[np.float64]
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
@@ -218,6 +221,15 @@ class Scene:
             dead=self.dead.moved(turn, translation),
             live=self.live.moved(turn, translation),
         )
+
+    def explain(self, surface: Any = "conic", **options: Any) -> Explanation:
+        """How much model ``solve`` gives the scene, which solver, and why; nothing is solved.
+
+        Parameters and errors are those of :func:`cvxlimit.reductions.explaining.explain`.
+        """
+        from cvxlimit.reductions.explaining import explain  # models see scenes, not they them
+
+        return explain(self, surface, **options)
 
     def in_units(self, units: Units, length: float, force: float) -> Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.

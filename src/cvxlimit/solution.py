@@ -170,6 +170,9 @@ class Solution:
         ``"associated"`` or ``"zero-dilatancy"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
+    model : tuple of str
+        Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
+        the full one.
     """
 
     scene: str
@@ -190,6 +193,7 @@ class Solution:
     torsion_shear: str = "linear"
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
+    model: tuple[str, ...] = ()
 
     @property
     def lower(self) -> float:

@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from cvxlimit.cli.explaining import explanation
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture, check_suffix
@@ -43,7 +44,7 @@ from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry import EXPORTS
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, solve
+from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -68,6 +69,7 @@ class Order:
     json: Path | None
     plot: Path | None
     export: Path | None
+    model: str
 
 
 app = typer.Typer(
@@ -183,16 +185,44 @@ def _solve_command(
             show_default=False,
         ),
     ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(MODELS),
+            help="How much model: no more than the scene needs, or all of it. The bounds are those "
+            "of the full scene either way; cvxlimit explain SCENE says what is left out.",
+        ),
+    ] = "auto",
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     order = Order(
-        scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot, export
-    )
+        scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot, export,
+        model,
+    )  # fmt: skip
     return partial(_solve_job, order)
 
 
 app.command("import")(import_command)
 app.command("show")(show_command)
+
+
+@app.command("explain")
+def _explain_command(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
+        ),
+    ],
+    surface: Annotated[
+        str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
+    ] = "conic",
+    model: Annotated[
+        str, typer.Option(metavar="|".join(MODELS), help="How much model, as for solve.")
+    ] = "auto",
+) -> Job:
+    """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
+    return partial(_explain_job, scene, surface, model)
 
 
 @app.command("scenes")
@@ -249,7 +279,8 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes", "import", "show") else ""
+    known = ("solve", "explain", "scenes", "import", "show")
+    return f"{arguments[0]} " if arguments[0] in known else ""
 
 
 def _refuse(code: ExitCode, message: str) -> ExitCode:
@@ -311,6 +342,7 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
         flow=order.flow,
         tolerance=order.tolerance,
         progress=tell,
+        model=order.model,
     )
 
 
@@ -371,7 +403,12 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written += [str(path) for path in export(scene, order.export, solution)]
 
 
-# --- cvxlimit scenes ----------------------------------------------------------------------------
+# --- cvxlimit explain and cvxlimit scenes ---------------------------------------------------------
+
+
+def _explain_job(scene: str, surface: str, model: str) -> ExitCode:
+    show(explanation(scene_named(scene), surface, model))
+    return ExitCode.SOLVED
 
 
 def _scenes_job() -> ExitCode:

@@ -42,6 +42,7 @@ def summary(
             "size",
             f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
         ),
+        ("model", f"reduced: {', '.join(map(one_line, solution.model))}" if solution.model else ""),
         ("surface", one_line(solution.surface)),
         ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
         ("flow", "" if solution.flow == "associated" else solution.flow),

@@ -34,7 +34,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members")
+_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members", "model")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -95,9 +95,9 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    The keys are those of the format, always all of them, plus ``note``, ``versions`` and
-    ``bracket`` (which bounds are proved, and by what the width of one around zero is measured)
-    when there are any.
+    The keys are those of the format, always all of them, plus ``note``, ``versions``,
+    ``model`` (the reductions that were used) and ``bracket`` (which bounds are proved, and by what
+    the width of one around zero is measured) when there are any.
     A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
     finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
     history, fields that do not apply are left out.
@@ -150,6 +150,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["members"] = [_member_to_dict(member) for member in solution.members]
         if solution.versions:
             document["versions"] = _versions(solution.versions)
+        if solution.model:
+            document["model"] = [text(name, "a reduction") for name in solution.model]
         return document
 
 
@@ -197,6 +199,7 @@ this is not a result file
             members=tuple(
                 _member(i, x) for i, x in enumerate(items(top.get("members", []), "members"))
             ),
+            model=tuple(text(x, "a reduction") for x in items(top.get("model", []), "model")),
         )
 
 

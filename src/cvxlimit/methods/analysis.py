@@ -15,14 +15,17 @@ from cvxlimit.methods.bearing import borne
 from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive, fallen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
+from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Objective
 from cvxlimit.model.statics import Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certificate, Certifier
 from cvxlimit.proof.strength import Strength
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.reduction import ReducedProblem, Reduction
 from cvxlimit.scene import Load, Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import LimitState, SolverSettings, suits
 from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.presets import needed_surfaces
 
 FloatArray = NDArray[np.float64]
 
@@ -84,6 +87,7 @@ def analyse(
     formulation: Formulation = corner_compressions,
     scaling: Scaling | None = None,
     progress: Progress | None = None,
+    model: str = "auto",
 ) -> Solution:
     """Collapse load factor without interaction with bending, certified.
 
@@ -102,7 +106,8 @@ def analyse(
     check_scene(scene)
     whole = scene if scaling is None else Assemblage.of(scene, scaling)
     return drive(
-        rule, Run(whole, surface, formulation=formulation, ladder=ladder, progress=progress)
+        rule,
+        Run(whole, surface, formulation=formulation, ladder=ladder, progress=progress, model=model),
     )
 
 
@@ -126,22 +131,45 @@ class _Climb:
 
     def __init__(self, rule: Convex, run: Run) -> None:
         self.run, self.tolerance = run, rule.tolerance
-        with run.clock.phase("compile"):
-            self.problem = LimitProblem(run.assemblage, run.surfaces, run.formulation)
-        ladder = run.ladder or self.problem.ladder(rule.tolerance)
-        self.ladder = [settings for settings in ladder if suits(settings, self.problem.problem)]
-        with run.clock.phase("certify"):
-            self.certifier = Certifier(run.assemblage, self.problem.surfaces, run.formulation)
+        self.surfaces = needed_surfaces(run.surfaces)
         self.is_dead_load_solved = self.is_opening_solved = self.is_live_load_solved = False
+        self._take(run.model)
         self.rungs = self._all()
         self.status: Status | None = None
         self.note = ""
+
+    def _take(self, model: str) -> None:
+        """How much model, whose certificate is that of the full scene in any case."""
+        run = self.run
+        with run.clock.phase("compile"):
+            self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
+        with run.clock.phase("certify"):
+            self.certifier = Certifier(self.reductions.assemblage, self.surfaces, run.formulation)
+        self._compile(self.reductions.whole)
+
+    def _compile(self, reduction: Reduction) -> None:
+        run = self.run
+        run.reductions = reduction.names
+        with run.clock.phase("compile"):
+            self.problem = ReducedProblem(self.reductions.assemblage, run.surfaces, reduction)
+            ladder = run.ladder or self.problem.ladder(self.tolerance)
+        self.ladder = [settings for settings in ladder if suits(settings, self.problem.problem)]
 
     def _all(self) -> Iterator[Status | None]:
         with self.run.clock.phase("certify"):
             stands = self.certifier.witnesses.easy_dead_state is not None
         if not stands and self._falls(self._solve_dead_load()):
             yield Status.DEAD_LOAD_UNSTABLE
+        if self.reductions.loaded is not None:
+            self._compile(self.reductions.best(self.certifier.witnesses.easy_dead_state))
+        yield from self._climbed()
+        if self.run.reductions:  # none of it is believed: the full model has the last word
+            self._take("full")
+            yield from self._climbed()
+        yield Status.LIVE_LOAD_HARMLESS if self._is_harmless() else Status.NOT_CERTIFIED
+
+    def _climbed(self) -> Iterator[Status | None]:
+        """All rungs in turn, until one has the answer."""
         for settings in self.ladder:
             state = self._attempt(settings)
             bracket = self.run.best.bracket
@@ -153,7 +181,6 @@ class _Climb:
             if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
                 yield Status.LIVE_LOAD_HARMLESS
             yield None
-        yield Status.LIVE_LOAD_HARMLESS if self._is_harmless() else Status.NOT_CERTIFIED
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         state = self.run.solve(self.problem.solve, settings)
@@ -238,9 +265,7 @@ class _Climb:
         self.is_opening_solved = True
         self.run.tell("checking that blocks do not wedge each other")
         with self.run.clock.phase("compile"):
-            problem = LimitProblem(
-                self.run.assemblage, self.run.surfaces, self.run.formulation, LargestSelfStress()
-            )
+            problem = self._asked(self.reductions.assemblage, self.surfaces, LargestSelfStress())
         settings = problem.ladder()[0]
         state = self.run.solve(problem.solve, settings)
         self._note_aside(settings, "self-stress", state)
@@ -255,7 +280,7 @@ class _Climb:
         run, scene = self.run, self.run.scene
         run.tell("checking whether the live load does any harm")
         surfaces, formulation = self.certifier.strength.recession()
-        loaded = run.assemblage.under(scene.with_dead(scene.live))
+        loaded = self.reductions.assemblage.under(scene.with_dead(scene.live))
         alone = scene.with_dead(Load())
         for state, certificate in self._shares(alone, "live load alone", surfaces, formulation):
             given = self.certifier.given(state)
@@ -286,9 +311,8 @@ class _Climb:
         Certificates are computed when called for.
         """
         with self.run.clock.phase("compile"):
-            assemblage = self.run.assemblage.under(scene)
-            reach = LargestFactor(most=1.0)
-            problem = LimitProblem(assemblage, surfaces, formulation, reach)
+            assemblage = self.reductions.assemblage.under(scene)
+            problem = self._asked(assemblage, surfaces, LargestFactor(most=1.0), formulation)
             certifier = Certifier(assemblage, problem.surfaces, formulation)
 
         def certified(state: LimitState) -> Certificate:
@@ -299,6 +323,18 @@ class _Climb:
             state = self.run.solve(problem.solve, settings)
             self._note_aside(settings, what, state)
             yield state, partial(certified, state)
+
+    def _asked(
+        self,
+        assemblage: Assemblage,
+        surfaces: Sequence[YieldSurface],
+        objective: Objective,
+        formulation: Formulation | None = None,
+    ) -> LimitProblem | ReducedProblem:
+        """A question on the way, about all parts of the scene."""
+        if formulation is not None and formulation is not self.run.formulation:
+            return LimitProblem(assemblage, surfaces, formulation, objective)
+        return ReducedProblem(assemblage, surfaces, self.reductions.whole, objective)
 
     def _note_aside(self, settings: SolverSettings, what: str, state: LimitState) -> None:
         """A line of the history for a solve that is not about the load factor."""

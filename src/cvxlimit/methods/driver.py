@@ -129,6 +129,10 @@ class Run:
         One of :data:`~cvxlimit.surfaces.presets.TORSION_SHEAR`.
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
+    model : str
+        How much model: one of :data:`~cvxlimit.reductions.choice.MODELS`.
+    reductions : tuple of str
+        Those used.
     clock : Clock
     history : list of Iterate
     best : Answer
@@ -153,9 +157,12 @@ class Run:
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
         torsion_shear: str = "linear",
+        model: str = "auto",
     ) -> None:
         self.surfaces, self.surface = surfaces_of(surface, torsion_shear)
         self.torsion_shear, self.flow = torsion_shear, "associated"
+        self.model = model
+        self.reductions: tuple[str, ...] = ()
         self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
@@ -347,6 +354,7 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         torsion_shear=run.torsion_shear,
         flow=run.flow,
         members=answer.members,
+        model=run.reductions,
     )
 
 

@@ -16,12 +16,13 @@ from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface
 
-__all__ = ["FLOWS", "INTERACTIONS", "MOMENTS", "check_choice", "solve"]
+__all__ = ["FLOWS", "INTERACTIONS", "MODELS", "MOMENTS", "check_choice", "solve"]
 
 FLOWS = ("associated", "zero-dilatancy")
 
@@ -40,6 +41,7 @@ def solve(
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
+    model: str = "auto",
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
 
@@ -79,6 +81,10 @@ def solve(
         the tested order.
     progress : callable or None
         Called with one line of text at every step of long work.
+    model : {"auto", "full"}
+        How much model: no more than the scene needs (planar, half of a symmetric scene, parts
+        with live load only; :func:`cvxlimit.explain` says which), or all of it. Bounds are those of
+        the full scene either way. With interaction it is the full model.
 
     Returns
     -------
@@ -106,12 +112,14 @@ def solve(
             f"cvxlimit.model.formulations.resultants, got {formulation!r}"
         )
     check_choice("flow", flow, FLOWS)
-    is_none = interaction is None or interaction == "none"
-    if flow != "associated" and not is_none:
+    check_choice("model", model, MODELS)
+    asked = "none" if interaction is None else interaction
+    if flow != "associated" and asked != "none":
         raise ModelError(f"flow {flow!r} goes without interaction: leave the interaction out")
-    chosen = _default_rule(torsion_shear, flow) if is_none else interaction
-    rule = _rule(chosen, tolerance)
-    run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear)
+    rule = _rule(_default_rule(torsion_shear, flow) if asked == "none" else asked, tolerance)
+    run = Run(
+        scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear, model
+    )
     return drive(rule, run)
 
 

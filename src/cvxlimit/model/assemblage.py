@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,6 +63,10 @@ class Assemblage:
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         return Assemblage(scene, self.statics.under(dead, live), Scaling.of(scene), self.balance)
 
+    def balanced_by(self, balance: Balance) -> Assemblage:
+        """The same with another way to restore equilibrium."""
+        return replace(self, balance=balance)
+
     @cached_property
     def scaled(self) -> Statics:
         """Statics in the units of :attr:`scaling`."""
@@ -84,15 +88,29 @@ class Balance:
         Its loads do not matter here.
     model : ForceModel
         Whose internal forces are changed; torsion counts by its arm, so that all are forces.
+    rates : (r free blocks, 6 free blocks) sparse array or None
+        The ways in which each block may move, r of them, where loads and internal forces do no
+        work on any others, as in a plane; None is all six.
     """
 
     statics: Statics
     model: ForceModel
+    rates: sp.csr_array | None = None
 
     @cached_property
     def matrix(self) -> sp.csr_array:
-        """Equilibrium matrix (6 free blocks, p) of the internal forces."""
-        return (self.statics.matrix @ self.model.meaning).tocsr()
+        """Equilibrium matrix (r free blocks, p) of the internal forces."""
+        matrix = self.statics.matrix if self.rates is None else self.rates @ self.statics.matrix
+        return (matrix @ self.model.meaning).tocsr()
+
+    def along(self, load: FloatArray) -> FloatArray:
+        """Generalised forces (6 free blocks,) along the ways in which blocks may move."""
+        return load if self.rates is None else np.asarray(self.rates @ load)
+
+    def motion(self, rates: FloatArray) -> FloatArray:
+        """Block rates (free, 6) from those along the ways in which blocks may move."""
+        full = rates if self.rates is None else self.rates.T @ rates
+        return np.asarray(full).reshape(-1, DOF)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -125,8 +143,8 @@ class Balance:
         return unordered
 
     def change(self, residual: FloatArray) -> FloatArray:
-        """Internal forces (p,) that carry a residual (6 free blocks,) of opposite sign."""
-        result: FloatArray = -self.weights * (self.matrix.T @ self.solve(residual.ravel()))
+        """Internal forces (p,) that carry a residual (r free blocks,) of opposite sign."""
+        result: FloatArray = -self.weights * (self.matrix.T @ self.solve(residual))
         return result
 
     def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
@@ -134,12 +152,12 @@ class Balance:
         if not self.is_supported:
             return forces
         for _ in range(2):
-            change = self.change(statics.residual(forces, load_factor))
+            change = self.change(self.along(statics.residual(forces, load_factor).ravel()))
             forces = forces + (self.model.meaning @ change).reshape(-1, len(COMPONENTS))
         return forces
 
     def _elimination_order(self) -> IntArray:
-        """Rows (6 free blocks,) in nested dissection of the blocks."""
+        """Rows (r free blocks,) in nested dissection of the blocks."""
         contacts, number = self.statics.contacts, self.statics.row_of_block
         a, b = number[contacts.a], number[contacts.b]
         free = (a >= 0) & (b >= 0)
@@ -147,4 +165,5 @@ class Balance:
         ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
         graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
         blocks = nested_dissection(graph.tocsr())
-        return (DOF * blocks[:, None] + np.arange(DOF)).ravel()
+        each = self.matrix.shape[0] // count
+        return (each * blocks[:, None] + np.arange(each)).ravel()

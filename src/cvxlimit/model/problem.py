@@ -22,7 +22,7 @@ from cvxlimit.model.formulations import (
 )
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, Shape, SolverSettings, is_conic, limit_ladder, run
+from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
 
@@ -110,6 +110,9 @@ class StaticProblem:
     limits : sequence of cvxpy.Constraint
         What bounds the forces.
     objective : Objective
+    rates : (r, 6 free blocks) sparse array or None
+        The ways in which blocks may move, one per row: equilibrium is asked for along these only,
+        and mechanisms are made of them. None is all ways.
     """
 
     def __init__(
@@ -118,17 +121,25 @@ class StaticProblem:
         forces: ForceVariables,
         limits: Sequence[cp.Constraint] = (),
         objective: Objective | None = None,
+        rates: sp.csr_array | None = None,
     ) -> None:
-        self.assemblage, self.forces = assemblage, forces
+        self.assemblage, self.forces, self._rates = assemblage, forces, rates
         self.load_factor = cp.Variable(name="alpha")
         terms = (objective or LargestFactor()).terms(assemblage, forces, self.load_factor)
-        self._matrices, self._rows = _equations(assemblage, forces)
+        scaled = assemblage.scaled
+        size = np.abs(scaled.dead) + np.abs(scaled.live)
+        matrix = scaled.matrix
+        if rates is not None:
+            matrix, size = (rates @ matrix).tocsr(), abs(rates) @ size
+        self._matrices, self._rows = _equations(matrix, size != 0.0, forces)
         balance = [
             matrix @ (v if v.ndim == 1 else cp.vec(v, order="F"))
             for matrix, (v, _) in zip(self._matrices, forces.maps, strict=True)
         ]
         load = terms.live + terms.dead
-        if len(self._rows) < len(assemblage.scaled.dead):
+        if rates is not None:
+            load = rates @ load
+        if len(self._rows) < matrix.shape[0]:
             load = load[self._rows]
         self.equilibrium = sum(balance[1:], start=balance[0]) == -load
         constraints = [self.equilibrium, *forces.constraints, *limits, *terms.limits]
@@ -146,7 +157,7 @@ class StaticProblem:
     @cached_property
     def shape(self) -> Shape:
         """Size and structure, which decide about solvers."""
-        return Shape.of(sp.hstack(self._matrices, format="csr"), is_conic(self.problem))
+        return Shape.of(sp.hstack(self._matrices, format="csr"), self.problem)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""
@@ -157,10 +168,14 @@ class StaticProblem:
         return LimitState(
             outcome,
             self.scaling.load_factor(float(alpha)),
-            self.scaling.forces(self.forces.values()),
+            self._forces(),
             self._mechanism(),
             self._internal(),
         )
+
+    def _forces(self) -> FloatArray:
+        """Contact forces (n, 6), in the user's units."""
+        return self.scaling.forces(self.forces.values())
 
     def _internal(self) -> FloatArray | None:
         """Internal forces (p,), in the user's units."""
@@ -170,19 +185,19 @@ class StaticProblem:
         """Equilibrium duals, scaled to live power 1 (Eq. 37) where they have any."""
         if self.equilibrium.dual_value is None:
             return None
-        rates = np.zeros(len(self.assemblage.scaled.dead))
+        along = self._rates
+        rates = np.zeros(len(self.assemblage.scaled.dead) if along is None else along.shape[0])
         rates[self._rows] = np.asarray(self.equilibrium.dual_value)
-        return self.scaling.mechanism(rates.reshape(-1, DOF))
+        full = rates if along is None else np.asarray(along.T @ rates)
+        return self.scaling.mechanism(full.reshape(-1, DOF))
 
 
 def _equations(
-    assemblage: Assemblage, forces: ForceVariables
+    matrix: sp.csr_array, loaded: NDArray[np.bool_], forces: ForceVariables
 ) -> tuple[list[sp.csr_array], NDArray[np.int64]]:
     """Matrices of A x over the variables, without its empty rows, and which rows those are not."""
-    matrix = assemblage.scaled.matrix
     blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
     size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(matrix.shape[0]))
-    loaded = (assemblage.scaled.dead != 0.0) | (assemblage.scaled.live != 0.0)
     rows = np.flatnonzero((size > _NOTHING * size.max()) | loaded)
     if len(rows) < len(size):
         blocks = [block[rows] for block in blocks]

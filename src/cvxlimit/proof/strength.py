@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import limited, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
@@ -76,7 +75,7 @@ class Strength:
         self.formulation = limited(formulation)
         own = self.formulation(self.contacts)
         self.is_internal = bool(own.conditions)
-        self.model = own if self.is_internal else assemblage.balance.model
+        self.model = own if self.is_internal else corner_compressions(self.contacts)
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
@@ -143,12 +142,9 @@ class Strength:
         if not self.balance.is_supported:
             return state
         for _ in range(2):
-            residual = statics.residual(self.forces(state), load_factor)
-            change = self.balance.change(residual)
-            if self.is_internal:
-                state = state + change
-            else:
-                state = state + (self.model.meaning @ change).reshape(-1, len(COMPONENTS))
+            residual = statics.residual(self.forces(state), load_factor).ravel()
+            change = self.balance.change(self.balance.along(residual))
+            state = state + (change if self.is_internal else self.balance.model.forces(change))
         return state
 
     def rate_sizes(self) -> FloatArray:

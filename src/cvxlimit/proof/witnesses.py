@@ -98,7 +98,8 @@ class Witnesses:
             np.add.at(around, number[side], corners)
         spread = np.append(force / around[:-1], np.inf)
         lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
-        return lighter[contacts.corner_contact]
+        model = self._balance.model
+        return lighter[model.contact[model.nonneg]]
 
     def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
         z = self._carried(np.zeros(len(self._balance.weights)))
@@ -112,32 +113,30 @@ class Witnesses:
 
     def _carried(self, z: FloatArray) -> FloatArray:
         """The nearest state in equilibrium with the dead load."""
-        return z + self._balance.change(self._balance.matrix @ z + self.statics.dead)
+        balance = self._balance
+        return z + balance.change(balance.matrix @ z + balance.along(self.statics.dead))
 
     def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
-        contacts = self.statics.contacts
-        if (z[: len(contacts.corner_xy)] < compression).any():
+        if (z[self._balance.model.nonneg] < compression).any():
             return False
         return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
-        contacts = self.statics.contacts
-        corners = len(contacts.corner_xy)
+        model = self._balance.model
+        pressed = model.nonneg
         pushed = z.copy()
-        pushed[:corners] = np.maximum(z[:corners], compression)
-        plain = pushed.copy()
-        plain[corners:] = 0.0
+        pushed[pressed] = np.maximum(z[pressed], compression)
+        plain = np.where(pressed, pushed, 0.0)
         pushed = self._blended(pushed, plain)
         centred = plain.copy()
-        mean = contacts.corner_sums(plain[:corners]) / np.diff(contacts.corner_start)
-        centred[:corners] = mean[contacts.corner_contact]
+        at = model.contact[pressed]
+        centred[pressed] = (np.bincount(at, plain[pressed]) / np.bincount(at))[at]
         return self._blended(pushed, centred)
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
         """Move each contact from z towards ``inner`` until its yield functions keep a reserve."""
-        contacts = self.statics.contacts
-        share = np.zeros(len(contacts))
+        share = np.zeros(len(self.statics.contacts))
         at, goal = self._excess(z), self._excess(inner)
         for y, y_inner in zip(at, goal, strict=True):
             beyond = (y_inner < 0.0) & (y > _SPARE * y_inner)
@@ -145,8 +144,7 @@ class Witnesses:
                 beyond, y - y_inner, 1.0
             )
             share = np.maximum(share, needed)
-        spread = np.concatenate([share[contacts.corner_contact], np.tile(share, 3)])
-        return z + spread * (inner - z)
+        return z + share[self._balance.model.contact] * (inner - z)
 
     def _excess(self, z: FloatArray) -> list[FloatArray]:
         """Yield functions with one row per contact; rocking is the compressions' business."""
@@ -167,9 +165,10 @@ class Witnesses:
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
         for _ in range(_OPENING_ITERATIONS):
             rates = self._balance.solve(matrix @ (weights * target))
-            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(rates))
+            motion = self._balance.motion(rates)
+            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(motion))
             if missing.max() < 0.0:
-                return np.asarray(rates).reshape(-1, DOF)
+                return motion
             if not np.isfinite(missing).all():
                 return None
             target = self._opened(np.asarray(matrix.T @ rates), missing)
@@ -180,14 +179,12 @@ class Witnesses:
 
         For plain Coulomb friction it is the nearest point of the cone, overshot.
         """
-        contacts = self.statics.contacts
-        mu = contacts.friction
+        model, contacts = self._balance.model, self.statics.contacts
+        mu, at = contacts.friction, model.contact
         lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
-        corners = len(contacts.corner_xy)
-        opened = rates.copy()
-        opened[:corners] += lack[contacts.corner_contact]
-        slips = opened[corners:].reshape(3, -1)
-        arms = np.stack([np.ones_like(mu), np.ones_like(mu), contacts.torsion_arm])
-        size = np.linalg.norm(arms * slips, axis=0)
-        slips *= np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
-        return opened
+        slips = np.where(
+            model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates
+        )
+        size = np.sqrt(np.bincount(at, slips**2, len(contacts)))
+        kept = np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
+        return np.where(model.nonneg, rates + lack[at], kept[at] * rates)

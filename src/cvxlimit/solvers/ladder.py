@@ -11,6 +11,7 @@ from types import MappingProxyType
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
+from cvxpy.constraints import Inequality, NonNeg, NonPos
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
@@ -19,23 +20,40 @@ from cvxlimit.solvers.table import SOLVERS, SolverSettings, settings_for
 
 Ladder = tuple[SolverSettings, ...]
 
-WORK: Mapping[tuple[str, bool], float] = MappingProxyType(
+WORK: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        ("superlu", True): 4.5e8,
-        ("cholmod", True): 1.4e8,
-        ("superlu", False): 4e6,
-        ("cholmod", False): 4e6,
+        "conic": {"superlu": 4.5e8, "cholmod": 1.4e8, "beside QOCO": 1.4e8},
+        "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
+        "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
     }
 )
-"""From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by its factorisation
-and whether the problem has second-order cones: about 5,000, 2,900, 500 and 500 contacts of a panel.
-Measured with ``python -m benchmarks run --methods "*/corners/clarabel-qdldl/1e-8" "*/qoco/1e-8"
-"*/blockwise-*/1e-8"``. From 2,900 to 5,000 contacts QOCO is up to 20 % faster with cones, but its
-errors grow to 1e-6, those of the blockwise solver stay below 1e-8."""
+"""From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
+problem: by its factorisation where Clarabel is the other choice, and at least that much where QOCO
+is installed. Seconds of one core (Clarabel 1e-11, QOCO, blockwise 1e-11 with CHOLMOD):
+
+=================================== ======== ===== ======== =====
+problem                             Clarabel QOCO  blockwise work
+=================================== ======== ===== ======== =====
+panel, octagon, 250 contacts            0.08  0.05     0.08 1.6e6
+panel, octagon, 552 contacts            0.33  0.18     0.20 7.4e6
+panel, octagon, 1,159 contacts          0.84  0.55     0.42 3.1e7
+planar wall, planar, 3,408 contacts     0.83  0.46     1.09 2.4e7
+planar wall, planar, 6,868 contacts     2.32  1.37     2.53 9.9e7
+planar wall, planar, 21,480 contacts   16.0   9.5      9.95 9.5e8
+=================================== ======== ===== ======== =====
+
+With cones: about 5,000 and 2,900 contacts of a panel. From 2,900 to 5,000 contacts QOCO is up to
+20 % faster with cones, but its errors grow to 1e-6, those of the blockwise solver stay below
+1e-8."""
 
 _QUICK_BRACKET = 1e-6
-"""Narrowest bracket that is asked of QOCO. At tolerances below 1e-8 its brackets are no narrower:
-8e-7 in place of 5e-8 on the S12-class panel, 1e-6 in place of 2e-8 on one of 1,828 contacts."""
+"""Narrowest bracket that is asked of QOCO with cones. At tolerances below 1e-8 its brackets are no
+narrower: 8e-7 in place of 5e-8 on the S12-class panel, 1e-6 in place of 2e-8 on one of 1,828
+contacts."""
+
+_QOCO_LEAN = 1e-10
+"""Tolerance of QOCO without cones and facets: planar walls of 3,408 and 6,868 contacts have
+brackets of 2e-7 and 1e-7, against 5e-5 and 1e-5 at 1e-8, for a fifth more time."""
 
 
 def default_ladder() -> Ladder:
@@ -132,12 +150,25 @@ class Shape:
         assemblage closes on itself. An arch of any length has a narrow one.
     is_conic : bool
         True with second-order cones.
+    rows : int
+        Linear inequalities, signs of variables among them.
     """
 
     variables: int
     equations: int
     front: float
     is_conic: bool
+    rows: int = 0
+
+    @property
+    def kind(self) -> str:
+        """``"conic"``, ``"facets"`` or ``"lean"``: linear with less than 1.5 rows per variable.
+
+        The octagon in space has 2.0, a planar scene 1.3.
+        """
+        if self.is_conic:
+            return "conic"
+        return "facets" if self.rows >= 1.5 * self.variables else "lean"
 
     @property
     def work(self) -> float:
@@ -145,9 +176,10 @@ class Shape:
         return self.equations * self.front**2
 
     @classmethod
-    def of(cls, equations: sp.csr_array, is_conic: bool) -> Shape:
-        """From the matrix (equations, variables) of a problem's equality constraints."""
-        return cls(equations.shape[1], equations.shape[0], front_width(equations), is_conic)
+    def of(cls, equations: sp.csr_array, problem: cp.Problem) -> Shape:
+        """From the matrix (equations, variables) of equality constraints, and the whole problem."""
+        front, conic = front_width(equations), is_conic(problem)
+        return cls(equations.shape[1], equations.shape[0], front, conic, inequalities(problem))
 
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
@@ -161,7 +193,7 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     ----------
     shape : Shape
     tolerance : float
-        Width of the bracket that is asked for. Below 1e-6 QOCO would often run in vain.
+        Width of the bracket that is asked for. Below 1e-6 QOCO would often run in vain with cones.
 
     Example
     -------
@@ -170,12 +202,17 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     True
     """
     first, *others = default_ladder()
-    own = settings_for("BLOCKWISE")
-    if shape.work >= WORK[best_backend(), shape.is_conic]:
+    own, kind = settings_for("BLOCKWISE"), shape.kind
+    has_qoco = "QOCO" in installed() and (kind == "lean" or tolerance >= _QUICK_BRACKET)
+    least = WORK[kind][best_backend()]
+    if has_qoco:
+        least = max(least, WORK[kind]["beside QOCO"])
+    if shape.work >= least:
         return (own, first, *others)
-    if tolerance < _QUICK_BRACKET or "QOCO" not in installed():
+    if not has_qoco:
         return (first, own, *others)
-    return (settings_for("QOCO"), first, own, *others)
+    quick = settings_for("QOCO", _QOCO_LEAN if kind == "lean" else None)
+    return (quick, first, own, *others)
 
 
 def front_width(equations: sp.csr_array) -> float:
@@ -189,6 +226,12 @@ def front_width(equations: sp.csr_array) -> float:
     first = np.arange(len(order))
     np.minimum.at(first, place[entries.row], place[entries.col])
     return float((np.arange(len(order)) - first).mean())
+
+
+def inequalities(problem: cp.Problem) -> int:
+    """Number of linear inequalities, signs of variables among them."""
+    rows = sum(c.size for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg)))
+    return int(rows + sum(v.size for v in problem.variables() if v.attributes["nonneg"]))
 
 
 def is_conic(problem: cp.Problem) -> bool:

@@ -1,0 +1,1 @@
+"""No more model than a scene needs: transformations of the static problem, and their inverses."""

@@ -1,0 +1,130 @@
+"""Whether the strength of contacts is indifferent to a reflection: what symmetry rests on.
+
+Strength is a convex set. If a reflection carries the admissible forces of every contact into those
+of its partner, then with any solution of the static problem its mirror image is one, and so is
+their mean, at the same load factor: forces that are their own mirror image are enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
+from cvxlimit.surfaces.cones import Cone, Conic, Facets
+from cvxlimit.surfaces.coulomb import Rocking
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SAME = 1e-11
+"""Relative difference of coefficients that is put down to rounding: those of turned scenes differ
+by up to 3e-13, a friction coefficient that was changed on purpose by far more."""
+
+
+def is_carried(
+    surfaces: Sequence[YieldSurface], contacts: Contacts, partner: IntArray, carried: FloatArray
+) -> bool:
+    """True if admissible forces x of contact j give admissible forces Q_j x of its partner.
+
+    Parameters
+    ----------
+    surfaces : sequence of YieldSurface
+        Rocking is left out: it is a matter of the contacts' corners.
+    contacts : Contacts
+    partner : (n,) int array
+    carried : (n, 6, 6) array
+        Q_j.
+
+    Returns
+    -------
+    bool
+        False also where it cannot be told: conditions with rows of their own, coefficients in
+        Parameters, cones that are not known.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> contacts, turned = builtin_scene("stack").contacts, np.eye(6)
+    >>> turned[:2, :2] = [[0.8, 0.6], [-0.6, 0.8]]
+    >>> each, Q = np.arange(len(contacts)), np.tile(turned, (len(contacts), 1, 1))
+    >>> [is_carried(surfaces_of(name)[0], contacts, each, Q) for name in ("conic", "octagon")]
+    [True, False]
+    """
+    for surface in surfaces:
+        if type(surface) is Rocking:
+            continue
+        for condition in stated(surface, contacts):
+            if not _carries(condition, surface.cone, contacts, partner, carried):
+                return False
+    return True
+
+
+def _carries(
+    condition: Condition, cone: Cone, contacts: Contacts, partner: IntArray, carried: FloatArray
+) -> bool:
+    resistance = coefficients(condition.resistance, len(contacts))
+    if condition.contact is not None or resistance is None:
+        return False
+    if not _same(_images(resistance, partner, carried), resistance):
+        return False
+    for norm in condition.norms:
+        rows = [coefficients(form, len(contacts)) for form in norm.weighted_rows]
+        known = [row for row in rows if row is not None]
+        if len(known) < len(rows):
+            return False
+        images = [_images(row, partner, carried) for row in known]
+        if not _same_size(np.stack(known, axis=1), np.stack(images, axis=1), cone):
+            return False
+    return True
+
+
+def coefficients(form: LinearForm, contacts: int) -> FloatArray | None:
+    """A linear form at every contact as rows (n, 7), the constant last; None with Parameters."""
+    result = np.zeros((contacts, len(COMPONENTS) + 1))
+    for name, value in form.items():
+        if isinstance(value, cp.Expression):
+            return None
+        result[:, len(COMPONENTS) if name == CONSTANT else COLUMN[name]] += value
+    return result
+
+
+def _images(rows: FloatArray, partner: IntArray, carried: FloatArray) -> FloatArray:
+    """The partner's rows (n, 7) as rows on the contact's own forces."""
+    image = rows[partner]
+    image[:, :6] = np.einsum("ni,nik->nk", image[:, :6], carried)
+    return image
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    size = max(np.abs(one).max(initial=0.0), np.abs(other).max(initial=0.0))
+    return bool(np.abs(one - other).max(initial=0.0) <= _SAME * size)
+
+
+def _same_size(rows: FloatArray, images: FloatArray, cone: Cone) -> bool:
+    """True if a norm of rows (n, k, 7) and of their images are the same function."""
+    if rows.shape[1] == 1:
+        size = np.abs(rows).max(initial=0.0)
+        apart = np.minimum(np.abs(rows - images).max(axis=2), np.abs(rows + images).max(axis=2))
+        return bool(apart.max(initial=0.0) <= _SAME * size)
+    if isinstance(cone, Conic):
+        one, other = (np.einsum("nki,nkj->nij", r, r) for r in (rows, images))
+        return _same(one, other)
+    if not isinstance(cone, Facets):
+        return False
+    turned = images @ np.linalg.pinv(rows)
+    if not _same(turned @ rows, images):
+        return False
+    found = np.unique(np.round(turned, 9), axis=0)
+    return all(_is_symmetry(cone, turn) for turn in found)
+
+
+def _is_symmetry(cone: Facets, turn: FloatArray) -> bool:
+    normals = cone.normals
+    apart = np.abs((normals @ turn)[:, None] - normals[None]).max(axis=2).min(axis=1)
+    return bool(apart.max() <= 1e-8)

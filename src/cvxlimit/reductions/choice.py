@@ -1,0 +1,180 @@
+"""How much model a scene gets: which reductions are valid, and what they make of it together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.reductions.mirror import Mirror, find_mirror
+from cvxlimit.reductions.parts import contacts_of, loaded_blocks
+from cvxlimit.reductions.planar import Plane, find_plane
+from cvxlimit.reductions.reduction import Reduction
+from cvxlimit.surfaces.base import YieldSurface
+
+FloatArray = NDArray[np.float64]
+
+MODELS = ("auto", "full")
+"""How much model: what the scene needs, or all of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reductions:
+    """What is valid for a scene under given surfaces.
+
+    Attributes
+    ----------
+    assemblage : Assemblage
+        The full scene. Forces of a planar one are balanced within its plane.
+    formulation : Formulation
+        Of the full model.
+    plane : Plane or None
+    mirror : Mirror or None
+    loaded : (free blocks,) array of bool
+        Those in parts with live load.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> for name in ("arch", "dome", "tuff-wall"):
+    ...     scene = builtin_scene(name)
+    ...     found = Reductions.of(Assemblage.of(scene), surfaces_of("conic")[0])
+    ...     print(name, found.whole.names, found.whole.degrees_of_freedom / len(scene.free))
+    arch ('planar',) 3.0
+    dome ('symmetry',) 3.0
+    tuff-wall () 6.0
+    """
+
+    assemblage: Assemblage
+    formulation: Formulation = corner_compressions
+    plane: Plane | None = None
+    mirror: Mirror | None = None
+    loaded: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        assemblage: Assemblage,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation = corner_compressions,
+        model: str = "auto",
+    ) -> Reductions:
+        """All that are valid; none for ``model="full"``, and for formulations of one's own."""
+        if model == "full" or formulation is not corner_compressions:
+            return cls(assemblage, formulation)
+        statics = assemblage.statics
+        plane = find_plane(statics, surfaces)
+        mirror = find_mirror(statics, surfaces, None if plane is None else plane.normal)
+        if plane is not None:
+            blocks = len(statics.dead) // DOF
+            ways = _rates(blocks, plane.normal, None, np.arange(blocks))
+            balance = Balance(statics, plane.model(plane.contacts), ways)
+            assemblage = assemblage.balanced_by(balance)
+        loaded = loaded_blocks(statics)
+        return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
+
+    @property
+    def full(self) -> Reduction:
+        """No reduction."""
+        return Reduction.none(self.assemblage.statics, self.formulation)
+
+    @property
+    def whole(self) -> Reduction:
+        """All parts of the scene, with or without live load."""
+        return self._reduction(None)
+
+    def best(self, dead_state: FloatArray | None) -> Reduction:
+        """The smallest model; parts are left out if a state (n, 6) shows that they stand."""
+        return self._reduction(dead_state)
+
+    def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
+        """From the full model to the smallest, one reduction more each."""
+        step = replace(self, plane=None, mirror=None, loaded=None)
+        yield step.full
+        for name in ("loaded", "mirror", "plane"):
+            if getattr(self, name) is not None and not (name == "loaded" and dead_state is None):
+                step = replace(step, **{name: getattr(self, name)})
+                yield step.best(dead_state)
+
+    def _reduction(self, dead_state: FloatArray | None) -> Reduction:
+        statics, plane, mirror = self.assemblage.statics, self.plane, self.mirror
+        blocks = None if dead_state is None else self.loaded
+        found = {"parts": blocks, "symmetry": mirror, "planar": plane}
+        names = tuple(name for name, part in found.items() if part is not None)
+        if not names:
+            return self.full
+        kept = np.ones(len(statics.contacts), dtype=bool)
+        moving = np.ones(len(statics.dead) // DOF, dtype=bool)
+        still = None
+        if blocks is not None and dead_state is not None:
+            kept, moving = contacts_of(statics, blocks), blocks
+            still = np.where(kept[:, None], 0.0, dead_state)
+        if mirror is not None:
+            kept = kept & (np.arange(len(kept)) <= mirror.contacts)
+        return replace(
+            self.full,
+            names=names,
+            contacts=statics.contacts
+            if kept.all()
+            else statics.contacts.take(np.flatnonzero(kept)),
+            forces=None if kept.all() else _forces(statics, mirror, kept),
+            rates=_rates(
+                len(moving), None if plane is None else plane.normal, mirror, np.flatnonzero(moving)
+            ),
+            formulation=self.formulation if plane is None else plane.taking(kept).model,
+            still=still,
+        )
+
+
+def _forces(statics: Statics, mirror: Mirror | None, kept: NDArray[np.bool_]) -> sp.csr_array:
+    """Forces of all contacts (6 n, 6 k) per forces of those kept."""
+    width = len(COMPONENTS)
+    columns = (width * np.flatnonzero(kept)[:, None] + np.arange(width)).ravel()
+    if mirror is not None:
+        return mirror.forces[:, columns].tocsr()
+    return sp.eye_array(width * len(kept), format="csc")[:, columns].tocsr()
+
+
+def _rates(
+    blocks: int, across: FloatArray | None, mirror: Mirror | None, moving: NDArray[np.int64]
+) -> sp.csr_array:
+    """Ways to move, (r, 6 blocks): in the plane if there is one, symmetric if there is a mirror."""
+    ways = _ways(across, None if mirror is None else mirror.normal)
+    if mirror is None:
+        at = sp.eye_array(blocks, format="csr")[moving]
+        return sp.kron(at, sp.csr_array(ways), format="csr")
+    partner, image = mirror.blocks, ways @ mirror.reflection
+    first, own = moving[moving < partner[moving]], moving[moving == partner[moving]]
+    each = sp.eye_array(blocks, format="csr")
+    symmetric = ways[np.abs(image - ways).max(axis=1) < 1e-9]
+    pairs = sp.kron(each[first], sp.csr_array(ways)) + sp.kron(
+        each[partner[first]], sp.csr_array(image)
+    )
+    return sp.vstack([pairs, sp.kron(each[own], sp.csr_array(symmetric))], format="csr")
+
+
+def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
+    """How one block moves, (3 or 6, 6): each way is its own mirror image or the opposite of it."""
+    if across is None and mirror is None:
+        return np.eye(DOF)
+    first = across if mirror is None else mirror
+    assert first is not None
+    if across is None or mirror is None:
+        second = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
+        second /= np.linalg.norm(second)
+    else:
+        second = across
+    frame = np.stack([first, second, np.cross(first, second)])
+    ways = np.kron(np.eye(2), frame)
+    if across is None:
+        return ways
+    out = 0 if mirror is None else 1
+    return ways[[i for i in range(3) if i != out] + [3 + out]]

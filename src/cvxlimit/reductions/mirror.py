@@ -1,0 +1,200 @@
+"""Scenes with a mirror plane: half the model.
+
+Let a reflection carry blocks, contacts, supports, their strength and both loads into each other.
+Then the mirror image of forces in equilibrium is in equilibrium at the same load factor, and so is
+the mean of both; strength is convex, so the mean is admissible. An optimum that is its own mirror
+image therefore exists, and one half of the contacts says it all; contacts that are their own
+partners carry the symmetric part of their forces. By duality some optimal mechanism is symmetric as
+well: blocks move like their partners, and blocks on the plane in it and about its normal.
+
+None of this holds with interaction: Eq. 30 is not convex, and the mean of two admissible states
+need not be admissible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.reductions.carrying import is_carried
+from cvxlimit.surfaces.base import YieldSurface
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SAME_PLACE = 1e-11
+"""Distance over the size of the scene, and difference of loads over the largest, put down to
+rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """A plane of symmetry and what it makes of blocks and contacts.
+
+    Attributes
+    ----------
+    normal : (3,)
+    blocks : (free blocks,) int array
+        Partner of each free block; itself on the plane.
+    contacts : (n,) int array
+        Partner of each contact.
+    carried : (n, 6, 6)
+        Forces of the partner per forces of the contact, for mirrored states.
+    """
+
+    normal: FloatArray
+    blocks: IntArray
+    contacts: IntArray
+    carried: FloatArray
+
+    @property
+    def reflection(self) -> FloatArray:
+        """(6, 6): what it makes of generalised forces and rates; moments are axial vectors."""
+        turn = np.eye(3) - 2.0 * np.outer(self.normal, self.normal)
+        return np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), -turn]])
+
+    @property
+    def forces(self) -> sp.csr_array:
+        """Forces of all contacts (6 n, 6 n) per forces of those with the lower number of a pair.
+
+        The symmetric part only where a contact is its own partner. Other columns are empty.
+        """
+        width = len(COMPONENTS)
+        each = np.arange(len(self.contacts))
+        first = np.flatnonzero(each <= self.contacts)
+        own = self.contacts[first] == first
+        unit = np.tile(np.eye(width), (len(first), 1, 1))
+        unit[own] = 0.5 * (unit[own] + self.carried[first[own]])
+        others = first[~own]
+        entries = np.concatenate([unit, self.carried[others]])
+        place = np.concatenate([first, self.contacts[others]]), np.concatenate([first, others])
+        rows = width * place[0][:, None, None] + np.arange(width)[:, None]
+        columns = width * place[1][:, None, None] + np.arange(width)
+        index = tuple(np.broadcast_to(i, entries.shape).ravel() for i in (rows, columns))
+        shape = (width * len(each), width * len(each))
+        result = sp.csr_array((entries.ravel(), index), shape=shape)
+        result.eliminate_zeros()
+        return result
+
+
+def find_mirror(
+    statics: Statics, surfaces: Sequence[YieldSurface], across: FloatArray | None = None
+) -> Mirror | None:
+    """A mirror plane of a scene under given surfaces, or None.
+
+    ``across`` is the normal of a planar scene's plane, which is a mirror plane that halves nothing.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> find_mirror(Statics.of(builtin_scene("dome")), surfaces_of("conic")[0]).normal.tolist()
+    [0.0, 1.0, 0.0]
+    """
+    free = statics.centroids[statics.row_of_block >= 0]
+    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    for normal in _candidates(statics, free):
+        if across is not None and abs(normal @ across) > _SAME_PLACE:
+            continue
+        mirror = _mirror(statics, normal, free, size)
+        if mirror is not None and is_carried(
+            surfaces, statics.contacts, mirror.contacts, mirror.carried
+        ):
+            return mirror
+    return None
+
+
+def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
+    """Unit vectors that may be normal to the plane.
+
+    Loads lie in it or come in pairs, so its normal is at right angles to their sums; it is a
+    principal axis of all places.
+    """
+    dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
+    spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
+    tried: list[FloatArray] = []
+    for vector in (np.cross(dead, live), *spread, *np.eye(3)):
+        length = np.linalg.norm(vector)
+        if length <= 1e-9 * np.linalg.norm(dead) * np.linalg.norm(live):
+            continue
+        unit = vector / length
+        unit = np.where(np.abs(unit) < 1e-15, 0.0, unit)
+        unit = unit * np.sign(unit[np.argmax(np.abs(unit))])
+        if not any(np.abs(unit - other).max() < 1e-9 for other in tried):
+            tried.append(unit)
+            yield unit
+
+
+def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
+    turn = np.eye(3) - 2.0 * np.outer(normal, normal)
+    offset = 2.0 * float((free @ normal).mean()) * normal
+    near = _SAME_PLACE * size
+    blocks = _partners(free, free @ turn + offset, near)
+    if blocks is None:
+        return None
+    for load in (statics.dead.reshape(-1, DOF), statics.live.reshape(-1, DOF)):
+        forces, moments = load[:, :3], load[:, 3:]
+        total = np.abs(forces).max() + np.abs(moments).max() / size
+        if np.abs(forces[blocks] - forces @ turn).max() > _SAME_PLACE * total:
+            return None
+        if np.abs(moments[blocks] + moments @ turn).max() > _SAME_PLACE * total * size:
+            return None
+    contacts = statics.contacts
+    partner = _partners(contacts.origin, contacts.origin @ turn + offset, near)
+    if partner is None:
+        return None
+    side = (contacts.axes[partner, 2] * (contacts.axes[:, 2] @ turn)).sum(axis=1)
+    side_sign = np.sign(side)
+    if np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE:
+        return None
+    if not _same_blocks(statics, blocks, partner, side_sign > 0.0):
+        return None
+    local = contacts.axes[partner] @ turn @ np.swapaxes(contacts.axes, 1, 2)
+    if not _same_corners(contacts, partner, local[:, :2, :2], near):
+        return None
+    carried = np.zeros((len(contacts), DOF, DOF))
+    carried[:, :3, :3] = side_sign[:, None, None] * local
+    carried[:, 3:, 3:] = -carried[:, :3, :3]
+    return Mirror(normal, blocks, partner, carried)
+
+
+def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
+    """Which place each image is at; None if some are at none, or two at one."""
+    distance, found = map(np.asarray, cKDTree(places).query(images))
+    if distance.max() > near or len(np.unique(found)) < len(places):
+        return None
+    return np.asarray(found)
+
+
+def _same_blocks(
+    statics: Statics, blocks: IntArray, partner: IntArray, is_kept: NDArray[np.bool_]
+) -> bool:
+    """Whether partners join partners; all supports are one."""
+    number, contacts = statics.row_of_block, statics.contacts
+    image = np.append(blocks, -1)
+    a, b = number[contacts.a], number[contacts.b]
+    one, other = np.where(is_kept, image[a], image[b]), np.where(is_kept, image[b], image[a])
+    return bool((a[partner] == one).all() and (b[partner] == other).all())
+
+
+def _same_corners(contacts: Contacts, partner: IntArray, turn: FloatArray, near: float) -> bool:
+    """Whether corners of contacts become corners of their partners."""
+    count = np.diff(contacts.corner_start)
+    if (count[partner] != count).any():
+        return False
+    for k in np.unique(count):
+        rows = np.flatnonzero(count == k)
+        own = contacts.corner_start[rows][:, None] + np.arange(k)
+        others = contacts.corner_start[partner[rows]][:, None] + np.arange(k)
+        images = np.einsum("nik,njk->nji", turn[rows], contacts.corner_xy[own])
+        apart = np.abs(images[:, :, None] - contacts.corner_xy[others][:, None]).max(axis=3)
+        if apart.min(axis=2).max() > near:
+            return False
+    return True

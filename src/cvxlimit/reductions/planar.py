@@ -1,0 +1,242 @@
+"""Planar scenes: three degrees of freedom per block, three forces per contact.
+
+A scene is planar when there is a plane in which everything happens:
+
+1. normals of contacts, dead and live forces lie in it, load moments are about its normal y;
+2. centroids of free blocks and centres of contacts are on one such plane;
+3. there each contact reaches as far along d = y x n as anywhere;
+4. reflection in the plane carries the admissible forces of every contact into themselves.
+
+Then with any forces in equilibrium their mirror image is in equilibrium too, and so is the mean of
+both, at the same load factor. By 4 and convexity the mean is admissible; its pressure centre is on
+the plane, by 3 inside the contact. So nothing is lost with forces in the plane alone: one
+compression at each of the contact's two ends there, and the shear V along d, for which
+
+    abs(V) gauge(d) <= mu N + c A
+
+are two rows, without torsion and cones. Blocks move in the plane and turn about y: equilibrium
+needs no more. Those motions open whole edges of contacts alike and do not twist them, so they
+satisfy the flow rule of the full scene. Facets are indifferent to the reflection where d is along a
+facet's normal or through its corner: the octagon on rectangles, for example. Elsewhere the scene
+is not planar: there facets let shear across the plane pay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.reductions.carrying import coefficients, is_carried
+from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
+from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.coulomb import Rocking
+
+FloatArray = NDArray[np.float64]
+
+_IN_PLANE = 2e-12
+"""What is put down to rounding: components of unit vectors out of the plane, and distances from it
+over the size of the scene. The built-in planar scenes turned by random rotations stay below
+5e-15 (1,000 turns); a certificate's forces must balance to 1e-11."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The plane of a planar scene, and what contacts look like in it.
+
+    Attributes
+    ----------
+    normal : (3,)
+        Unit vector y.
+    contacts : Contacts
+    conditions : sequence of Condition
+        Of the surfaces, on N and V, with one coefficient per contact.
+    names : frozenset of str
+        Those of the surfaces that they stand for.
+    """
+
+    normal: FloatArray
+    contacts: Contacts
+    conditions: Sequence[Condition] = ()
+    names: frozenset[str] = frozenset()
+
+    @cached_property
+    def across(self) -> FloatArray:
+        """y in the contacts' axes t1, t2, (n, 2)."""
+        return np.asarray(self.contacts.axes[:, :2] @ self.normal)
+
+    @cached_property
+    def along(self) -> FloatArray:
+        """d = y x n in the contacts' axes t1, t2, (n, 2): y turned by a right angle."""
+        return np.stack([-self.across[:, 1], self.across[:, 0]], axis=1)
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """How far contacts reach along d, (n, 2)."""
+        reach = self._reach
+        start = self.contacts.corner_start[:-1]
+        return np.stack([np.minimum.reduceat(reach, start), np.maximum.reduceat(reach, start)], 1)
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        j = self.contacts.corner_contact
+        return np.asarray((self.contacts.corner_xy * self.along[j]).sum(axis=1))
+
+    def spans(self, tolerance: float) -> bool:
+        """True if contacts reach both ends in the plane of their centres."""
+        start = self.contacts.corner_start[:-1]
+        j = self.contacts.corner_contact
+        beside = (self.contacts.corner_xy * self.across[j]).sum(axis=1)
+        for side in (0, 1):
+            at = np.abs(self._reach - self.ends[j, side]) <= tolerance
+            least = np.minimum.reduceat(np.where(at, beside, np.inf), start)
+            most = np.maximum.reduceat(np.where(at, beside, -np.inf), start)
+            if (least > tolerance).any() or (most < -tolerance).any():
+                return False
+        return True
+
+    def model(self, contacts: Contacts) -> ForceModel:
+        """The formulation: compressions n at both ends, shear V, and the conditions on them."""
+        each = np.arange(len(contacts))
+        x, y = (self.ends.T[:, :, None] * self.along).reshape(-1, 2).T
+        return ForceModel(
+            contacts,
+            [
+                Part("n", {"N": 1, "M1": y, "M2": -x}, np.tile(each, 2), nonneg=True),
+                Part("V", {"V1": self.along[:, 0], "V2": self.along[:, 1]}, each),
+            ],
+            self.conditions,
+            self.names | {Rocking.name},
+        )
+
+    def taking(self, kept: NDArray[np.bool_]) -> Plane:
+        """The same with some of the contacts (n,)."""
+        if kept.all():
+            return self
+        rows = np.flatnonzero(kept)
+        smaller = [
+            replace(c, resistance={k: np.asarray(v)[rows] for k, v in c.resistance.items()})
+            for c in self.conditions
+        ]
+        return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
+
+    def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
+        """With the surfaces' conditions; None if they are not those of a plane."""
+        each = np.arange(len(self.contacts))
+        if not is_carried(surfaces, self.contacts, each, self._reflections):
+            return None
+        found = [row for s in surfaces for row in self._stated(s)]
+        rows = [row for row in found if row is not None]
+        if len(rows) < len(found):
+            return None
+        names = frozenset(surface.name for surface in surfaces)
+        return replace(self, conditions=rows, names=names)
+
+    @property
+    def _reflections(self) -> FloatArray:
+        """(n, 6, 6): what the reflection makes of contact forces; moments are axial vectors."""
+        y = np.pad(self.across, ((0, 0), (0, 1)))
+        turn = np.eye(3) - 2.0 * y[:, :, None] * y[:, None, :]
+        result = np.zeros((len(y), DOF, DOF))
+        result[:, :3, :3], result[:, 3:, 3:] = turn, -turn
+        return result
+
+    def _stated(self, surface: YieldSurface) -> Iterator[Condition | None]:
+        """Two rows on N and V per condition; None where it takes more."""
+        if type(surface) is Rocking:
+            return
+        for condition in stated(surface, self.contacts):
+            resistance = coefficients(condition.resistance, len(self.contacts))
+            sizes = self._shear_sizes(condition, surface.cone)
+            if resistance is None or sizes is None or np.any(self._in_plane(resistance)[:, [0, 2]]):
+                yield None
+                return
+            if not sizes.any() and (resistance >= 0.0).all():
+                continue
+            strength: dict[str, FloatArray] = {"N": resistance[:, 2]}
+            if resistance[:, 6].any():
+                strength[CONSTANT] = resistance[:, 6]
+            for size, sign in zip(sizes, (-1.0, 1.0), strict=True):
+                row: LinearForm = {**strength, "V": sign * size}
+                yield Condition((), row)
+
+    def _shear_sizes(self, condition: Condition, cone: Cone) -> FloatArray | None:
+        """Sum of norms (2, n) for V = 1 and V = -1; None if they depend on more than V."""
+        total = np.zeros((2, len(self.contacts)))
+        for norm in condition.norms:
+            shear = []
+            for form in norm.weighted_rows:
+                row = coefficients(form, len(self.contacts))
+                if row is None or np.any(self._in_plane(row)[:, 1:]) or row[:, 6].any():
+                    return None
+                shear.append(self._in_plane(row)[:, 0])
+            total[0] += cone.gauge(shear)
+            total[1] += cone.gauge([-s for s in shear])
+        return total
+
+    def _in_plane(self, rows: FloatArray) -> FloatArray:
+        """Coefficients (n, 3) on V, N and the moment about y."""
+        shear = (rows[:, :2] * self.along).sum(axis=1)
+        moment = (rows[:, 3:5] * self.across).sum(axis=1)
+        return np.stack([shear, rows[:, 2], moment], axis=1)
+
+
+def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
+    """The plane of a scene under given surfaces, or None if it is not planar to rounding.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> find_plane(Statics.of(builtin_scene("arch")), surfaces_of("conic")[0]).normal.tolist()
+    [0.0, 1.0, 0.0]
+    >>> find_plane(Statics.of(builtin_scene("dome")), surfaces_of("conic")[0]) is None
+    True
+    """
+    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    for normal in _candidates(statics):
+        if _is_flat(statics, normal, size):
+            plane = Plane(normal, statics.contacts)
+            if plane.spans(_IN_PLANE * size):
+                return plane.with_strength(surfaces)
+    return None
+
+
+def _candidates(statics: Statics) -> Iterator[FloatArray]:
+    """Unit vectors that may be normal to the plane: along edges of a contact, or to all normals."""
+    contacts = statics.contacts
+    corners = contacts.corner_points[: contacts.corner_start[1]]
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = contacts.axes[:, 2]
+    axes = np.linalg.svd(np.append(normals, np.zeros((3, 3)), 0), full_matrices=False)[2]
+    found = [axes[2], *(edges / np.linalg.norm(edges, axis=1)[:, None])]
+    tried: list[FloatArray] = []
+    for vector in found:
+        vector = np.where(np.abs(vector) < 1e-15, 0.0, vector)
+        vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+        if not any(np.abs(vector - other).max() < 1e-9 for other in tried):
+            tried.append(vector)
+            yield vector
+
+
+def _is_flat(statics: Statics, normal: FloatArray, size: float) -> bool:
+    """Whether normals and loads lie in a plane, and the places that matter on one."""
+    contacts = statics.contacts
+    if np.abs(contacts.axes[:, 2] @ normal).max() > _IN_PLANE:
+        return False
+    for load in (statics.dead, statics.live):
+        forces, moments = np.split(load.reshape(-1, DOF), 2, axis=1)
+        total = np.abs(forces).max() + np.abs(moments).max() / size
+        beside = moments - (moments @ normal)[:, None] * normal
+        if np.abs(forces @ normal).max() > _IN_PLANE * total:
+            return False
+        if np.abs(beside).max() > _IN_PLANE * total * size:
+            return False
+    places = [contacts.origin @ normal, statics.centroids[statics.row_of_block >= 0] @ normal]
+    return float(np.ptp(np.concatenate(places))) <= _IN_PLANE * size
