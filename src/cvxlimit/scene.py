@@ -297,8 +297,9 @@ def check_scene(value: Any) -> None:
     cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
 or read_scene('arch') if it is a file
     """
-    name = repr(value)
-    cure = "builtin_scene('arch') makes one"
+    if isinstance(value, Scene):
+        return
+    name, cure = repr(value), "builtin_scene('arch') makes one"
     if isinstance(value, str):
         cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
     of_type(value, Scene, "scene must be a Scene", cure)
