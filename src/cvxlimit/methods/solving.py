@@ -101,11 +101,12 @@ def solve(
     (0.42306, True)
     """
     check_choice("flow", flow, FLOWS)
-    is_none = interaction is None or interaction == "none"
-    if flow != "associated" and not is_none:
+    if interaction is None or interaction == "none":
+        rule = _rule(_default_rule(torsion_shear, flow), tolerance)
+    elif flow == "associated":
+        rule = _rule(interaction, tolerance)
+    else:
         raise ModelError(f"flow {flow!r} goes without interaction: leave the interaction out")
-    chosen = _default_rule(torsion_shear, flow) if is_none else interaction
-    rule = _rule(chosen, tolerance)
     run = Run(scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear)
     return drive(rule, run)
 
