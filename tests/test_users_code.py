@@ -16,7 +16,7 @@ from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.moments import SIGNED
-from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.formulations import ForceModel, Part, vertex_forces
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, YieldSurface
@@ -111,18 +111,6 @@ class TestCohesion:
 
 
 # Vertex forces: Coulomb friction at every corner of the contact.
-
-
-def vertex_forces(contacts: Contacts) -> ForceModel:
-    """One force at every corner, each within its own friction cone (as RBE and CRA do)."""
-    j, (x, y) = contacts.corner_contact, contacts.corner_xy.T
-    parts = [
-        Part("n", {"N": 1, "M1": y, "M2": -x}, j, nonneg=True),
-        Part("v1", {"V1": 1, "MT": -y}, j),
-        Part("v2", {"V2": 1, "MT": x}, j),
-    ]
-    coulomb = Condition([Norm({"v1": 1}, {"v2": 1})], {"n": contacts.friction[j]}, j)
-    return ForceModel(contacts, parts, [coulomb])
 
 
 class TestVertexForces:

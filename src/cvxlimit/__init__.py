@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from cvxlimit.methods.analysis import analyse as analyse
     from cvxlimit.methods.certified import Certified as Certified
     from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
+    from cvxlimit.methods.settlement import settlement as settlement
     from cvxlimit.methods.solving import solve as solve
     from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
     from cvxlimit.proof.certificate import Certificate as Certificate
@@ -80,6 +81,7 @@ _HOME = {
     "analyse": "methods.analysis",
     "builtin_scene": "masonry",
     "explain": "reductions.explaining",
+    "settlement": "methods.settlement",
     "solve": "methods.solving",
 }
 """The module of every public name; above once more, for type checkers."""

@@ -107,7 +107,7 @@ class Member:
     equilibrium, yield_excess : float
         Largest residual and excess, in units of the total load.
     flow : float
-        Largest penetration at a corner over the largest opening.
+        Largest penetration at a corner over the largest opening or slip.
     complementarity : float
         Power of contact forces that friction does not account for, over the load factor's.
     forces : (contacts, 6) array, mechanism : (free blocks, 6) array

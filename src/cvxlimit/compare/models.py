@@ -17,7 +17,7 @@ import numpy as np
 from cvxlimit.bracket import known
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, analyse
-from cvxlimit.methods.solving import INTERACTIONS, MOMENTS, check_choice, solve
+from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, check_choice, solve
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
@@ -129,8 +129,9 @@ class Model(Method):
     tolerance : float or None
         What is asked of the ladder; None is the package's default. For one solver its options say
         it, and this is for the record.
-    interaction, moments : str
-        As for :func:`cvxlimit.solve`; with interaction the ladder is always the package's own.
+    interaction, moments, torsion_shear, flow : str
+        As for :func:`cvxlimit.solve`; with any but the first of each, the ladder is always the
+        package's own.
 
     Raises
     ------
@@ -154,13 +155,16 @@ class Model(Method):
     tolerance: float | None = None
     interaction: str = "none"
     moments: str = "independent"
+    torsion_shear: str = "linear"
+    flow: str = "associated"
 
     def __post_init__(self) -> None:
         for what in ("name", "line"):
             text = getattr(self, what)
             if not isinstance(text, str) or not (text or what == "line"):
                 raise ModelError(f"{what} of a model must be a text, got {text!r}")
-        surfaces_of(self.surface)
+        surfaces_of(self.surface, self.torsion_shear)
+        check_choice("flow", self.flow, FLOWS)
         if not callable(self.formulation):
             raise ModelError(
                 f"formulation must be a function of contacts like "
@@ -174,10 +178,10 @@ class Model(Method):
         asked = self._asked
         if not (isinstance(asked, float) and 0.0 < asked < 1.0):
             raise ModelError(f"tolerance must be a number between 0 and 1, got {asked!r}")
-        if self.solver is not None and self.interaction != "none":
+        if self.solver is not None and self._is_solved:
             raise ModelError(
                 f"model {self.name!r} has a solver and interaction: leave out the solver, since "
-                "interaction always takes the package's own"
+                "interaction, torsion_shear and flow always take the package's own"
             )
         check_choice("interaction", self.interaction, INTERACTIONS)
         check_choice("moments", self.moments, MOMENTS)
@@ -195,12 +199,18 @@ class Model(Method):
         }
 
     @property
+    def _is_solved(self) -> bool:
+        """True for what only :func:`cvxlimit.solve` knows how to do."""
+        usual = ("none", "linear", "associated")
+        return (self.interaction, self.torsion_shear, self.flow) != usual
+
+    @property
     def _asked(self) -> float:
         return TOLERANCE if self.tolerance is None else self.tolerance
 
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
-        if self.interaction != "none":
+        if self._is_solved:
             return self._solved(scene)
         if self.solver is None:
             return self._analysed(scene)
@@ -208,7 +218,8 @@ class Model(Method):
 
     def _solved(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        options: dict[str, Any] = {"interaction": self.interaction, "moments": self.moments}
+        names = ("interaction", "moments", "torsion_shear", "flow")
+        options: dict[str, Any] = {name: getattr(self, name) for name in names}
         return _measured(solve(scene, self.surface, tolerance=self._asked, **options), start)
 
     def _analysed(self, scene: Scene) -> Measurement:

@@ -11,8 +11,9 @@ import cvxpy as cp
 
 from cvxlimit.compare.models import FrozenModel, Method, Model
 from cvxlimit.errors import ModelError
-from cvxlimit.model.formulations import resultants
+from cvxlimit.model.formulations import resultants, vertex_forces
 from cvxlimit.solvers import settings_for
+from cvxlimit.surfaces import Rocking
 
 
 @dataclass
@@ -78,6 +79,23 @@ def interaction_registry() -> dict[str, Method]:
                 name = f"{kind}/{moments}/{surface}"
                 line = f"{kind}, {moments} moments"
                 made.add(Model(name, line, surface, interaction=kind, moments=moments))
+    return made.methods
+
+
+def physics_registry() -> dict[str, Method]:
+    """Other models of the same contacts, by name, and the paper's to compare them with.
+
+    Each has a load factor of its own: errors are differences from the paper's cone.
+
+    >>> list(physics_registry())
+    ['linear', 'parabolic', 'exact', 'vertex-forces', 'zero-dilatancy']
+    """
+    made = _Registry()
+    made.add(Model("linear", "linear torsion-shear"))
+    made.add(Model("parabolic", "parabolic torsion-shear", torsion_shear="parabolic"))
+    made.add(Model("exact", "exact torsion-shear", torsion_shear="exact", tolerance=1e-3))
+    made.add(Model("vertex-forces", "vertex forces", (Rocking(),), vertex_forces))
+    made.add(Model("zero-dilatancy", "zero dilatancy", flow="zero-dilatancy", tolerance=1e-4))
     return made.methods
 
 

@@ -74,6 +74,10 @@ class LowestOnMechanism:
         return Terms(self.sign * alpha - _PRICE * total, dead, live)
 
 
+_NATURAL = 4.0
+"""Largest random price where no iterate has told its size yet, over friction at a rate at which the
+whole live load does power 1: blocks that wedge each other need some price to have a solution."""
+
 _PRICE = 1e3
 """Of power on the mechanism, in scaled load factors: a penalty that is exact once it exceeds the
 multiplier; solutions are checked in any case."""
@@ -126,7 +130,7 @@ class Verifier:
             iterations=iterations,
             equilibrium=certificate.equilibrium_residual,
             yield_excess=certificate.yield_excess,
-            flow=float(penetration.max() / np.abs(openings).max()),
+            flow=float(penetration.max() / max(np.abs(openings).max(), np.abs(rates[:, :2]).max())),
             complementarity=float(np.abs(power + taken_up).sum() / unit),
             forces=forces,
             mechanism=mechanism,
@@ -251,7 +255,7 @@ class _Search:
         state, rung = self.run.climb(self.problem.solve, self.ladder)
         member = self.verifier.member(state, self._label, self.iterations)
         self.run.note(state, rung, change=None if member is None else member.residual)
-        if state.load_factor is not None and self.associated is None:
+        if self.at_start == 0 and self.iterations == 1:
             self.associated = state.load_factor
         if member is None:
             self._next_start(None)
@@ -280,7 +284,8 @@ class _Search:
             self.waiting.append(member)
         self.at_start += 1
         self.iterations = 0
-        size = 0.0 if self.typical is None else float(np.max(self.typical))
+        natural = _NATURAL * float(self.run.contacts.friction.max()) / self.run.scaling.live
+        size = natural if self.typical is None else float(np.max(self.typical))
         self.prices = size * self.random.uniform(0.0, 1.0, len(self.prices)) ** 2
 
     def _seek_extremes(self, member: Member) -> None:

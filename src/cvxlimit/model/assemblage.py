@@ -133,7 +133,11 @@ class Balance:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
         order = self._elimination_order()
         ordered = self.matrix[order]
-        solve = factorised((ordered @ sp.diags_array(self.weights) @ ordered.T).tocsc())
+        square = ordered @ sp.diags_array(self.weights) @ ordered.T
+        if self.statics.guides:  # rates that guides prevent: any value will do
+            idle = sp.eye_array(len(order)) - self.statics.guided
+            square = square + idle.tocsr()[order][:, order]
+        solve = factorised(square.tocsc())
 
         def unordered(right: FloatArray) -> FloatArray:
             result = np.empty_like(right)

@@ -21,6 +21,7 @@ from cvxlimit.surfaces.base import (
     CONSTANT,
     Condition,
     LinearForm,
+    Norm,
     YieldSurface,
     check_condition,
     number,
@@ -218,6 +219,30 @@ def resultants(contacts: Contacts) -> ForceModel:
     each = np.arange(len(contacts))
     parts = [Part(c, {c: 1}, each) for c in COMPONENTS]
     return ForceModel(contacts, parts, holds=frozenset())
+
+
+def vertex_forces(contacts: Contacts) -> ForceModel:
+    """One force at every corner, each within its own friction cone (as RBE and CRA do).
+
+    The hull of all pressure fields with friction at every point, hence the least restrictive model
+    of interaction with bending: pressed at its centre a square resists 1.85 times the torsion of a
+    uniform pressure, pressed at a corner none. It states its own strength: give ``[Rocking()]`` as
+    surface.
+
+    >>> from cvxlimit import builtin_scene, solve
+    >>> from cvxlimit.surfaces import Rocking
+    >>> scene = builtin_scene("tuff-wall")
+    >>> round(solve(scene, [Rocking()], formulation=vertex_forces).load_factor, 4)
+    0.3642
+    """
+    j, (x, y) = contacts.corner_contact, contacts.corner_xy.T
+    parts = [
+        Part("n", {"N": 1, "M1": y, "M2": -x}, j, nonneg=True),
+        Part("v1", {"V1": 1, "MT": -y}, j),
+        Part("v2", {"V2": 1, "MT": x}, j),
+    ]
+    coulomb = Condition([Norm({"v1": 1}, {"v2": 1})], {"n": contacts.friction[j]}, j)
+    return ForceModel(contacts, parts, [coulomb])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -69,7 +70,8 @@ class Statics:
     """Equilibrium data of a scene in one consistent set of units.
 
     ``matrix`` is A; ``dead`` and ``live`` are load vectors (6 free blocks,); see
-    :func:`equilibrium_matrix`.
+    :func:`equilibrium_matrix`. ``guides`` are directions (3,) of free blocks, by row, that can only
+    move along them: what acts on such a block in other ways is taken up by its guide.
     """
 
     contacts: Contacts
@@ -77,6 +79,21 @@ class Statics:
     row_of_block: IntArray
     dead: FloatArray
     live: FloatArray
+    guides: Mapping[int, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("dead", "live"):
+            if self.guides:
+                object.__setattr__(self, name, self.guided @ getattr(self, name))
+
+    @cached_property
+    def guided(self) -> sp.csr_array:
+        """Projection (6 free blocks, 6 free blocks) of rates on those that guides allow."""
+        blocks = [np.eye(DOF)] * (int(self.row_of_block.max()) + 1)
+        for row, direction in self.guides.items():
+            blocks[row] = np.zeros((DOF, DOF))
+            blocks[row][:3, :3] = np.outer(direction, direction)
+        return sp.csr_array(sp.block_diag(blocks, format="csr"))
 
     @classmethod
     def of(cls, scene: Scene) -> Statics:
@@ -100,7 +117,8 @@ class Statics:
     @cached_property
     def matrix(self) -> sp.csr_array:
         """A of Eq. 7."""
-        return equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
+        whole = equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
+        return (self.guided @ whole).tocsr() if self.guides else whole
 
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
@@ -200,6 +218,7 @@ class Scaling:
             row_of_block=statics.row_of_block,
             dead=statics.dead / (self.force * rows),
             live=statics.live / (self.live * rows),
+            guides=statics.guides,
         )
 
     def load_factor(self, scaled: float) -> float:

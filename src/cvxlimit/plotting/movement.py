@@ -214,14 +214,16 @@ def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
         return rates
     free = [scene.blocks[i].id for i in scene.free]
     missing = sorted(set(free) - set(solution.mechanism))
-    strange = sorted(set(solution.mechanism) - set(free))
+    place = {block.id: i for i, block in enumerate(scene.blocks)}  # supports may settle
+    strange = sorted(set(solution.mechanism) - set(place))
     if missing or strange:
         fault = f"lacks block {missing[0]!r}" if missing else f"names block {strange[0]!r}"
         raise InputError(
             f"the mechanism {fault}: the solution of {solution.scene!r} does not belong to "
             f"scene {scene.name!r}"
         )
-    rates[scene.free] = [solution.mechanism[name] for name in free]
+    for name, own in solution.mechanism.items():
+        rates[place[name]] = own
     if not np.isfinite(rates).all():
         bad = scene.blocks[int(np.flatnonzero(~np.isfinite(rates).all(axis=1))[0])]
         raise InputError(f"the mechanism's rates of block {bad.id!r} must be finite")

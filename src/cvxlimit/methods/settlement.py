@@ -1,0 +1,180 @@
+"""Settlement: the least and the largest reaction of a support that moves, and its mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.bracket import Bracket
+from cvxlimit.checks import finite_vector
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.methods.analysis import TOLERANCE, Convex
+from cvxlimit.methods.driver import Run, drive
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.scene import Load, Scene, check_scene
+from cvxlimit.solution import Solution
+from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.presets import surfaces_of
+
+FloatArray = NDArray[np.float64]
+
+_NO_WEIGHT = 1e-14
+"""Weight of the moving support over that of all blocks: its own does not count."""
+
+_LEAST, _LARGEST = "least", "largest"
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """What a moving support carries.
+
+    Attributes
+    ----------
+    value : float or None
+        Force with which the support resists being moved along the direction: positive where it is
+        pushed that way. None where there is none.
+    bracket : Bracket
+        Of the value, recomputed outside the solver.
+    solution : Solution
+        Of the limit problem behind it, whose load factor is the reaction less one that is
+        possible; its forces and mechanism are those of the reaction.
+    """
+
+    value: float | None
+    bracket: Bracket
+    solution: Solution
+
+
+def settlement(
+    scene: Scene,
+    support: str,
+    direction: ArrayLike,
+    which: str = _LEAST,
+    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    tolerance: float = TOLERANCE,
+) -> Reaction:
+    """Least or largest reaction of a support that moves along a direction, under the dead load.
+
+    The support is taken as a block that its guide lets move along the direction only. The least
+    reaction is what remains of it while it settles; the largest what pushes it back.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its live load does not matter.
+    support : str
+        Id of the support that moves; its contacts with other supports do not count.
+    direction : (3,)
+        Of the movement; its length does not matter.
+    which : {"least", "largest"}
+    surface, tolerance
+        As for :func:`cvxlimit.solve`; the tolerance is relative to the distance between the
+        reaction and a possible one.
+
+    Raises
+    ------
+    InputError
+        If there is no such support, or the direction is none.
+    ModelError
+        If the dead load does not stand on all supports, or for contacts with strengths.
+
+    Example
+    -------
+    >>> from cvxlimit import Block
+    >>> piers = [Block.box(f"p{i}", (x, 0, -1), (x + 0.2, 1, 0)) for i, x in enumerate((0, 0.8))]
+    >>> beam = Block.box("beam", (0, 0, 0), (1, 1, 0.2), density=10.0)
+    >>> scene = Scene([*piers, beam], ["p0", "p1"], Load(acceleration=(1, 0, 0)))
+    >>> round(settlement(scene, "p1", (0, 0, -1)).value, 6)  # turns about the edge of p0
+    0.75
+    """
+    check_scene(scene)
+    if which not in (_LEAST, _LARGEST):
+        raise ModelError(f"which must be least or largest, got {which!r}")
+    if support not in scene.supports:
+        raise InputError(
+            f"{support!r} is no support of scene {scene.name!r}: {', '.join(scene.supports)} are"
+        )
+    vector = finite_vector(direction, 3, "direction of the settlement")
+    if not np.any(vector):
+        raise InputError("direction of the settlement must not be zero")
+    along = vector / np.linalg.norm(vector)
+    contacts = scene.contacts
+    if np.isfinite(contacts.compressive_strength).any() or np.any(contacts.tensile_strength):
+        raise ModelError(
+            "settlement knows no strength of stone or mortar yet: leave compressive_strength and "
+            "tensile_strength out"
+        )
+    sign = 1.0 if which == _LEAST else -1.0
+    guided, possible = _guided(scene, support, along, sign, surface)
+    solution = drive(Convex(tolerance), Run(guided, surface))
+    return _reaction(solution, guided, support, along, possible, sign)
+
+
+def _reaction(
+    solution: Solution,
+    guided: Assemblage,
+    support: str,
+    along: FloatArray,
+    possible: float,
+    sign: float,
+) -> Reaction:
+    """The force unit of the live load is one: a load factor is a change of the reaction."""
+    found = solution.bracket
+    ends = (possible - sign * found.lower, possible - sign * found.upper)
+    proofs = (found.lower_is_proved, found.upper_is_proved)
+    high, low = (0, 1) if sign > 0.0 else (1, 0)
+    bracket = Bracket(ends[low], ends[high], proofs[low], proofs[high], found.least)
+    factor = solution.load_factor
+    value = None if factor is None else possible - sign * factor
+    if solution.mechanism is not None:
+        rates = dict(solution.mechanism)
+        rates[support] = np.append(along * (along @ rates[support][:3]), np.zeros(3))
+        solution = replace(solution, mechanism=rates)
+    return Reaction(value, bracket, solution)
+
+
+def _guided(
+    scene: Scene,
+    support: str,
+    along: FloatArray,
+    sign: float,
+    surface: str | Cone | Sequence[YieldSurface],
+) -> tuple[Assemblage, float]:
+    """The support as a guided block, pulled along by a live load of 1 and held by a reaction that
+    is possible; and that reaction."""
+    surfaces, _ = surfaces_of(surface)
+    state = Certifier(scene, surfaces).witnesses.dead_state
+    if state is None:
+        raise ModelError(
+            f"no forces were found that carry the dead load of scene {scene.name!r} with all "
+            "supports in place, strictly inside their strength: nothing can settle"
+        )
+    at = [block.id for block in scene.blocks].index(support)
+    weight = _NO_WEIGHT * scene.total_weight / scene.blocks[at].volume
+    blocks = tuple(replace(b, density=weight) if b.id == support else b for b in scene.blocks)
+    others = tuple(key for key in scene.supports if key != support)
+    free = scene._copy(
+        blocks=blocks,
+        supports=others,
+        live=Load(forces={support: (*(sign * along), 0.0, 0.0, 0.0)}),
+    )
+    statics = Statics.of(free)
+    row = int(statics.row_of_block[at])
+    pushed = (statics.matrix @ state.ravel()).reshape(-1, DOF)[row, :3]
+    possible = float(pushed @ along)
+    own = {key: force for key, force in scene.dead.forces.items() if key != support}
+    held = Load(
+        scene.dead.gravity,
+        scene.dead.acceleration,
+        {**own, support: (*(-possible * along), 0.0, 0.0, 0.0)},
+    )
+    free = free.with_dead(held)
+    statics = replace(Statics.of(free), guides={row: along})
+    balance = Balance(statics, corner_compressions(statics.contacts))
+    return Assemblage(free, statics, Scaling.of(free), balance), possible

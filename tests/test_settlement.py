@@ -1,0 +1,127 @@
+"""Reactions of supports that move, against hand calculation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.typing import NDArray
+
+from cvxlimit import Block, Load, Scene, Status, builtin_scene, settlement
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.plotting import plot
+from helpers import renumbered, rotations
+
+FloatArray = NDArray[np.float64]
+DOWN = (0.0, 0.0, -1.0)
+PUSH = Load(acceleration=(1.0, 0.0, 0.0))
+
+
+def beam_on_three(widths: float = 0.2) -> Scene:
+    """A beam of length 2, height 0.2 and weight 4 on piers at its ends and in the middle."""
+    piers = [
+        Block.box(f"p{i}", (x, 0, -1), (x + widths, 1, 0))
+        for i, x in enumerate((0.0, 1.0 - widths / 2.0, 2.0 - widths))
+    ]
+    beam = Block.box("beam", (0, 0, 0), (2, 1, 0.2), density=10.0)
+    return Scene([*piers, beam], ["p0", "p1", "p2"], PUSH, friction=0.6)
+
+
+def jack_arch(length: float = 1.0, height: float = 0.5) -> Scene:
+    """Two blocks between vertical abutments: thrust W L / (2 h) from toe to crown."""
+    left = Block.box("left", (-1, 0, -1), (0, 1, 2))
+    right = Block.box("right", (2 * length, 0, -1), (2 * length + 1, 1, 2))
+    blocks = [
+        Block.box(f"b{i}", (i * length, 0, 0), ((i + 1) * length, 1, height), density=10.0)
+        for i in (0, 1)
+    ]
+    return Scene([left, *blocks, right], ["left", "right"], PUSH, friction=20.0)
+
+
+class TestBeam:
+    def test_middle_pier_may_lose_everything(self) -> None:
+        reaction = settlement(beam_on_three(), "p1", DOWN)
+        assert reaction.solution.status is Status.CERTIFIED
+        assert reaction.value == pytest.approx(0.0, abs=1e-6)
+        assert reaction.bracket.lower <= 0.0 + 1e-9 <= reaction.bracket.upper + 2e-9
+
+    def test_end_pier_settles_and_heaves(self) -> None:
+        """Least: all but nothing, since the middle pier's inner half lets the beam balance on it.
+        Largest: the beam turns about the far edge of the far pier, 4 * 1 / 1.8."""
+        scene = beam_on_three()
+        least, largest = (settlement(scene, "p2", DOWN, which) for which in ("least", "largest"))
+        assert least.value == pytest.approx(0.0, abs=1e-6)
+        assert largest.value == pytest.approx(4.0 * 1.0 / 1.8, rel=1e-6)
+        assert largest.solution.mechanism is not None
+        rates = largest.solution.mechanism["p2"]
+        np.testing.assert_allclose(rates, [0, 0, 1, 0, 0, 0], atol=1e-7)
+        assert largest.bracket.lower <= 4.0 / 1.8 + 1e-9 <= largest.bracket.upper + 2e-9
+        assert largest.bracket.is_proved
+
+    def test_on_two(self) -> None:
+        """Least: about the near edge of the other pier, at the far edge of its own."""
+        scene = beam_on_three()
+        blocks = tuple(b for b in scene.blocks if b.id != "p1")
+        two = Scene(blocks, ["p0", "p2"], PUSH, friction=0.6)
+        found = [settlement(two, "p2", DOWN, which).value for which in ("least", "largest")]
+        assert found == pytest.approx([4.0 * 0.8 / 1.8, 4.0 * 1.0 / 1.8], rel=1e-6)
+
+    def test_sideways_friction(self) -> None:
+        """A pier drawn from under a beam drags it along until half the weight is on it: the other
+        piers hold the beam back with as much friction, and no more."""
+        scene = beam_on_three()
+        found = settlement(scene, "p2", (1.0, 0.0, 0.0), "largest").value
+        assert found == pytest.approx(0.6 * 4.0 / 2.0, rel=1e-5)
+
+
+class TestArch:
+    @pytest.mark.parametrize(("length", "height"), [(1.0, 0.5), (1.0, 0.9), (0.5, 0.2)])
+    def test_spreading_springing(self, length: float, height: float) -> None:
+        scene = jack_arch(length, height)
+        weight = 10.0 * length * height
+        reaction = settlement(scene, "right", (1.0, 0.0, 0.0))
+        assert reaction.solution.status is Status.CERTIFIED
+        assert reaction.value == pytest.approx(weight * length / (2.0 * height), rel=1e-5)
+        assert reaction.bracket.lower <= reaction.value <= reaction.bracket.upper
+
+    def test_thrust_of_a_voussoir_arch_lies_between(self) -> None:
+        """Least and largest thrust enclose each other, and a mechanism goes with each."""
+        scene = builtin_scene("arch")
+        key = scene.supports[-1]
+        side = np.sign(next(b for b in scene.blocks if b.id == key).centroid[0]
+                       - np.mean([b.centroid[0] for b in scene.blocks]))  # fmt: skip
+        low, high = (settlement(scene, key, (side, 0, 0), which) for which in ("least", "largest"))
+        assert 0.0 < low.value < high.value
+
+    @given(turn=rotations())
+    @settings(max_examples=2, deadline=None)
+    def test_rotation_units_and_numbering(self, turn: FloatArray) -> None:
+        scene = jack_arch()
+        expected = settlement(scene, "right", (1.0, 0.0, 0.0)).value
+        turned = settlement(scene.moved(turn), "right", turn @ [2.0, 0.0, 0.0])
+        assert turned.value == pytest.approx(expected, rel=1e-5)
+        other = settlement(scene.in_units(scene.units, 1e3, 7.0), "right", (1.0, 0.0, 0.0))
+        assert other.value == pytest.approx(7.0 * expected, rel=1e-5)
+        shuffled = settlement(renumbered(scene, 3), "right", (1.0, 0.0, 0.0))
+        assert shuffled.value == pytest.approx(expected, rel=1e-5)
+
+    def test_picture(self, tmp_path: Path) -> None:
+        scene = jack_arch()
+        reaction = settlement(scene, "right", (1.0, 0.0, 0.0))
+        plot(scene, reaction.solution, tmp_path / "arch.png")
+        assert (tmp_path / "arch.png").stat().st_size > 0
+
+
+def test_refusals() -> None:
+    scene = beam_on_three()
+    for arguments, error, message in (
+        (("beam", DOWN), InputError, "'beam' is no support"),
+        (("p1", (0, 0, 0)), InputError, "must not be zero"),
+        (("p1", DOWN, "most"), ModelError, "least or largest"),
+    ):
+        with pytest.raises(error, match=message):
+            settlement(scene, *arguments)
+    with pytest.raises(ModelError, match="knows no strength"):
+        settlement(scene.with_strength(compressive=1e3), "p1", DOWN)
