@@ -1,0 +1,144 @@
+"""``python -m benchmarks.models``: how much model scenes need, and what it gains; docs/models.md.
+
+Every built-in scene, and planar walls, with the full model and with ``auto``: sizes of the compiled
+problem, seconds of CPU (the best of some runs) and peak memory, each in a process of its own; and the best
+choice by hand, of both models and every solver. Then what rows that are added only where they bind
+would cost. ``--write`` replaces the tables in docs/models.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from cvxlimit import Scene, builtin_scene, explain, solve
+from cvxlimit.masonry import BUILTIN, running_bond, wall
+
+console = Console(highlight=False, soft_wrap=True)
+
+WALLS = {"wall-24": 24, "wall-34": 34}
+"""Units of planar walls twice as many courses high: 3,408 and 6,868 contacts."""
+
+LARGE = {"wall-129": 129}
+"""99,588 contacts; with ``auto`` only."""
+
+HANDS = ("QOCO", "CLARABEL", "BLOCKWISE")
+PAGE = Path(__file__).parents[1] / "docs" / "models.md"
+_START, _END = "<!-- models -->\n", "<!-- end -->\n"
+
+HEAD = (
+    "| scene | contacts | variables | cones | rows | seconds | MB | auto: | variables | cones | "
+    "rows | seconds | MB | factors differ by | best by hand |\n" + "|---" * 15 + "|\n"
+)
+
+
+def scene_of(name: str) -> Scene:
+    """A built-in scene or one of the walls."""
+    units = (WALLS | LARGE).get(name)
+    return builtin_scene(name) if units is None else wall(running_bond(units, 2 * units))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print the table, and write it if asked to."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.models", description=__doc__)
+    parser.add_argument("--scenes", nargs="+", default=[*BUILTIN, *WALLS])
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--large", action="store_true", help="the largest wall as well")
+    parser.add_argument("--write", action="store_true", help=f"into {PAGE.name}")
+    parser.add_argument("--one", nargs=3, metavar=("SCENE", "MODEL", "SOLVER"),
+                        help="one measurement, as JSON")  # fmt: skip
+    options = parser.parse_args(arguments)
+    if options.one:
+        sys.stdout.write(json.dumps(measured(*options.one, options.runs)))
+        return
+    names = [*options.scenes, *(LARGE if options.large else ())]
+    lines = [HEAD, *table(names, options.runs)]
+    if options.write:
+        before, rest = PAGE.read_text("utf-8").split(_START)
+        PAGE.write_text(before + _START + "".join(lines) + _END + rest.split(_END)[1], "utf-8")
+
+
+def table(names: Sequence[str], runs: int) -> Iterator[str]:
+    """Rows of the table."""
+    for name in names:
+        lean = apart(name, "auto", "", 1 if name in LARGE else runs)
+        hands, full = {"auto": lean["seconds"]}, None
+        if name not in LARGE:
+            full = apart(name, "full", "", runs)
+            for model in ("full", "auto") if lean["model"] else ("full",):
+                for solver in HANDS:
+                    found = apart(name, model, solver, runs)
+                    if found["status"] == "certified":
+                        hands[f"{model} {solver}"] = found["seconds"]
+        yield row(name, full, lean, {k: v for k, v in hands.items() if k != "auto"})
+
+
+def row(
+    name: str, full: dict[str, Any] | None, lean: dict[str, Any], hands: dict[str, float]
+) -> str:
+    """One line of Markdown, shown as well."""
+    cells = [name, f"{lean['contacts']:,}"]
+    for part in (full, lean):
+        if part is lean:
+            cells.append(" and ".join(lean["model"]) or "-")
+        if part is None:
+            cells += [""] * 5
+        else:
+            size = [f"{part[key]:,}" for key in ("variables", "cones", "rows")]
+            cells += [*size, f"{part['seconds']:.3g}", f"{part['memory']:.0f}"]
+    apart_by = "" if full is None else abs(full["load_factor"] / lean["load_factor"] - 1.0)
+    cells.append(apart_by if isinstance(apart_by, str) else f"{apart_by:.0e}")
+    best = min(hands, key=hands.__getitem__) if hands else ""
+    cells.append(f"{best} {hands[best]:.3g}" if best else "")
+    line = "| " + " | ".join(cells) + " |\n"
+    console.print(line, end="")
+    return line
+
+
+def apart(name: str, model: str, solver: str, runs: int) -> dict[str, Any]:
+    """One measurement in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.models", "--runs", str(runs)]
+    done = subprocess.run(
+        [*command, "--one", name, model, solver], capture_output=True, check=True, text=True
+    )
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def measured(name: str, model: str, solver: str, runs: int) -> dict[str, Any]:
+    """Sizes, CPU seconds of the best run from contacts to certificate, and peak memory in MB."""
+    scene = scene_of(name)
+    contacts = len(scene.contacts)
+    ladder = [solver] if solver else None
+    seconds: list[float] = []
+    for _ in range(runs):
+        start = process_time()
+        solution = solve(scene, model=model, ladder=ladder)
+        seconds.append(process_time() - start)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    size = list(explain(scene, model=model).sizes.values())[-1]
+    return {
+        "contacts": contacts,
+        "variables": size.variables,
+        "cones": size.cones,
+        "rows": size.rows + size.equations,
+        "seconds": float(np.min(seconds)),
+        "memory": memory,
+        "model": solution.model,
+        "status": str(solution.status),
+        "load_factor": solution.load_factor,
+    }
+
+
+if __name__ == "__main__":
+    main()
