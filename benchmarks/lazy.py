@@ -18,7 +18,7 @@ from cvxlimit import Contacts, builtin_scene
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState
-from cvxlimit.surfaces import Cone, Condition, Norm, Rocking, TorsionShear, YieldSurface, parse_cone
+from cvxlimit.surfaces import Condition, Cone, Norm, Rocking, TorsionShear, YieldSurface, parse_cone
 
 console = Console(highlight=False, soft_wrap=True)
 IntArray = NDArray[np.int64]
