@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Run
@@ -226,8 +227,12 @@ class TestRefusals:
         contacts = contact_of(regular(4))
         parts = [Part("n", {"N": 1}, contacts.corner_contact, nonneg=True)]
         model = ForceModel(contacts, parts, [Condition([], {"n": 1})])
-        with pytest.raises(Exception, match="has 1 rows where 'n' has 4 entries"):
-            model.rows({"n": 1}, None)
+        with pytest.raises(ModelError, match="has 1 rows where 'n' has 4 entries"):
+            model.strength([Rocking()])
+
+    def test_what_is_no_formulation(self) -> None:
+        with pytest.raises(ModelError, match="function from contacts to a ForceModel"):
+            solve(single_block(), formulation=len)  # type: ignore[arg-type]
 
     def test_facets_at_corners(self) -> None:
         """The formulation's own cone may be a polygon as well."""

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from cvxlimit.cli.explaining import explanation
+from cvxlimit.cli.explaining import explain_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture, check_suffix
@@ -202,27 +202,9 @@ def _solve_command(
     return partial(_solve_job, order)
 
 
+app.command("explain")(explain_command)
 app.command("import")(import_command)
 app.command("show")(show_command)
-
-
-@app.command("explain")
-def _explain_command(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
-        ),
-    ],
-    surface: Annotated[
-        str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
-    ] = "conic",
-    model: Annotated[
-        str, typer.Option(metavar="|".join(MODELS), help="How much model, as for solve.")
-    ] = "auto",
-) -> Job:
-    """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
-    return partial(_explain_job, scene, surface, model)
 
 
 @app.command("scenes")
@@ -403,12 +385,7 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written += [str(path) for path in export(scene, order.export, solution)]
 
 
-# --- cvxlimit explain and cvxlimit scenes ---------------------------------------------------------
-
-
-def _explain_job(scene: str, surface: str, model: str) -> ExitCode:
-    show(explanation(scene_named(scene), surface, model))
-    return ExitCode.SOLVED
+# --- cvxlimit scenes ----------------------------------------------------------------------------
 
 
 def _scenes_job() -> ExitCode:

@@ -170,7 +170,24 @@ class ForceModel:
             if surface.name not in self.holds
             for condition in stated(surface, self.contacts, names)
         ]
-        return written + [(condition, self.cone) for condition in self.conditions]
+        own = [(condition, self.cone) for condition in self.conditions]
+        for condition, _ in written + own:
+            self._check_rows(condition)
+        return written + own
+
+    def _check_rows(self, condition: Condition) -> None:
+        """Refuse a part's name where its entries are not the condition's rows."""
+        rows = len(self.contacts) if condition.contact is None else len(condition.contact)
+        for form in condition.forms():
+            for name in form:
+                where = self.start.get(name)
+                size = rows if where is None or name in COLUMN else where.stop - where.start
+                if size != rows:
+                    raise ModelError(
+                        f"a condition on {name!r} has {rows} rows where {name!r} has {size} "
+                        "entries: give the condition the contact of each entry, or, if a force "
+                        f"component is meant, write one of {', '.join(COMPONENTS)}"
+                    )
 
     def rows(self, form: LinearForm, contact: IntArray | None) -> tuple[sp.csr_array, FloatArray]:
         """A linear form as rows on s: matrix (k, p) and constants (k,)."""
@@ -190,17 +207,29 @@ class ForceModel:
             return self.meaning[len(COMPONENTS) * at + COLUMN[name]]
         where = self.start[name]
         size = where.stop - where.start
-        if size != len(at):
-            raise ModelError(
-                f"a condition on {name!r} has {len(at)} rows where {name!r} has {size} entries: "
-                "give the condition the contact of each entry"
-            )
         shape = (size, self.meaning.shape[1])
         index = np.arange(size)
         return sp.csr_array((np.ones(size), (index, where.start + index)), shape=shape)
 
 
 Formulation = Callable[[Contacts], ForceModel]
+
+
+def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
+    """What a formulation makes of contacts.
+
+    Raises
+    ------
+    ModelError
+        If that is no :class:`ForceModel`.
+    """
+    made = formulation(contacts) if callable(formulation) else formulation
+    if not isinstance(made, ForceModel):
+        raise ModelError(
+            "formulation must be a function from contacts to a ForceModel, like "
+            f"cvxlimit.model.formulations.resultants; got {made!r} from {formulation!r}"
+        )
+    return made
 
 
 def corner_compressions(contacts: Contacts) -> ForceModel:

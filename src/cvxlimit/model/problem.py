@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import limited
 from cvxlimit.model.formulations import (
-    ForceModel,
     ForceVariables,
     Formulation,
     corner_compressions,
+    model_of,
 )
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene
@@ -240,7 +240,7 @@ class LimitProblem(StaticProblem):
     ) -> None:
         assemblage = Assemblage.of(scene)
         self.surfaces = needed_surfaces(surfaces)
-        self.model: ForceModel = limited(formulation)(assemblage.contacts)
+        self.model = model_of(limited(formulation), assemblage.contacts)
         scaling = assemblage.scaling
         forces = ForceVariables.of(self.model, scaling.force, scaling.length)
         limits = [

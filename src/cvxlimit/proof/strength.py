@@ -13,7 +13,10 @@ from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import limited, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
-from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.formulations import (
+    Formulation,
+    corner_compressions,
+)
 from cvxlimit.model.statics import Statics
 from cvxlimit.surfaces.base import (
     Condition,

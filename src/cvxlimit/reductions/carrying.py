@@ -68,8 +68,10 @@ def is_carried(
 def _carries(
     condition: Condition, cone: Cone, contacts: Contacts, partner: IntArray, carried: FloatArray
 ) -> bool:
+    if condition.contact is not None:
+        return False
     resistance = coefficients(condition.resistance, len(contacts))
-    if condition.contact is not None or resistance is None:
+    if resistance is None:
         return False
     if not _same(_images(resistance, partner, carried), resistance):
         return False
@@ -115,7 +117,7 @@ def _same_size(rows: FloatArray, images: FloatArray, cone: Cone) -> bool:
     if isinstance(cone, Conic):
         one, other = (np.einsum("nki,nkj->nij", r, r) for r in (rows, images))
         return _same(one, other)
-    if not isinstance(cone, Facets):
+    if not isinstance(cone, Facets) or rows.shape[1] != 2:
         return False
     turned = images @ np.linalg.pinv(rows)
     if not _same(turned @ rows, images):

@@ -67,8 +67,14 @@ class Reductions:
         formulation: Formulation = corner_compressions,
         model: str = "auto",
     ) -> Reductions:
-        """All that are valid; none for ``model="full"``, and for formulations of one's own."""
-        if model == "full" or formulation is not corner_compressions:
+        """All that are valid; none for ``model="full"``, and for formulations of one's own.
+
+        None either for stone that crushes, whose conditions are on internal forces of its own, and
+        for guided blocks, whose guides need not lie in the plane or the mirror.
+        """
+        crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
+        is_plain = not (crushes or assemblage.statics.guides)
+        if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         statics = assemblage.statics
         plane = find_plane(statics, surfaces)

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables, Formulation, corner_compressions
+from cvxlimit.model.crushing import limited
+from cvxlimit.model.formulations import (
+    ForceVariables,
+    Formulation,
+    corner_compressions,
+    model_of,
+)
 from cvxlimit.model.problem import Objective, StaticProblem
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.surfaces.base import YieldSurface, admissible
@@ -105,7 +111,7 @@ class ReducedProblem(StaticProblem):
         objective: Objective | None = None,
     ) -> None:
         self.surfaces, self.reduction = needed_surfaces(surfaces), reduction
-        self.model = reduction.formulation(reduction.contacts)
+        self.model = model_of(limited(reduction.formulation), reduction.contacts)
         scaling = assemblage.scaling
         forces = ForceVariables.of(self.model, scaling.force, scaling.length)
         limits = [
