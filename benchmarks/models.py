@@ -145,7 +145,7 @@ def times(name: str, runs: int) -> dict[str, float]:
     """
     scene = scene_of(name)
     scene.contacts  # noqa: B018
-    choices = {m: (m, None) for m in MODELS}
+    choices: dict[str, tuple[str, list[str] | None]] = {m: (m, None) for m in MODELS}
     choices |= {f"{m} {s}": (m, [s]) for m in MODELS for s in HANDS}
     best = dict.fromkeys(choices, float("inf"))
     order = np.random.default_rng(0)

@@ -177,7 +177,9 @@ def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(cli, "solve", record)
     options = ["--surface", "16-gon", "--interaction", "fixed-point", "--moments", "signed"]
-    code, out, err = run("solve", "single-block", *options, "--tolerance", "1e-3")
+    code, out, err = run(
+        "solve", "single-block", *options, "--tolerance", "1e-3", "--model", "full"
+    )
     assert (code, err) == (0, "")
     assert asked.pop("progress") is None
     assert asked == {
@@ -185,6 +187,9 @@ def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         "interaction": "fixed-point",
         "moments": "signed",
         "tolerance": 1e-3,
+        "model": "full",
+        "torsion_shear": "linear",
+        "flow": "associated",
     }
     assert "solve  load factor" in out  # the history of an iteration
 
@@ -211,6 +216,17 @@ def test_builtin_name_wins_over_a_file_and_a_path_does_not(run: Run) -> None:
     write_scene(tower(), "stack")
     assert "scene        stack (built-in)" in run("solve", "stack")[1]
     assert "scene        tower [bold] (./stack)" in run("solve", "./stack")[1]
+
+
+def test_explain(run: Run) -> None:
+    code, out, err = run("explain", "arch", "--surface", "octagon")
+    assert (code, err) == (0, "")
+    assert out.startswith("arch: 20 free blocks x 21 contacts\n")
+    assert "\nplanar             64         60         84          0\n" in out
+    assert "\nsolver: " in out
+    assert "planar" not in run("explain", "arch", "--model", "full")[1]
+    for arguments in (("explain", "arch"), ("solve", "arch")):
+        assert_refused(run(*arguments, "--model", "half"), "model must be one of auto, full")
 
 
 def test_scenes_lists_all(run: Run) -> None:

@@ -43,7 +43,7 @@ FloatArray = NDArray[np.float64]
 _IN_PLANE = 2e-12
 """What is put down to rounding: components of unit vectors out of the plane, and distances from it
 over the size of the scene. The built-in planar scenes turned by random rotations stay below
-5e-15 (1,000 turns); a certificate's forces must balance to 1e-11."""
+5e-15 (20 turns each); a certificate's forces must balance to 1e-11."""
 
 
 @dataclass(frozen=True, eq=False)
