@@ -145,6 +145,7 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
+SIZE = FINITE.map(abs)
 OPTIONAL = st.none() | st.floats(allow_nan=False)
 LOWER = st.floats(max_value=1e300) | st.just(math.inf)
 ITERATES = st.builds(
@@ -165,7 +166,7 @@ def solutions(draw: st.DrawFn) -> Solution:
         blocks=draw(st.integers(0, 10**6)),
         contacts=contacts,
         load_factor=draw(st.none() | FINITE),
-        bracket=draw(st.builds(Bracket, LOWER, LOWER, st.booleans(), st.booleans(), FINITE)),
+        bracket=draw(st.builds(Bracket, LOWER, LOWER, st.booleans(), st.booleans(), SIZE)),
         status=draw(st.sampled_from(list(Status))),
         history=tuple(draw(st.lists(ITERATES, max_size=4))),
         seconds=draw(st.dictionaries(TEXTS, FINITE, max_size=4)),

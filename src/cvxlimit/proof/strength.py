@@ -16,6 +16,7 @@ from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import (
     Formulation,
     corner_compressions,
+    model_of,
 )
 from cvxlimit.model.statics import Statics
 from cvxlimit.surfaces.base import (
@@ -76,7 +77,7 @@ class Strength:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
         self.formulation = limited(formulation)
-        own = self.formulation(self.contacts)
+        own = model_of(self.formulation, self.contacts)
         self.is_internal = bool(own.conditions)
         self.model = own if self.is_internal else corner_compressions(self.contacts)
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
