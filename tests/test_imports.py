@@ -15,6 +15,7 @@ LAYERS = (
     {"errors"},
     {"checks", "files", "bracket", "versions"},
     {"geometry"},
+    {"ties"},
     {"scene", "solution", "solvers"},
     {"masonry"},
     {"surfaces"},
@@ -28,7 +29,7 @@ LAYERS = (
 )
 """Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
 
-OUTSIDE = {"bracket", "scene", "solution", "geometry", "errors", "checks", "files"}
+OUTSIDE = {"bracket", "scene", "ties", "solution", "geometry", "errors", "checks", "files"}
 """All that input, output and plotting may see besides themselves."""
 
 
