@@ -9,9 +9,8 @@ forces a solver returns depends even on that.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, floor
 from pathlib import Path
 
 import matplotlib
@@ -84,17 +83,12 @@ def _tell_orders(name: str, orders: int) -> None:
         _tell(run, f"order {seed}, old-value weight {FixedPoint().old_value_weight:g}")
 
 
-def _outward(bound: float, rounded: Callable[[float], int]) -> str:
-    """Five decimals, rounded so that the bracket stays proved."""
-    return f"{rounded(bound * 1e5) / 1e5:.5f}" if np.isfinite(bound) else str(bound)
-
-
 def _tell(solution: Solution, what: str) -> None:
     factor = "none" if solution.load_factor is None else f"{solution.load_factor:.5f}"
+    inside = f" in {solution.bracket}" if solution.bracket.has_any else ""
     line = (
         f"{solution.scene}, {solution.moments}, {what}: {solution.status}, {len(solution.history)} "
-        f"solves, load factor {factor} in [{_outward(solution.lower, floor)}, "
-        f"{_outward(solution.upper, ceil)}], "
+        f"solves, load factor {factor}{inside}, "
         f"{solution.seconds['total']:.1f} s"
     )
     console.print(line)

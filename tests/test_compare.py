@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 
 from cvxlimit import builtin_scene, solve
+from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import fitted_exponent, pareto_front
 from cvxlimit.compare.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
 from cvxlimit.compare.reference import WIDTH, Reference
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Bracket, number_of_steps, side_by_side
+from cvxlimit.compare.rows import number_of_steps, side_by_side
 from cvxlimit.compare.runs import Failure, Limits, run_apart
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.model.formulations import resultants
@@ -262,6 +263,7 @@ def test_ctrl_c_in_a_script_of_ones_own(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in background
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     )
     assert (tmp_path / "under way").read_text() == "x"  # opens when the writer is there
@@ -418,12 +420,17 @@ def test_fitted_exponent():
 
 @pytest.mark.parametrize(
     ("lower", "upper", "value", "error"),
-    [(1.0, 1.0, 1.01, 0.01), (0.8, 1.0, 0.9, 0.1), (0.8, 1.0, 1.2, 0.4), (None, None, 1.0, None)],
+    [
+        (1.0, 1.0, 1.01, 0.01),
+        (0.8, 1.0, 0.9, 0.1),
+        (0.8, 1.0, 1.2, 0.4),
+        (-np.inf, np.inf, 1.0, None),
+    ],
 )
 def test_error_against_a_bracket_is_the_worst_case(lower, upper, value, error):
-    found = Bracket(lower, upper, "").error(value)
+    found = Bracket(lower, upper).error(value)
     assert found == (None if error is None else pytest.approx(error))
-    assert Bracket(lower, upper, "").error(None) is None
+    assert Bracket(lower, upper).error(None) is None
 
 
 @pytest.mark.parametrize(

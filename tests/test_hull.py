@@ -151,9 +151,9 @@ def test_no_true_state_does_more_work_than_the_support(
     flow = InteractionFlow(contacts, parse_moments(moments))
     forces = rectangle_states(contacts, moments, 100_000, seed=1)
     for w in rates_like(40, seed=2):
-        missing, leftover = flow.shortfall(-w[None])
-        assert not leftover.any()
-        assert (forces @ w).max() <= missing[0] + ROUNDING * np.abs(w).max()
+        found = flow.shortfall(-w[None])
+        assert not found.unresisted.any()
+        assert (forces @ w).max() <= found.missing[0] + ROUNDING * np.abs(w).max()
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
@@ -161,7 +161,7 @@ def test_the_support_is_attained(moments: str) -> None:
     """Grid values lie below by the grid's spacing squared, 1e-4, where they do not meet it."""
     contacts = block_of((1.0, 0.4))
     for w in rates_like(8, seed=3):
-        missing = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None])[0][0]
+        missing = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None]).missing[0]
         best = grid_power(contacts, moments, w)
         assert best <= missing + ROUNDING * np.abs(w).max()
         assert missing - best <= 2e-4 * np.abs(w).max()
@@ -176,12 +176,14 @@ def test_boxes_of_pressure_centres(moments: str) -> None:
         if moments == "independent":  # both signs only in symmetric ranges
             both = (box[:, 0] < 0.0) & (box[:, 1] > 0.0)
             box[both, 0] = -box[both, 1]
-        missing = InteractionFlow(contacts, parse_moments(moments), box[None]).shortfall(-w[None])[
-            0
-        ][0]
+        missing = (
+            InteractionFlow(contacts, parse_moments(moments), box[None])
+            .shortfall(-w[None])
+            .missing[0]
+        )
         forces = rectangle_states(contacts, moments, 20_000, seed=6, box=box)
         assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
-        whole = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None])[0][0]
+        whole = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None]).missing[0]
         assert missing <= whole + 1e-9 * np.abs(w).max()
 
 
@@ -192,7 +194,7 @@ def test_the_worst_place_has_the_support() -> None:
         missing, centre = InteractionFlow(contacts, INDEPENDENT).worst(-w[None])
         signs = np.where(w[[COLUMN["M2"], COLUMN["M1"]]] * [-1, 1] >= 0.0, 1.0, -1.0)
         place = np.repeat((np.abs(centre) * signs)[..., None], 2, axis=2)
-        at = InteractionFlow(contacts, INDEPENDENT, place).shortfall(-w[None])[0]
+        at = InteractionFlow(contacts, INDEPENDENT, place).shortfall(-w[None]).missing
         assert at[0] == pytest.approx(missing[0], abs=1e-8 * np.abs(w).max())
 
 
@@ -204,7 +206,7 @@ def test_polygons(moments: str) -> None:
     for j in range(len(contacts)):
         forces = polygon_states(contacts, j, moments, 1_500, seed=8)
         for w in rates_like(60, seed=9):
-            missing = flow.shortfall(-np.tile(w, (len(contacts), 1)))[0][j]
+            missing = flow.shortfall(-np.tile(w, (len(contacts), 1))).missing[j]
             assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
 
 
@@ -221,7 +223,7 @@ def test_pointwise_friction_is_inside_the_corner_hull() -> None:
     e = (share[..., None] * points).sum(axis=1)
     forces = states(e, np.column_stack([pull.sum(axis=1), moment]))
     for w in rates_like(60, seed=11):
-        missing = InteractionFlow(contacts, SIGNED).shortfall(-np.tile(w, (2, 1)))[0][0]
+        missing = InteractionFlow(contacts, SIGNED).shortfall(-np.tile(w, (2, 1))).missing[0]
         assert (forces @ w).max() <= missing + ROUNDING * np.abs(w).max()
 
 
@@ -230,10 +232,10 @@ def test_shortfall_is_sublinear_and_bounded_by_the_cheap_bound(moments: str) -> 
     contacts = builtin_scene("tuff-wall").contacts
     flow = InteractionFlow(contacts, parse_moments(moments))
     first, second = rates_like(len(contacts), 12), rates_like(len(contacts), 13)
-    a, b = flow.shortfall(first)[0], flow.shortfall(second)[0]
+    a, b = flow.shortfall(first).missing, flow.shortfall(second).missing
     size = np.abs(first).max() + np.abs(second).max()
-    assert (flow.shortfall(first + second)[0] <= a + b + 1e-9 * size).all()
-    np.testing.assert_allclose(flow.shortfall(3.0 * first)[0], 3.0 * a, atol=1e-8 * size)
+    assert (flow.shortfall(first + second).missing <= a + b + 1e-9 * size).all()
+    np.testing.assert_allclose(flow.shortfall(3.0 * first).missing, 3.0 * a, atol=1e-8 * size)
     assert (flow.shortfall_bound(first) >= a - 1e-9 * size).all()
 
 
@@ -259,7 +261,7 @@ def test_signed_copies_are_the_exact_hull(shape: tuple[float, float] | int) -> N
     """To 1e-6, Clarabel's default accuracy on powers of order one."""
     contacts = block_of(shape) if isinstance(shape, tuple) else pentagon()
     for w in rates_like(6, seed=14):
-        missing = InteractionFlow(contacts, SIGNED).shortfall(-w[None])[0][0]
+        missing = InteractionFlow(contacts, SIGNED).shortfall(-w[None]).missing[0]
         assert reach(SIGNED.box_copies(contacts), contacts, w) == pytest.approx(
             missing, abs=1e-6 * max(1.0, np.abs(w).max())
         )

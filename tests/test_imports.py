@@ -15,7 +15,7 @@ LAYERS = (
     {"errors"},
     {"checks", "files", "bracket", "versions"},
     {"geometry"},
-    {"ties"},
+    {"loads", "ties"},
     {"scene", "solution", "solvers"},
     {"masonry"},
     {"surfaces"},
@@ -29,7 +29,9 @@ LAYERS = (
 )
 """Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
 
-OUTSIDE = {"bracket", "scene", "ties", "solution", "geometry", "errors", "checks", "files"}
+OUTSIDE = {
+    "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks", "files",
+}  # fmt: skip
 """All that input, output and plotting may see besides themselves."""
 
 
@@ -48,15 +50,32 @@ def modules() -> dict[str, ast.Module]:
 TREES = modules()
 
 
+CONVENIENCES = {"scene": ("plotting.__init__", "plotting.drawing")}
+"""Arrows that point up: methods that call what is above them, imported when they are called.
+
+``scene.plot()`` reads better than a function of its own; nothing in ``scene`` depends on it."""
+
+
 def imported(name: str) -> Iterator[str]:
-    """Modules of the package that a module imports, wherever in its text."""
+    """Modules of the package that a module imports, wherever in its text.
+
+    Left out are :data:`CONVENIENCES`, unless they stand at the top of the module.
+    """
+    top = {id(node) for node in TREES[name].body}
     for node in ast.walk(TREES[name]):
-        if isinstance(node, ast.Import):
-            yield from (resolved(a.name, None) for a in node.names if inside(a.name))
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{name} imports relatively in line {node.lineno}"
-            if inside(node.module or ""):
-                yield from (resolved(node.module or "", a.name) for a in node.names)
+        if id(node) not in top and name in CONVENIENCES:
+            yield from (m for m in _imported_by(name, node) if m not in CONVENIENCES[name])
+        else:
+            yield from _imported_by(name, node)
+
+
+def _imported_by(name: str, node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (resolved(a.name, None) for a in node.names if inside(a.name))
+    elif isinstance(node, ast.ImportFrom):
+        assert node.level == 0, f"{name} imports relatively in line {node.lineno}"
+        if inside(node.module or ""):
+            yield from (resolved(node.module or "", a.name) for a in node.names)
 
 
 def inside(module: str) -> bool:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Load, Scene, Solution, Status, Units, builtin_scene, solve
 from cvxlimit.masonry import single_block
 from helpers import (
+    TOLERANCE,
     assert_certified,
     linear_load_factor,
     panels,
@@ -49,8 +50,12 @@ def again(scene: Scene, surface: str = "conic") -> Solution:
 
 
 def assert_same(a: Solution, b: Solution, factor: float = 1.0) -> None:
-    """alpha_b = factor * alpha_a, and the brackets say so too."""
-    assert b.load_factor == pytest.approx(factor * a.load_factor, rel=1e-6, abs=1e-9 * factor)
+    """alpha_b = factor * alpha_a, and the brackets say so too.
+
+    Each is certified to 1e-5 and no better: two good answers may be twice that apart.
+    """
+    same = pytest.approx(factor * a.load_factor, rel=2 * TOLERANCE, abs=1e-9 * factor)
+    assert b.load_factor == same
     slack = 1e-9 * max(abs(a.upper), 1.0) * factor
     assert factor * a.lower <= b.upper + slack
     assert b.lower <= factor * a.upper + slack

@@ -494,8 +494,7 @@ class TestWriting:
         file.write_text("old")
         for scene in (
             self.scene().with_name("\ud800"),
-            self.scene().with_name(3),  # type: ignore[arg-type]
-            replace(self.scene(), units=Units("m", None)),  # type: ignore[arg-type]
+            replace(self.scene(), units=Units("m", "\ud800")),
             self.scene().with_friction(1e31),
             replace(self.scene(), blocks=(*self.scene().blocks[:2], huge_ground())),
         ):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene, solve
@@ -27,7 +27,9 @@ from helpers import (
     hand_equilibrium,
     linear_load_factor,
     missing_opening,
+    partly_pressed,
     scenes,
+    side_by_side,
     yield_excess,
 )
 
@@ -111,8 +113,7 @@ class TestLadder:
             assert solution.lower == max(lowers)
         if uppers:
             assert solution.upper == min(uppers)
-        if solution.load_factor is not None and solution.status is Status.CERTIFIED:
-            assert_certified(solution)
+        assert (solution.status is Status.CERTIFIED) == (solution.gap <= 1e-5)
 
     def test_loose_solver_is_believed_for_what_it_proves(self) -> None:
         loose = SolverSettings("SCS", {"eps_abs": 1e-3, "eps_rel": 1e-3}, "SCS loose")
@@ -308,6 +309,7 @@ HARMLESS: dict[str, Callable[[], Scene]] = {
         running_bond(3, 4), live=Load(acceleration=(0.05, 0.0, -1.0))
     ),
     "thick arch": lambda: arch(10, 0.4, live=Load(acceleration=(0, 0, -1.0))),
+    "one of two boxes": side_by_side,
     "dead load only helps": lambda: (
         single_block().with_dead(Load()).with_live(Load(acceleration=(0, 0, -1)))
     ),
@@ -320,6 +322,22 @@ class TestLiveLoadHarmless:
     def test_proof(self, name: str, surface: str) -> None:
         scene = HARMLESS[name]()
         assert_harmless(solve(scene, surface), scene)
+
+    @pytest.mark.parametrize("seed", range(12))
+    def test_blocks_without_load_are_not_judged_by_noise(self, seed: int) -> None:
+        """Where the live load alone does not reach, nothing but rounding holds or fails."""
+        scene = partly_pressed(seed)
+        assert linear_load_factor(scene).status == 3
+        assert_harmless(solve(scene), scene)
+
+    @pytest.mark.parametrize("push", [1e-6, 1e-9])
+    def test_a_push_that_noise_could_hide_is_not_harmless(self, push: float) -> None:
+        """One box is pressed down, the other one slides at 0.6 times its weight of 20."""
+        forces = {"b0": (0, 0, -1, 0, 0, 0), "b1": (push, 0, 0, 0, 0, 0)}
+        solution = solve(side_by_side().with_live(Load(forces=forces)))
+        assert solution.status is not Status.LIVE_LOAD_HARMLESS
+        assert solution.lower <= 0.6 * 20.0 / push * (1.0 + 1e-9)
+        assert solution.upper >= 0.6 * 20.0 / push * (1.0 - 1e-9)
 
     def test_just_outside_the_friction_cone(self) -> None:
         """alpha = mu / (t - mu) when pushed at slope t > mu: large, and finite."""
@@ -407,6 +425,7 @@ class TestExtremeLoads:
     towards=st.floats(0.0, 6.28),
     units=st.sampled_from([(1.0, 1.0), (1e3, 1e3), (1.0, 1e-6), (1e-3, 1e6)]),
 )
+@example(single_block(live=Load(acceleration=(0, 0, -1))), 0.6, 0.0, 0.0, (1.0, 1.0))
 @settings(max_examples=60, deadline=None)
 def test_every_end_is_proved_and_right_on_random_scenes(
     scene: Scene, mu: float, tilt: float, towards: float, units: tuple[float, float]

@@ -24,7 +24,9 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting import ContactKind, figure, motion, page, plot, title
+from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.camera import camera_from, default_camera
+from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS
 from cvxlimit.plotting.mesh import cropped, drawn_mesh
 from cvxlimit.plotting.movement import DEFORMATION, LARGEST_ROTATION, free_size
 from cvxlimit.plotting.picture import paint
@@ -278,7 +280,7 @@ def test_cropped_polyhedron_is_the_intersection():
     low, high = np.array([-0.5, -0.6, -0.7]), np.array([0.6, 0.5, 0.4])
     sides = np.vstack([np.c_[np.eye(3), -high], np.c_[-np.eye(3), low]])
     for _ in range(20):
-        block = Block.hull("b", rng.normal(size=(12, 3)) * 0.7, density=1.0)
+        block = Block.hull("b", rng.normal(size=(12, 3)) * 0.7, density=1.0, inner="drop")
         vertices, faces = cropped(block.vertices, block.faces, low, high)
         hull = ConvexHull(block.vertices)
         both = HalfspaceIntersection(np.vstack([hull.equations, sides]), np.zeros(3))
@@ -327,7 +329,8 @@ def test_camera_shows_the_movement(wall, solved):
 
 def test_moved_blocks_and_marks_are_painted(wall, solved):
     moving = motion(wall, solved)
-    image = paint(wall, moving, default_camera(wall, moving), pixels=400).image
+    marking = Marking(wall.contacts, moving.contacts.kind, KIND_COLOURS, KIND_TEXTS)
+    image = paint(wall, moving, default_camera(wall, moving), 400, marking).image
     assert image.shape[2] == 4
     assert max(image.shape[:2]) == pytest.approx(400, abs=1)
     assert image.min() >= 0.0

@@ -26,6 +26,14 @@ def scene(**changes: Any) -> Scene:
     return Scene(**{**parts, **changes})
 
 
+def prism(id: str, side: list[tuple[float, float]]) -> Block:
+    """One unit along y, with corners (x, z) in order around its side."""
+    n = len(side)
+    points = [(x, y, z) for y in (0.0, 1.0) for x, z in side]
+    walls = [(i, (i + 1) % n, n + (i + 1) % n, n + i) for i in range(n)]
+    return Block.polyhedron(id, points, [range(n), range(n, 2 * n), *walls], density=20.0)
+
+
 class TestLoads:
     def test_own_weight_pulls_down(self) -> None:
         np.testing.assert_allclose(
@@ -84,13 +92,15 @@ class TestBlocksAndFriction:
         }
 
     def test_friction_override_holds_for_all_contacts_of_the_pair(self) -> None:
-        points = np.vstack([LOWER.vertices, [[0.5, 0, 0.5], [0.5, 1, 0.5]]])
-        faces = [(0, 3, 2, 1), (4, 8, 9, 7), (8, 5, 6, 9), (0, 1, 5, 8, 4), (2, 3, 7, 9, 6),
-                 (0, 4, 7, 3), (1, 2, 6, 5)]  # fmt: skip
-        split = Block.polyhedron("lower", points, faces, density=20.0)
-        own = scene(blocks=(GROUND, split, UPPER), contact_friction={("lower", "upper"): 0.1})
-        assert own.contacts.names == ("ground-lower", "lower-upper", "lower-upper#2")
-        assert own.contacts.friction.tolist() == [0.6, 0.1, 0.1]
+        """Two treads and a riser; two triangles of one tread would be one contact."""
+        step = [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)]
+        rest = [(0.5, 0.5), (1, 0.5), (1, 1.5), (0, 1.5), (0, 1), (0.5, 1)]
+        lower, upper = (prism(name, side) for name, side in (("lower", step), ("upper", rest)))
+        own = scene(blocks=(GROUND, lower, upper), contact_friction={("lower", "upper"): 0.1})
+        several = ("lower-upper", "lower-upper#2", "lower-upper#3")
+        assert own.contacts.names == ("ground-lower", *several)
+        assert own.contacts.friction.tolist() == [0.6, 0.1, 0.1, 0.1]
+        assert own.contacts["lower-upper#2"].friction == 0.1
 
     def test_no_friction_at_all_is_allowed(self) -> None:
         assert scene(friction=0).contacts.friction.tolist() == [0.0, 0.0]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from cvxlimit import errors as errors
     from cvxlimit import geometry as geometry
     from cvxlimit import io as io
+    from cvxlimit import loads as loads
     from cvxlimit import masonry as masonry
     from cvxlimit import methods as methods
     from cvxlimit import model as model
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
     from cvxlimit.geometry.contacts import COMPONENTS as COMPONENTS
     from cvxlimit.geometry.contacts import Contact as Contact
     from cvxlimit.geometry.contacts import Contacts as Contacts
+    from cvxlimit.loads import GRAVITY as GRAVITY
+    from cvxlimit.loads import Load as Load
+    from cvxlimit.loads import PointForce as PointForce
+    from cvxlimit.loads import Pressure as Pressure
     from cvxlimit.masonry import builtin_scene as builtin_scene
     from cvxlimit.methods.analysis import analyse as analyse
     from cvxlimit.methods.certified import Certified as Certified
@@ -39,8 +44,6 @@ if TYPE_CHECKING:
     from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
     from cvxlimit.proof.certificate import Certificate as Certificate
     from cvxlimit.proof.certificate import Certifier as Certifier
-    from cvxlimit.scene import GRAVITY as GRAVITY
-    from cvxlimit.scene import Load as Load
     from cvxlimit.scene import Scene as Scene
     from cvxlimit.scene import Units as Units
     from cvxlimit.solution import Iterate as Iterate
@@ -50,13 +53,13 @@ if TYPE_CHECKING:
     from cvxlimit.ties import Tie as Tie
 
 _MODULES = (
-    "compare", "errors", "geometry", "io", "masonry", "methods", "model",
+    "compare", "errors", "geometry", "io", "loads", "masonry", "methods", "model",
     "plotting", "proof", "scene", "solution", "solvers", "surfaces",
 )  # fmt: skip
 
 _HOME = {
     "COMPONENTS": "geometry.contacts",
-    "GRAVITY": "scene",
+    "GRAVITY": "loads",
     "Block": "geometry.blocks",
     "Certificate": "proof.certificate",
     "Certified": "methods.certified",
@@ -65,8 +68,10 @@ _HOME = {
     "Contacts": "geometry.contacts",
     "FixedPoint": "methods.fixed_point",
     "Iterate": "solution",
-    "Load": "scene",
+    "Load": "loads",
     "Member": "solution",
+    "PointForce": "loads",
+    "Pressure": "loads",
     "Scene": "scene",
     "Solution": "solution",
     "Status": "solution",

@@ -92,6 +92,17 @@ class Bracket:
         """True if the bracket is no wider than ``tolerance`` and does not contradict itself."""
         return abs(self.width) <= tolerance and not self.contradicts
 
+    def error(self, load_factor: float | None) -> float | None:
+        """Largest relative error that ``load_factor`` may have, the truth being inside.
+
+        >>> Bracket(0.99, 1.0).error(1.01), Bracket(0.99).error(1.01)
+        (0.02, None)
+        """
+        if load_factor is None or not self.has_both:
+            return None
+        worst = max(abs(load_factor - self.lower), abs(load_factor - self.upper))
+        return round(worst, 15) / self.unit
+
     def clipped(self, load_factor: float) -> float:
         """The nearest load factor inside."""
         return float(np.clip(load_factor, self.lower, max(self.lower, self.upper)))

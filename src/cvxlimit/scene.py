@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import finite_vector, not_negative, of_type, positive, strength
+from cvxlimit.checks import not_negative, of_type, positive, strength
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
+from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
 from cvxlimit.ties import Tie, with_ties
 
+if TYPE_CHECKING:
+    from cvxlimit.plotting.drawing import SceneFigure
+
 FloatArray = NDArray[np.float64]
-Vector = tuple[float, ...]
+
+__all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
 
 
 @dataclass(frozen=True)
@@ -33,71 +40,6 @@ class Units:
     def __post_init__(self) -> None:
         for name in ("length", "force"):
             of_type(getattr(self, name), str, f"unit of {name} must be a text")
-
-
-@dataclass(frozen=True)
-class Load:
-    """A load case, dead or live.
-
-    Attributes
-    ----------
-    gravity : (3,) or None
-        Unit vector; every free block is pulled along it by its own weight.
-    acceleration : (3,) or None
-        In multiples of gravity: the force on each free block is its weight times this vector.
-    forces : mapping of block id to (6,)
-        fx, fy, fz, mx, my, mz at the block's centroid, in the scene's units; None is no force.
-
-    Example
-    -------
-    >>> Load(acceleration=(0, 1, 0)).acceleration
-    (0.0, 1.0, 0.0)
-    """
-
-    gravity: Vector | None = None
-    acceleration: Vector | None = None
-    forces: Mapping[str, Vector] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("gravity", "acceleration"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, tuple(finite_vector(value, 3, name).tolist()))
-        if self.gravity is not None and not np.isclose(
-            np.linalg.norm(self.gravity), 1.0, atol=1e-6
-        ):
-            raise InputError(
-                f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
-                "weight per volume; use acceleration for multiples of the weight"
-            )
-        given = {} if self.forces is None else self.forces
-        cure = "write {'b1': (fx, fy, fz, mx, my, mz)}"
-        of_type(given, Mapping, "forces must be a mapping", cure)
-        checked = {
-            key: tuple(finite_vector(f, 6, f"force on block {key!r}").tolist())
-            for key, f in given.items()
-        }
-        object.__setattr__(self, "forces", MappingProxyType(checked))
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Load, (self.gravity, self.acceleration, dict(self.forces))
-
-    def on(self, blocks: Iterable[Block]) -> FloatArray:
-        """Generalised forces (n, 6) on ``blocks``, about their centroids."""
-        members = list(blocks)
-        vector = np.zeros(3)
-        for part in (self.gravity, self.acceleration):
-            vector += 0.0 if part is None else np.array(part)
-        result = np.zeros((len(members), 6))
-        result[:, :3] = np.array([b.weight for b in members])[:, None] * vector
-        for i, block in enumerate(members):
-            if block.id in self.forces:
-                result[i] += self.forces[block.id]
-        return result
-
-
-GRAVITY = Load(gravity=(0.0, 0.0, -1.0))
-"""Dead load of most scenes: own weight along -z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,8 +224,8 @@ class Scene:
         return replace(
             self,
             blocks=tuple(b.moved(turn, translation) for b in self.blocks),
-            dead=_turned(self.dead, turn),
-            live=_turned(self.live, turn),
+            dead=self.dead.moved(turn, translation),
+            live=self.live.moved(turn, translation),
             ties=tuple(t.moved(turn, np.asarray(translation, dtype=float)) for t in self.ties),
         )
 
@@ -300,16 +242,11 @@ class Scene:
         of_type(units, Units, "units must be Units", 'write Units("mm", "N")')
         length = positive(length, "length, how many new units one old unit of length is,")
         force = positive(force, "force, how many new units one old unit of force is,")
-        factor = np.array([force] * 3 + [force * length] * 3)
-        loads = [
-            replace(load, forces={key: tuple(factor * f) for key, f in load.forces.items()})
-            for load in (self.dead, self.live)
-        ]
         return replace(
             self,
             blocks=tuple(b.scaled(length, force / length**3) for b in self.blocks),
-            dead=loads[0],
-            live=loads[1],
+            dead=self.dead.scaled(length, force),
+            live=self.live.scaled(length, force),
             units=units,
             **self._strengths(force / length**2),
             ties=tuple(tie.scaled(length, force) for tie in self.ties),
@@ -324,6 +261,21 @@ class Scene:
             own = getattr(self, f"contact_{what}")
             result[f"contact_{what}"] = {pair: factor * value for pair, value in own.items()}
         return result
+
+    def plot(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        viewer: tuple[float, float, float] | None = None,
+    ) -> SceneFigure | tuple[Path, ...]:
+        """Draw the scene before it is solved: blocks, supports, joints, loads, near misses.
+
+        Without ``path`` it is a Matplotlib figure, which notebooks show, seen from direction
+        ``viewer``; with one, a ``.png`` or ``.html`` file is written, see
+        :func:`cvxlimit.plotting.plot_scene`. A scene whose geometry is refused is drawn too.
+        """
+        from cvxlimit.plotting import plot_scene, scene_figure  # pictures see scenes, not they them
+
+        return scene_figure(self, viewer) if path is None else plot_scene(self, path)
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
@@ -395,8 +347,9 @@ def check_scene(value: Any) -> None:
     cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
 or read_scene('arch') if it is a file
     """
-    name = repr(value)
-    cure = "builtin_scene('arch') makes one"
+    if isinstance(value, Scene):
+        return
+    name, cure = repr(value), "builtin_scene('arch') makes one"
     if isinstance(value, str):
         cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
     of_type(value, Scene, "scene must be a Scene", cure)
@@ -466,7 +419,7 @@ def _check_loads(scene: Scene) -> None:
     known = {block.id for block in scene.blocks}
     fixed = set(scene.supports)
     for case, load in (("dead", scene.dead), ("live", scene.live)):
-        for key in load.forces:
+        for key in load.named:
             if key not in known:
                 raise InputError(f"the {case} load names block {key!r}, which is not in the scene")
             if key in fixed:
@@ -477,13 +430,3 @@ def _check_loads(scene: Scene) -> None:
         raise InputError(
             "the live load is zero everywhere: give it an acceleration or forces on free blocks"
         )
-
-
-def _turned(load: Load, turn: FloatArray) -> Load:
-    def apply(vector: Vector | None) -> Vector | None:
-        return None if vector is None else tuple(turn @ vector)
-
-    forces = {
-        key: tuple(np.concatenate([turn @ f[:3], turn @ f[3:]])) for key, f in load.forces.items()
-    }
-    return Load(apply(load.gravity), apply(load.acceleration), forces)

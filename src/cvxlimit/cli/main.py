@@ -7,18 +7,14 @@ and errors, one line each, go to stderr.
 
 from __future__ import annotations
 
-import difflib
-import importlib.util
 import io
 import os
 import sys
-import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -29,11 +25,24 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from cvxlimit.cli.report import advice, history, is_eventful, listing, show, summary
+from cvxlimit.cli.importing import import_command
+from cvxlimit.cli.naming import scene_named
+from cvxlimit.cli.outputs import PICTURES, ExitCode, check_outputs, check_picture, check_suffix
+from cvxlimit.cli.report import (
+    advice,
+    history,
+    is_eventful,
+    listing,
+    show,
+    summary,
+    warn_of_near_misses,
+)
+from cvxlimit.cli.showing import show_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.io import read_scene, write_result
+from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
-from cvxlimit.masonry import BUILTIN, builtin_scene
+from cvxlimit.io.geometry import EXPORTS
+from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
@@ -43,19 +52,6 @@ from cvxlimit.versions import __version__
 
 Job = Callable[[], int]
 Tell = Callable[[str], None]
-
-_PICTURES = (".png", ".html", ".vtu")
-
-
-class ExitCode(IntEnum):
-    """What the shell gets to see."""
-
-    SOLVED = 0
-    INTERNAL_ERROR = 1
-    BAD_INPUT = 2
-    NO_ANSWER = 3
-    NOT_GOOD_ENOUGH = 4
-    INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -71,6 +67,7 @@ class Order:
     tolerance: float | None
     json: Path | None
     plot: Path | None
+    export: Path | None
 
 
 app = typer.Typer(
@@ -168,6 +165,13 @@ def _solve_command(
             help="Draw the mechanism: a picture, an interactive page, or files for ParaView.",
         ),
     ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.csv|.obj|.glb",
+            help="Write the contacts with their forces (CSV), or the blocks, for other programs.",
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None,
         typer.Option(
@@ -181,8 +185,14 @@ def _solve_command(
     ] = None,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot)
+    order = Order(
+        scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot, export
+    )
     return partial(_solve_job, order)
+
+
+app.command("import")(import_command)
+app.command("show")(show_command)
 
 
 @app.command("scenes")
@@ -239,7 +249,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes") else ""
+    return f"{arguments[0]} " if arguments[0] in ("solve", "scenes", "import", "show") else ""
 
 
 def _refuse(code: ExitCode, message: str) -> ExitCode:
@@ -277,7 +287,7 @@ def _discard_stdout() -> None:
 def _solve_job(order: Order) -> ExitCode:
     _check_outputs(order)
     with _progress() as tell:
-        scene = _scene(order.scene)
+        scene = scene_named(order.scene)
         solution = _interruptible(lambda: _solved(scene, order, tell))
     written: list[str] = []
     try:
@@ -287,6 +297,7 @@ def _solve_job(order: Order) -> ExitCode:
         show(summary(solution, origin, order.tolerance, written))
         if is_eventful(solution):
             show(Text(), history(solution.history))
+    warn_of_near_misses(scene)
     return _verdict(solution)
 
 
@@ -309,18 +320,6 @@ def _verdict(solution: Solution) -> ExitCode:
         return ExitCode.SOLVED
     code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
     return _refuse(code, f"{status}: {advice(solution)}")
-
-
-def _scene(name: str) -> Scene:
-    """A built-in name wins; whatever else is a file."""
-    if name in BUILTIN:
-        return builtin_scene(name)
-    looks_like_file = Path(name).suffix or Path(name).name != name
-    if looks_like_file or os.path.exists(name):
-        return read_scene(name)
-    close = difflib.get_close_matches(name, BUILTIN, n=1)
-    cure = f"did you mean {close[0]!r}?" if close else "cvxlimit scenes lists the built-in ones"
-    raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")
 
 
 def _interruptible(work: Callable[[], Solution]) -> Solution:
@@ -354,45 +353,12 @@ def _progress() -> Iterator[Tell | None]:
 
 def _check_outputs(order: Order) -> None:
     """Refuse before the long work what is known to fail after it."""
-    outputs = [(o, p) for o, p in (("--json", order.json), ("--plot", order.plot)) if p is not None]
-    seen = {} if order.scene in BUILTIN else {os.path.realpath(order.scene): "the scene"}
-    for option, path in outputs:
-        reason = _obstacle(path)
-        if reason:
-            raise InputError(f"{option} {path}: {reason}")
-        taken = seen.setdefault(os.path.realpath(path), option)
-        if taken != option:
-            raise InputError(f"{option} {path}: this is the file of {taken}; choose another name")
+    inputs = {} if order.scene in BUILTIN else {order.scene: "the scene"}
+    check_outputs({"--json": order.json, "--plot": order.plot, "--export": order.export}, inputs)
+    if order.export is not None:
+        check_suffix("--export", order.export, EXPORTS)
     if order.plot is not None:
-        _check_picture(order.plot)
-
-
-def _check_picture(path: Path) -> None:
-    suffix = path.suffix.lower()
-    if suffix not in _PICTURES:
-        raise InputError(f"--plot {path}: the name must end in {', '.join(_PICTURES)}")
-    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
-        raise ModelError(
-            f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
-            "(.html and .vtu work without it)"
-        )
-
-
-def _obstacle(path: Path) -> str:
-    """Why no file can be written there; empty if nothing speaks against it."""
-    if os.path.isdir(path):
-        return "this is a folder; name a file in it"
-    if not os.path.isdir(path.parent):
-        return f"there is no folder {str(path.parent)!r}; create it first"
-    try:
-        if os.path.exists(path) and not os.path.isfile(path):  # a device or a pipe
-            return "" if os.access(path, os.W_OK) else "it cannot be written to; choose another"
-        with suppress(FileNotFoundError):
-            os.stat(path)
-        with tempfile.TemporaryFile(dir=path.parent):
-            return ""
-    except OSError as error:
-        return f"no file can be written there ({error.strerror}); choose another place"
+        check_picture(order.plot, PICTURES)
 
 
 def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -> None:
@@ -401,6 +367,8 @@ def _write(scene: Scene, solution: Solution, order: Order, written: list[str]) -
         written.append(str(order.json))
     if order.plot is not None:
         written += [str(path) for path in plot(scene, solution, order.plot)]
+    if order.export is not None:
+        written += [str(path) for path in export(scene, order.export, solution)]
 
 
 # --- cvxlimit scenes ----------------------------------------------------------------------------

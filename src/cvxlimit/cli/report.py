@@ -40,7 +40,7 @@ def summary(
         ("scene", one_line(f"{solution.scene} ({origin})")),
         (
             "size",
-            f"{_count(solution.blocks, 'free block')} x {_count(solution.contacts, 'contact')}",
+            f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
         ),
         ("surface", one_line(solution.surface)),
         ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
@@ -59,6 +59,21 @@ def summary(
         if fact:
             table.add_row(name, fact)
     return table
+
+
+def facts(rows: Sequence[tuple[str, str]]) -> Table:
+    """One column of facts with their names; empty ones are left out."""
+    table = _columns()
+    for name, fact in rows:
+        if fact:
+            table.add_row(name, fact)
+    return table
+
+
+def warn_of_near_misses(scene: Scene) -> None:
+    """One line on stderr where joints are nearly there: how many, and the worst."""
+    if scene.near_misses and sys.stderr is not None:
+        sys.stderr.write(f"cvxlimit: {one_line(scene.near_miss_note)}\n")
 
 
 def advice(solution: Solution) -> str:
@@ -142,11 +157,12 @@ def _style(status: Status) -> str:
 
 def _solvers(iterates: Sequence[Iterate]) -> str:
     counts = Counter(one_line(iterate.solver) for iterate in iterates)
-    return ", ".join(f"{name} ({_count(n, 'solve')})" for name, n in counts.items())
+    return ", ".join(f"{name} ({count(n, 'solve')})" for name, n in counts.items())
 
 
-def _count(number: int, thing: str) -> str:
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+def count(number: int, thing: str, things: str = "") -> str:
+    """A number with the word for one or many."""
+    return f"{number} {thing}" if number == 1 else f"{number} {things or thing + 's'}"
 
 
 def _text(value: float | None, rounding: Callable[[float], str] = rounded) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cvxlimit.bracket import Bracket
 from cvxlimit.compare.rows import Row
 
 if TYPE_CHECKING:
@@ -150,8 +151,7 @@ def _floor(row: Row) -> float:
     """The reference's relative width: load factors inside it cannot be told apart."""
     if row.reference_lower is None or row.reference_upper is None:
         return LEAST
-    scale = max(abs(row.reference_upper), abs(row.reference_lower), 1e-300)
-    return max(LEAST, (row.reference_upper - row.reference_lower) / scale)
+    return max(LEAST, Bracket(row.reference_lower, row.reference_upper).width)
 
 
 def _timed(rows: Sequence[Row]) -> list[Row]:

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cvxlimit.bracket import known
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, analyse
 from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, check_choice, solve
@@ -304,8 +305,8 @@ def packed(state: LimitState, bounds: Certificate, watch: Stopwatch, contacts: i
     return Measurement(
         state.outcome.status,
         state.load_factor,
-        _known(bounds.lower),
-        _known(bounds.upper),
+        known(bounds.lower),
+        known(bounds.upper),
         watch.seconds,
         watch.total,
         contacts,
@@ -316,13 +317,9 @@ def _measured(solution: Solution, start: float) -> Measurement:
     return Measurement(
         str(solution.status),
         solution.load_factor,
-        _known(solution.lower),
-        _known(solution.upper),
+        known(solution.lower),
+        known(solution.upper),
         {k: v for k, v in solution.seconds.items() if k in PHASES},
         time.perf_counter() - start,
         solution.contacts,
     )
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

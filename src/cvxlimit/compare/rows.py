@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from cvxlimit.bracket import Bracket, known
 from cvxlimit.compare.models import PHASES, Measurement, Method
 from cvxlimit.compare.reference import Reference
 from cvxlimit.compare.runs import Failure, Limits, run_apart
@@ -15,24 +18,11 @@ from cvxlimit.scene import Scene
 Advance = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Bracket:
+class Truth(NamedTuple):
     """What a load factor is measured against; ``note`` says how it was found, or why it was not."""
 
-    lower: float | None
-    upper: float | None
+    bracket: Bracket
     note: str
-
-    def error(self, load_factor: float | None) -> float | None:
-        """Largest relative error that ``load_factor`` may have, the truth being inside.
-
-        >>> Bracket(0.99, 1.0, "").error(1.01)
-        0.02
-        """
-        if load_factor is None or self.lower is None or self.upper is None:
-            return None
-        worst = max(abs(load_factor - self.lower), abs(load_factor - self.upper))
-        return round(worst, 15) / max(abs(self.lower), abs(self.upper), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -93,13 +83,15 @@ class Interrupted(KeyboardInterrupt):
         self.rows = rows
 
 
-def find_bracket(method: Method, scene: Scene, limits: Limits) -> Bracket:
+def find_truth(method: Method, scene: Scene, limits: Limits) -> Truth:
     """The reference that fits the method's interaction, in a process of its own."""
     reference = Reference(interaction=method.interaction, moments=method.moments)
     found = run_apart(reference, scene, limits)
     if isinstance(found, Failure):
-        return Bracket(None, None, f"no reference: {found.reason}")
-    return Bracket(found.lower, found.upper, found.status)
+        return Truth(Bracket(), f"no reference: {found.reason}")
+    lower = -np.inf if found.lower is None else found.lower
+    upper = np.inf if found.upper is None else found.upper
+    return Truth(Bracket(lower, upper), found.status)
 
 
 def side_by_side(
@@ -119,12 +111,12 @@ def side_by_side(
     Interrupted
         On Ctrl-C, with the rows of what was measured before.
     """
-    brackets: dict[tuple[str, str], Bracket] = {}
+    truths: dict[tuple[str, str], Truth] = {}
     for method in methods:
-        if _truth(method) not in brackets:
-            brackets[_truth(method)] = find_bracket(method, scene, reference_limits or limits)
+        if _question(method) not in truths:
+            truths[_question(method)] = find_truth(method, scene, reference_limits or limits)
             advance("reference")
-    tallies = [_Tally(method, scene, brackets[_truth(method)]) for method in methods]
+    tallies = [_Tally(method, scene, truths[_question(method)]) for method in methods]
     try:
         for _ in range(repeat):
             for tally in tallies:
@@ -136,7 +128,7 @@ def side_by_side(
     return [tally.row for tally in tallies]
 
 
-def _truth(method: Method) -> tuple[str, str]:
+def _question(method: Method) -> tuple[str, str]:
     """Methods with the same one are measured against the same reference."""
     return method.interaction, method.moments
 
@@ -147,7 +139,7 @@ class _Tally:
 
     method: Method
     scene: Scene
-    bracket: Bracket
+    truth: Truth
     runs: list[Measurement] = field(default_factory=list)
     failure: Failure | None = None
 
@@ -163,12 +155,12 @@ class _Tally:
 
     @property
     def row(self) -> Row:
-        return row_of(self.method, self.scene, self.runs, self.failure, self.bracket)
+        return row_of(self.method, self.scene, self.runs, self.failure, self.truth)
 
 
 def number_of_steps(methods: Sequence[Method], repeat: int) -> int:
     """How often :func:`side_by_side` will call ``advance``."""
-    return len({_truth(method) for method in methods}) + repeat * len(methods)
+    return len({_question(method) for method in methods}) + repeat * len(methods)
 
 
 def row_of(
@@ -176,7 +168,7 @@ def row_of(
     scene: Scene,
     runs: Sequence[Measurement],
     failure: Failure | None,
-    bracket: Bracket,
+    truth: Truth,
 ) -> Row:
     """Medians of ``runs``, or the failure with its reason."""
     axes: dict[str, Any] = dict.fromkeys(
@@ -195,11 +187,11 @@ def row_of(
         reason=failure.reason if failure else "",
         runs=len(runs),
         **nothing,
-        reference_lower=bracket.lower,
-        reference_upper=bracket.upper,
-        reference=bracket.note,
+        reference_lower=known(truth.bracket.lower),
+        reference_upper=known(truth.bracket.upper),
+        reference=truth.note,
     )
-    return row if failure or not runs else _with_figures(row, runs, bracket)
+    return row if failure or not runs else _with_figures(row, runs, truth.bracket)
 
 
 def _with_figures(row: Row, runs: Sequence[Measurement], bracket: Bracket) -> Row:
@@ -222,5 +214,5 @@ def _with_figures(row: Row, runs: Sequence[Measurement], bracket: Bracket) -> Ro
 
 
 def _median(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
+    found = [value for value in values if value is not None]
+    return median(found) if found else None

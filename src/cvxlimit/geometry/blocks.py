@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,28 +13,21 @@ from scipy.spatial import ConvexHull, QhullError
 
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.crossings import check_faces, check_no_crossing
 from cvxlimit.geometry.facets import Facets, facets
-from cvxlimit.geometry.mesh import (
-    Faces,
-    area_vectors,
-    cross,
-    outward,
-    surface,
-    volume_and_centroid,
+from cvxlimit.geometry.mesh import Faces, surface
+from cvxlimit.geometry.polyhedra import (
+    RELATIVE_TOLERANCE,
+    Body,
+    check_flat,
+    checked_faces,
+    closed_body,
+    convex_body,
+    default_tolerance,
+    vertices_of,
 )
 from cvxlimit.geometry.readonly import ReadOnlyArrays
 
 FloatArray = NDArray[np.float64]
-
-RELATIVE_TOLERANCE = 1e-6
-"""Exact shapes are told from inexact ones at this fraction of a block's size.
-
-A body that is flat-faced and convex to six digits is taken as such; vertices nearer to each other
-than this are one."""
-
-JOINT_TOLERANCE = 0.01
-"""Default joint tolerance over a block's mean thickness, 2 volume / surface."""
 
 BOX_FACES: Faces = (
     (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 4, 7, 3), (1, 2, 6, 5),
@@ -152,8 +144,8 @@ class Block(ReadOnlyArrays):
 
         ``vertices`` has shape (k, 3); each face lists at least three vertex indices in order
         around it. The direction of travel is free: the surface is closed, so the outside is known.
-        Faces may be warped by ``joint_tolerance`` (length; None: :data:`JOINT_TOLERANCE` of the
-        mean thickness).
+        Faces may be warped by ``joint_tolerance`` (length; None: one hundredth of the mean
+        thickness).
 
         Raises
         ------
@@ -163,17 +155,31 @@ class Block(ReadOnlyArrays):
         InputError
             If numbers or indices are none.
         """
-        points = _points(id, vertices)
+        points = vertices_of(id, vertices)
         loops = checked_faces(id, faces, len(points))
-        exact = _convex_volume(points, loops)
-        return assembled(id, points, loops, density, joint_tolerance) if exact is None else cls(
+        body = convex_body(points, loops) or closed_body(id, points, loops, joint_tolerance)
+        return cls.of_body(id, points, body, density)
+
+    @classmethod
+    def of_body(
+        cls,
+        id: str,
+        vertices: FloatArray,
+        body: Body,
+        density: float | None,
+        repairs: tuple[Repair, ...] = (),
+    ) -> Block:
+        """A block from a body that has been looked at; ``vertices`` (k, 3) become read-only."""
+        return cls(
             id=_checked_id(id),
-            vertices=_frozen(points),
-            faces=exact[0],
+            vertices=_frozen(vertices),
+            faces=body.faces,
             density=_checked_density(id, density),
-            volume=exact[1],
-            centroid=_frozen(exact[2]),
-        )  # fmt: skip
+            volume=body.volume,
+            centroid=_frozen(body.centroid),
+            is_convex=body.is_convex,
+            repairs=repairs,
+        )
 
     @classmethod
     def hull(
@@ -189,7 +195,7 @@ class Block(ReadOnlyArrays):
         fill: they are refused unless ``inner="drop"`` says that the hull is what is meant. Points
         on the hull's edges bound no notch and are dropped.
         """
-        cloud = _points(id, points)
+        cloud = vertices_of(id, points)
         try:
             hull = ConvexHull(cloud)
         except QhullError as error:
@@ -229,14 +235,14 @@ class Block(ReadOnlyArrays):
 
     @property
     def joint_tolerance(self) -> float:
-        """Default joint tolerance of this block, :data:`JOINT_TOLERANCE` of its thickness."""
+        """Default joint tolerance of this block: one hundredth of its mean thickness."""
         return default_tolerance(self.volume, self.surface)
 
     def facets(self, tolerance: float) -> Facets:
         """Faces grouped into planar facets within ``tolerance`` (length), kept once found."""
         found: dict[float, Facets] = self.__dict__.setdefault("_facets", {})
         if tolerance not in found:
-            _check_flat(self.id, self.vertices, self.faces, tolerance)
+            check_flat(self.id, self.vertices, self.faces, tolerance)
             found[tolerance] = facets(self.vertices, self.faces, tolerance)
         return found[tolerance]
 
@@ -290,208 +296,6 @@ def _checked_density(id: str, density: float | None) -> float | None:
 def _frozen(array: FloatArray) -> FloatArray:
     array.flags.writeable = False
     return array
-
-
-def _points(id: str, value: ArrayLike) -> FloatArray:
-    try:
-        points = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"vertices of block {id!r} must be a list of [x, y, z] numbers") from error
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
-        raise InputError(
-            f"block {id!r} needs at least four vertices [x, y, z], got shape {points.shape}"
-        )
-    if not np.isfinite(points).all():
-        bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(f"vertex {bad} of block {id!r} must be finite, got {points[bad].tolist()}")
-    return points
-
-
-def checked_faces(id: str, faces: Sequence[Sequence[int]], count: int) -> Faces:
-    """The faces as tuples of indices below ``count``; refused by name if they are none."""
-    if len(faces) < 4:
-        raise GeometryError(
-            f"block {id!r} needs at least four faces, got {len(faces)}", blocks=(id,)
-        )
-    return tuple(_face_indices(id, number, face, count) for number, face in enumerate(faces))
-
-
-def _face_indices(id: str, number: int, face: Sequence[int], count: int) -> tuple[int, ...]:
-    if not isinstance(face, Sequence | np.ndarray):
-        raise InputError(f"face {number} of block {id!r} must list vertices, got {face!r}")
-    wrong = [
-        i for i in face if isinstance(i, bool) or not isinstance(i, (int, np.integer))
-        or not 0 <= i < count
-    ]  # fmt: skip
-    if wrong:
-        raise InputError(
-            f"face {number} of block {id!r} names vertex {wrong[0]!r}; "
-            f"there are {count} vertices, numbered from 0"
-        )
-    indices = tuple(int(i) for i in face)
-    if len(indices) < 3 or len(set(indices)) < len(indices):
-        raise InputError(
-            f"face {number} of block {id!r} needs at least three different vertices, "
-            f"got {list(indices)}"
-        )
-    return indices
-
-
-def _convex_volume(points: FloatArray, faces: Faces) -> tuple[Faces, float, FloatArray] | None:
-    """Outward faces, volume and centroid of an exact convex body; None if it is not one.
-
-    Most blocks are, and this way they take a tenth of the time of :func:`assembled`.
-    """
-    tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    middle = points.mean(axis=0)
-    oriented = []
-    for face in faces:
-        corners = points[list(face)]
-        area = _area_vector(corners)
-        norm = float(np.linalg.norm(area))
-        if not norm > tolerance**2:
-            return None
-        if area @ (corners.mean(axis=0) - middle) <= 0.0:
-            face, corners, area = face[::-1], corners[::-1], -area
-        if not _bounds_convex_body(points, corners, area / norm, tolerance):
-            return None
-        oriented.append(face)
-    edges = Counter((f[i - 1], f[i]) for f in oriented for i in range(len(f)))
-    if any(n != 1 or edges[e[::-1]] != 1 for e, n in edges.items()):
-        return None
-    if len({i for f in faces for i in f}) < len(points):
-        return None
-    volume, centroid = volume_and_centroid(points, oriented)
-    return (tuple(oriented), volume, centroid) if volume > tolerance**2 * tolerance else None
-
-
-def _area_vector(corners: FloatArray) -> FloatArray:
-    """Half the sum of cross products around a closed polygon: area times unit normal."""
-    spokes = corners[1:] - corners[0]
-    m = spokes[:-1].T @ spokes[1:]  # np.cross takes longer than all else a block needs
-    return 0.5 * np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
-
-
-def _bounds_convex_body(
-    points: FloatArray, corners: FloatArray, normal: FloatArray, tolerance: float
-) -> bool:
-    """True if a face is a flat convex polygon and has all points behind it."""
-    heights = (points - corners.mean(axis=0)) @ normal
-    if heights.max() > tolerance or ((corners - corners[0]) @ normal).min() < -tolerance:
-        return False
-    edges = np.roll(corners, -1, axis=0) - corners
-    turns = cross(edges, np.roll(edges, -1, axis=0)) @ normal
-    lengths = np.linalg.norm(edges, axis=1)
-    return bool(lengths.min() > tolerance and (turns >= -tolerance * lengths).all())
-
-
-def assembled(
-    id: str,
-    points: FloatArray,
-    faces: Faces,
-    density: float | None,
-    joint_tolerance: float | None = None,
-) -> Block:
-    """A block of any shape from vertices and faces that are numbers and indices; nothing mended.
-
-    Raises
-    ------
-    GeometryError
-        If they enclose no body; see :meth:`Block.polyhedron`.
-    """
-    check_faces(id, points, faces, RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, 0))))
-    unused = set(range(len(points))) - {i for f in faces for i in f}
-    if unused:
-        raise GeometryError(
-            f"vertex {min(unused)} of block {id!r} belongs to no face; remove it",
-            points=points[min(unused)],
-            blocks=(id,),
-        )
-    return enclosed(id, points, outward(id, points, faces)[0], density, joint_tolerance)
-
-
-def enclosed(
-    id: str,
-    points: FloatArray,
-    oriented: Faces,
-    density: float | None,
-    joint_tolerance: float | None,
-    repairs: tuple[Repair, ...] = (),
-) -> Block:
-    """The block inside a closed surface whose normals point out.
-
-    Raises
-    ------
-    GeometryError
-        If it has no volume, cuts itself, or has a face that is not flat.
-    """
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    exact = RELATIVE_TOLERANCE * size
-    volume, centroid = volume_and_centroid(points, oriented)
-    if not volume > exact**2 * size:
-        raise GeometryError(
-            f"block {id!r} is degenerate: its volume is {volume:g} for a size of {size:g}",
-            points=points,
-            blocks=(id,),
-        )
-    vectors = area_vectors(points, oriented)
-    areas = np.linalg.norm(vectors, axis=1)
-    allowed = joint_tolerance or default_tolerance(volume, float(areas.sum()))
-    normals = vectors / areas[:, None]
-    _check_flat(id, points, oriented, allowed)
-    convex = _all_behind(points, oriented, normals, allowed)
-    if not convex:
-        check_no_crossing(id, points, oriented, allowed)
-    return Block(
-        id=_checked_id(id),
-        vertices=_frozen(points),
-        faces=oriented,
-        density=_checked_density(id, density),
-        volume=volume,
-        centroid=_frozen(centroid),
-        is_convex=convex,
-        repairs=repairs,
-    )
-
-
-def default_tolerance(volume: float, surface: float) -> float:
-    """:data:`JOINT_TOLERANCE` of the mean thickness."""
-    return JOINT_TOLERANCE * 2.0 * volume / surface
-
-
-def _check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> None:
-    off = warps(points, faces)
-    number = int(off.argmax())
-    if off[number] > (1.0 + RELATIVE_TOLERANCE) * tolerance:  # sums in another order may differ
-        raise GeometryError(
-            f"face {number} of block {id!r} is not flat: a vertex lies {off[number]:g} off its "
-            f"plane, more than the joint tolerance {tolerance:.3g}; raise joint_tolerance or cut "
-            "the face into triangles",
-            points=points[list(faces[number])],
-            blocks=(id,),
-        )
-
-
-def warps(points: FloatArray, faces: Faces) -> FloatArray:
-    """How far each face's corners are off its mean plane at most, (f,)."""
-    normals = area_vectors(points, faces)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    result = np.zeros(len(faces))
-    for number in (i for i, face in enumerate(faces) if len(face) > 3):
-        corners = points[list(faces[number])]
-        result[number] = np.abs((corners - corners.mean(axis=0)) @ normals[number]).max()
-    return result
-
-
-def _all_behind(points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float) -> bool:
-    """True if no vertex is in front of a face's plane; most shapes end in the first part."""
-    base = np.array([points[list(face)].mean(axis=0) for face in faces])
-    level = np.einsum("fk,fk->f", base, normals)
-    step = max(1, 1_000_000 // len(points))
-    return all(
-        ((normals[i : i + step] @ points.T).max(axis=1) <= level[i : i + step] + tolerance).all()
-        for i in range(0, len(faces), step)
-    )
 
 
 def _check_no_notch(id: str, cloud: FloatArray, hull: ConvexHull, planes: FloatArray) -> None:

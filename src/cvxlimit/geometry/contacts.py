@@ -147,6 +147,10 @@ class Contacts(ReadOnlyArrays):
         """Convex polygons (k, 2) that tile contact j in its plane; its corners if it is convex."""
         return self.pieces.get(j % len(self), (self.corners_of(j),))
 
+    def piece_points(self, j: int) -> tuple[FloatArray, ...]:
+        """The same polygons in space, (k, 3) each: what to fill in pictures."""
+        return tuple(self.origin[j] + piece @ self.axes[j, :2] for piece in self.pieces_of(j))
+
     @cached_property
     def corner_contact(self) -> IntArray:
         """Contact index of every corner, (m,)."""

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
-from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs
+from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.overlaps import Outlines, outlines
 from cvxlimit.geometry.penetration import check_no_interpenetration
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,10 +71,11 @@ def detect(
 
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
     farther apart and no deeper in each other than ``joint_tolerance`` (length; None: one hundredth
-    of the mean thickness of the thinner block, :data:`~cvxlimit.geometry.blocks.JOINT_TOLERANCE`),
-    and the overlap is wider than that. The contact lies in their mean plane. What two blocks
-    transmit through one plane is one contact: its overlap may have notches, holes and several
-    parts; blocks that meet in several planes have several contacts.
+    of the mean thickness of the thinner block, see
+    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE`) and by how much they are warped, and the
+    overlap is wider than that. The contact lies in their mean plane. What two blocks transmit
+    through one plane is one contact: its overlap may have notches, holes and several parts; blocks
+    that meet in several planes have several contacts.
 
     Raises
     ------
@@ -104,8 +106,10 @@ def detect(
 class _Joints:
     """Overlaps of facing facets with their frames, sorted by blocks; ``a``, ``b`` (k,) are those.
 
-    ``gaps`` (k, 2) is the least and the largest distance between the facets over the overlap,
-    ``allowed`` and ``near`` the pair's tolerance and reach, ``sine`` of the angle between them.
+    ``gaps`` (k, 2) is the least and the largest distance between the facets' planes over the
+    overlap, ``sine`` of the angle between them, ``allowed`` and ``near`` the pair's tolerance and
+    reach. Facets are themselves off their planes by up to the tolerance: by how much, ``warped``,
+    is allowed on top, or else two facets that meet perfectly would not be a joint.
     """
 
     a: IntArray
@@ -116,6 +120,7 @@ class _Joints:
     gaps: FloatArray
     sine: FloatArray
     allowed: FloatArray
+    warped: FloatArray
     near: FloatArray
 
     @classmethod
@@ -133,8 +138,9 @@ class _Joints:
         alone = np.bincount(pair)[pair] == 1
         boxes = alone & _is_aligned_rectangle(flat[0], table.sides[lower], size[pair])
         boxes &= _is_aligned_rectangle(flat[1], table.sides[upper], size[pair])
-        found = outlines(*flat, boxes, pair)
+        found = outlines(flat[0], flat[1], boxes, pair)
         allowed = np.minimum(reach.tolerance[one.block], reach.tolerance[other.block])
+        warped = one.off + other.off
         least = RELATIVE_TOLERANCE * np.minimum(size, reach.size[other.block])
         found = found.take(np.flatnonzero(found.width > least[found.pair]))
         found = found.take(np.lexsort((other.block[found.pair], one.block[found.pair])))
@@ -147,14 +153,20 @@ class _Joints:
         near = np.minimum(reach.near[one.block], reach.near[other.block])
         sine = np.linalg.norm(np.cross(one.normal, other.normal), axis=1)
         return cls(
-            one.block[j], other.block[j], found, origin, frames, gaps, sine[j], allowed[j], near[j]
-        )
+            one.block[j], other.block[j], found, origin, frames, gaps, sine[j],
+            allowed[j], warped[j], near[j] + warped[j],
+        )  # fmt: skip
+
+    @property
+    def is_close(self) -> BoolArray:
+        """Overlaps of facets that are within the tolerance of each other everywhere, (k,)."""
+        within = np.abs(self.gaps) <= (self.allowed + self.warped)[:, None]
+        return np.asarray(within.all(axis=1) & (self.sine <= _STEEPEST))
 
     @property
     def is_contact(self) -> BoolArray:
         """Overlaps that are contacts, (k,)."""
-        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
-        return np.asarray(close & (self.sine <= _STEEPEST) & (self.found.width > self.allowed))
+        return np.asarray(self.is_close & (self.found.width > self.allowed))
 
     def contacts(self, rows: BoolArray, blocks: Sequence[Block], friction: float) -> Contacts:
         """Some of the joints as contacts."""
@@ -174,31 +186,41 @@ class _Joints:
             area=found.area,
             friction=np.full(len(a), friction),
             cohesion=np.zeros(len(a)),
-            pieces={k: tuple(p) for k, p in enumerate(found.pieces) if p is not None},
+            pieces={k: p for k, p in enumerate(found.pieces.tolist()) if p is not None},
         )
 
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
         """Joints that are no contacts by less than the reach."""
         wide = self.found.width > self.allowed
-        close = (np.abs(self.gaps) <= self.allowed[:, None]).all(axis=1)
-        off = (self.gaps[:, 1] <= self.near) & (self.gaps[:, 0] >= -self.allowed)
-        rows = (wide & off & ~close) | (close & ~wide & (self.sine <= _STEEPEST))
+        close = self.is_close
+        off = (np.abs(self.gaps) <= self.near[:, None]).all(axis=1)
+        off &= self.gaps[:, 1] >= -self.allowed  # farther in: facets that look away from each other
+        rows = (wide & off & ~close) | (close & ~wide & (self.found.width > self.allowed / NEAR))
         ends = np.append(self.found.start, len(self.found.corners))
         for j in np.flatnonzero(rows).tolist():
             low, high = self.gaps[j].tolist()
-            kind: Kind = "sliver" if close[j] and not wide[j] else "gap"
-            if kind == "gap" and high - low > self.allowed[j]:
-                kind = "angle"
+            size, kind = max(high, -low), _kind(low, high, float(self.allowed[j]))
+            if close[j]:
+                size, kind = float(self.found.width[j]), "sliver"
+            elif size <= self.allowed[j]:
+                continue  # too steep for a joint, and within the tolerance because they are small
             corners = self.found.corners[ends[j] : ends[j + 1]]
             yield NearMiss(
                 a=blocks[self.a[j]].id,
                 b=blocks[self.b[j]].id,
                 kind=kind,
-                size=float(self.found.width[j]) if kind == "sliver" else high,
+                size=size,
                 allowed=float(self.allowed[j]),
                 place=self.origin[j],
                 outline=self.origin[j] + corners @ self.axes[j, :2],
             )
+
+
+def _kind(low: float, high: float, allowed: float) -> Kind:
+    """What keeps two facets with such least and largest distances from being a joint."""
+    if high - low > allowed:
+        return "angle"
+    return "gap" if high > allowed else "overlap"
 
 
 def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArray]:

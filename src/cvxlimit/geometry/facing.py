@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.blocks import JOINT_TOLERANCE, Block
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import Facets
 from cvxlimit.geometry.mesh import Faces, cross
 from cvxlimit.geometry.overlaps import members_of
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -53,6 +54,7 @@ class FacetTable:
     sides: IntArray
     normal: FloatArray
     point: FloatArray
+    off: FloatArray
 
     def take(self, rows: IntArray) -> FacetTable:
         """Some of the pieces."""
@@ -83,9 +85,7 @@ def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple
     table = joined.take(order)
     new = np.flatnonzero(np.diff(table.facet, prepend=-1) | np.diff(table.block, prepend=-1))
     number = np.repeat(np.arange(len(new)), np.diff(new, append=len(table.facet)))
-    return FacetTable(
-        table.block, number, table.corners, table.sides, table.normal, table.point
-    ), Reach(size, tolerance, near)
+    return replace(table, facet=number), Reach(size, tolerance, near)
 
 
 def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
@@ -130,6 +130,11 @@ def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
     """
     result: list[Facets | None] = [None] * len(blocks)
     for faces, which in _same_faces(blocks).items():
+        if all(blocks[i].bounds is not None for i in which):
+            box = Facets.of_faces(faces)
+            for i in which:
+                result[i] = box
+            continue
         left = np.array(which)
         if len(faces) <= _FEW and all(blocks[i].is_convex for i in which):
             left = _tried(Facets.of_faces(faces), blocks, left, tolerance, result)
@@ -175,8 +180,8 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
     for size in np.unique(sizes).tolist():
         members = np.flatnonzero(sizes == size)
         corners = points[:, [shape.pieces[i] for i in members.tolist()]]
-        found = _vectors(corners)
-        np.add.at(vectors, (slice(None), owner[members]), found)
+        for piece, area in zip(members.tolist(), _vectors(corners).transpose(1, 0, 2), strict=True):
+            vectors[:, owner[piece]] += area
         normals[size] = corners, members
     normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
     for corners, members in normals.values():
@@ -202,6 +207,7 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
     middle = np.stack(
         [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
     )
+    begin = np.arange(pieces)
     if len(shape.faces) < pieces:
         begin = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
         weight = np.linalg.norm(vectors, axis=2)[:, :, None]
@@ -209,6 +215,8 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
         middle = (np.add.reduceat(weight * middle, begin, axis=1) / whole)[:, shape.facet]
         vectors = np.add.reduceat(vectors, begin, axis=1)[:, shape.facet]
     normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
+    heights = np.einsum("nfkc,nfc->nfk", corners - middle[:, :, None], normal)
+    off = np.maximum.reduceat(np.abs(heights).max(axis=2), begin, axis=1)
     return FacetTable(
         np.repeat(which, pieces),
         np.tile(np.array(shape.facet), n),
@@ -216,6 +224,7 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
         np.tile([len(p) for p in shape.pieces], n),
         normal.reshape(-1, 3),
         middle.reshape(-1, 3),
+        off[:, shape.facet].reshape(-1),
     )
 
 

@@ -79,7 +79,7 @@ def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray,
 
 
 def cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Cross products of vectors (..., 3): ``np.cross`` takes three times as long on small arrays."""
+    """Cross products of vectors (..., 3); on small arrays three times as fast as ``np.cross``."""
     x, y, z = u[..., 0], u[..., 1], u[..., 2]
     p, q, r = v[..., 0], v[..., 1], v[..., 2]
     return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=-1)

@@ -15,7 +15,7 @@ Kind = Literal["gap", "angle", "overlap", "sliver"]
 
 _WORDS = {
     "gap": "a gap of {size:.3g}{unit}, joined up to {allowed:.3g}",
-    "angle": "faces at an angle, {size:.3g}{unit} apart at the far end, joined up to {allowed:.3g}",
+    "angle": "faces at an angle, {size:.3g}{unit} off at the far end, joined up to {allowed:.3g}",
     "overlap": "an overlap of {size:.3g}{unit}, joined up to {allowed:.3g}",
     "sliver": "a joint {size:.3g}{unit} wide, kept from {allowed:.3g}",
 }

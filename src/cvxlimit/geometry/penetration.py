@@ -36,8 +36,9 @@ def check_no_interpenetration(
     GeometryError
         Naming the two blocks, the depth and the place.
     """
-    low = np.array([b.vertices.min(axis=0) for b in blocks])
-    high = np.array([b.vertices.max(axis=0) for b in blocks])
+    count = np.array([len(b.vertices) for b in blocks])
+    points, begin = np.concatenate([b.vertices for b in blocks]), np.cumsum(count) - count
+    low, high = np.minimum.reduceat(points, begin), np.maximum.reduceat(points, begin)
     margin = np.minimum(reach.tolerance[first], reach.tolerance[second])
     shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
     touching = np.isin(first * len(blocks) + second, contacts.a * len(blocks) + contacts.b)
@@ -55,16 +56,15 @@ def check_no_interpenetration(
         if simple[j]:
             overlap = _penetration(a, b, normals(i), normals(k))
             if overlap > allowed:
-                raise _refusal(a, b, overlap, _middle_of_boxes(a, b))
+                raise _refusal(a, b, overlap, *_shared_box(a, b))
             continue
         if _least_overlap(a, b, np.concatenate([normals(i), -normals(k)])) <= allowed:
             continue
-        overlap, where = shared_depth(bodies(i), bodies(k))
+        overlap, where, corners = shared_depth(bodies(i), bodies(k))
         if overlap > _REFUSED * allowed:
-            raise _refusal(a, b, overlap, where.mean(axis=0))
+            raise _refusal(a, b, overlap, where, corners)
         if overlap > allowed:
-            middle = where.mean(axis=0)
-            sunk.append(NearMiss(a.id, b.id, "overlap", overlap, allowed, middle, where))
+            sunk.append(NearMiss(a.id, b.id, "overlap", overlap, allowed, where, corners))
     return sunk
 
 
@@ -77,21 +77,22 @@ _REFUSED = 2.0
 joints that overlap by one tolerance each lie deeper than either."""
 
 
-def _refusal(a: Block, b: Block, depth: float, where: FloatArray) -> GeometryError:
+def _refusal(
+    a: Block, b: Block, depth: float, where: FloatArray, corners: FloatArray
+) -> GeometryError:
     return GeometryError(
         f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near {place(where)}: "
-        "move or cut one of them",
-        points=where,
+        "move or cut one of them, or raise joint_tolerance if the model is no more exact",
+        points=corners,
         blocks=(a.id, b.id),
     )
 
 
-def _middle_of_boxes(a: Block, b: Block) -> FloatArray:
-    """Middle of the box that two blocks' bounding boxes share."""
+def _shared_box(a: Block, b: Block) -> tuple[FloatArray, FloatArray]:
+    """Middle (3,) and two corners (2, 3) of the box that two blocks' bounding boxes share."""
     low = np.maximum(a.vertices.min(axis=0), b.vertices.min(axis=0))
     high = np.minimum(a.vertices.max(axis=0), b.vertices.max(axis=0))
-    result: FloatArray = 0.5 * (low + high)
-    return result
+    return 0.5 * (low + high), np.stack([low, high])
 
 
 def penetration(first: Block, second: Block) -> float:

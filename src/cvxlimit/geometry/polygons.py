@@ -180,7 +180,7 @@ def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]
 
 
 def convex_hull(points: FloatArray) -> FloatArray:
-    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise, straight ones left out.
+    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise, no straight ones.
 
     Andrew's monotone chain; Qhull refuses the slivers that overlaps of rounded facets can be.
     """

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.geometry.triangles import triangulated
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,25 +32,45 @@ class Body:
         return cls(block.vertices[corners], origin, manifold3d.Manifold(mesh))
 
 
-def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray]:
-    """How deep two bodies are in each other, and corners (k, 3) of the deepest common part.
+def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:
+    """How deep two bodies are in each other; the centroid and corners (k, 3) of the common part.
 
-    The larger of two measures, each exact where the other sees nothing. The mean thickness,
-    2 volume / surface, of a common part: that of a plate whatever its outline, while a beam passed
-    through a plate has corners on both surfaces only. And the largest distance of its corners from
-    the surface of either block: the depth of a corner poked into a face.
+    The deepest one, if there are several.
+
+    The larger of two measures, each exact where the other sees nothing: the thickness of the part
+    along the normal across which it is thinnest, volume / area seen along it, which is that of a
+    plate; and the largest distance of its corners from the surface of either block, which is the
+    depth of a corner poked into a face. Neither minds the parts without thickness that booleans
+    leave where bodies only touch.
     """
-    depth, where = 0.0, np.empty((0, 3))
+    depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
     for part in (one.manifold ^ other.manifold).decompose():
-        surface = float(part.surface_area())
-        if part.is_empty() or not surface > 0.0:
+        if part.is_empty() or not part.volume() > 0.0:
             continue
-        corners = np.asarray(part.to_mesh64().vert_properties)[:, :3] + one.origin
-        thick = 2.0 * float(part.volume()) / surface
-        deep = max(thick, *(float(_distance(corners, x.triangles).max()) for x in (one, other)))
+        mesh = part.to_mesh64()
+        corners = np.asarray(mesh.vert_properties)[:, :3] + one.origin
+        triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+        deep = max(float(_distance(corners, x.triangles).max()) for x in (one, other))
+        deep = max(deep, float(part.volume()) / _widest_view(corners, triangles))
         if deep > depth:
-            depth, where = deep, corners
-    return depth, where
+            _, where = volume_and_centroid(corners, triangles.tolist())
+            depth, deepest = deep, corners
+    return depth, where, deepest
+
+
+_REAL = 1e-3
+"""Share of the largest triangle's area from which a triangle's normal is one: booleans leave
+slivers whose normals are rounding, and plates are thin across large faces."""
+
+
+def _widest_view(corners: FloatArray, triangles: IntArray) -> float:
+    """Largest area that a body shows, seen along the normals of its larger faces."""
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    vectors = 0.5 * np.cross(b - a, c - a)
+    area = np.linalg.norm(vectors, axis=1)
+    real = area > _REAL * area.max()
+    directions = np.unique((vectors[real] / area[real, None]).round(3), axis=0)
+    return float(0.5 * np.abs(directions @ vectors.T).sum(axis=1).max())
 
 
 def _distance(points: FloatArray, triangles: FloatArray) -> FloatArray:

@@ -32,10 +32,8 @@ def triangulated(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[In
             continue
         way, fits = _diagonals(points[loops]) if size == 4 else (loops[:, :1], None)
         for row, number in enumerate(members.tolist()):
-            if fits is not None and fits[row]:
-                cut = _WAYS[way[row]]
-            else:
-                cut = _ears(points[loops[row]])
+            is_cut = fits is not None and fits[row]
+            cut = _WAYS[way[row]] if is_cut else _ears(points[loops[row]])
             corners.append(loops[row][cut])
             owners.append(np.full(len(cut), number))
     owner = np.concatenate(owners)

@@ -28,7 +28,12 @@ def read_document(path: Path) -> object:
         If the file cannot be read, is empty, too large, nested too deeply, not UTF-8 or not
         JSON, or gives a key twice.
     """
-    text = _decoded(_read_bytes(path))
+    return parsed(read_bytes(path))
+
+
+def parsed(data: bytes) -> object:
+    """The JSON value in ``data``, as :func:`read_document` reads it."""
+    text = decoded(data)
     if not text.strip():
         raise InputError("the file is empty; expected a JSON object {...}")
     try:
@@ -84,7 +89,8 @@ def _json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path) -> bytes:
+    """All bytes of a file; refused if it cannot be read or is larger than allowed."""
     try:
         with open(path, "rb") as file:
             data = file.read(LARGEST_FILE + 1)
@@ -99,7 +105,8 @@ def _read_bytes(path: Path) -> bytes:
     return data
 
 
-def _decoded(data: bytes) -> str:
+def decoded(data: bytes) -> str:
+    """``data`` as a text in UTF-8; a byte order mark is dropped."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

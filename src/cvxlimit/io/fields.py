@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import reprlib
 import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
-from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.errors import InputError
 
 JsonObject = dict[str, object]
 
@@ -59,11 +60,10 @@ def refusals(prefix: str = "") -> Iterator[None]:
     """Errors raised inside come out on one line, led by ``prefix``."""
     try:
         yield
-    except GeometryError as error:
-        message = one_line(prefix) + one_line(str(error))
-        raise GeometryError(message, error.points, error.blocks) from error
     except InputError as error:
-        raise InputError(one_line(prefix) + one_line(str(error))) from error
+        told = copy.copy(error)  # with all that it carries: points, blocks, a body
+        told.args = (one_line(prefix) + one_line(str(error)),)
+        raise told from error
 
 
 def fields(

@@ -27,11 +27,13 @@ from cvxlimit.io.fields import (
     text,
     whole,
 )
-from cvxlimit.scene import Load, Scene, Units, check_scene
+from cvxlimit.loads import Load, PointForce, Pressure
+from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.ties import Tie
 
 _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
+_LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
 _STRENGTHS = ("cohesion", "compressive_strength", "tensile_strength")
 _BY_CONTACT = ("friction", *_STRENGTHS)
@@ -44,6 +46,12 @@ def read_scene(path: Path) -> Scene:
     ``name``, ``units`` and ``contacts`` may be left out and then take the defaults of
     :class:`~cvxlimit.scene.Scene`. Everything else must be there: friction and both loads are
     never guessed (``"dead": {}`` states that there is no dead load).
+
+    The keys of a load, all optional, add up: ``gravity`` and ``acceleration`` (3,) in multiples of
+    each free block's weight; ``forces`` {id: (6,)} at centroids; ``weights`` {id: (3,)} in
+    multiples of the weight of selected blocks; ``points``, a list of {"block", "at" (3,),
+    "force" (3,)}; ``pressures``, a list of {"block", "normal" (3,), "pressure"} on the faces that
+    look along ``normal``. See :class:`~cvxlimit.loads.Load`.
 
     Parameters
     ----------
@@ -211,7 +219,36 @@ def _load_to_dict(case: str, load: Load) -> JsonObject:
             )
             for block, force in load.forces.items()
         }
+    if load.weights:
+        entry["weights"] = {
+            text(block, f"a block id of the {case} load"): list(
+                numbers(times, _AXES, f"weight of the {case} load on block {shown(block)}")
+            )
+            for block, times in load.weights.items()
+        }
+    if load.points:
+        entry["points"] = [_point_to_dict(case, point) for point in load.points]
+    if load.pressures:
+        entry["pressures"] = [_pressure_to_dict(case, pressure) for pressure in load.pressures]
     return entry
+
+
+def _point_to_dict(case: str, point: PointForce) -> JsonObject:
+    where = f"of the {case} load on block {shown(point.block)}"
+    return {
+        "block": text(point.block, f"a block id of the {case} load"),
+        "at": list(numbers(point.at, _AXES, f"point {where}")),
+        "force": list(numbers(point.force, _AXES, f"point force {where}")),
+    }
+
+
+def _pressure_to_dict(case: str, load: Pressure) -> JsonObject:
+    where = f"of the {case} load on block {shown(load.block)}"
+    return {
+        "block": text(load.block, f"a block id of the {case} load"),
+        "normal": list(numbers(load.normal, _AXES, f"normal {where}")),
+        "pressure": number(load.pressure, f"pressure {where}"),
+    }
 
 
 def _units(value: object) -> Units:
@@ -354,7 +391,7 @@ def _pair(value: object, where: str) -> tuple[str, str]:
 
 def _load(case: str, value: object) -> Load:
     where = f"the {case} load"
-    entry = fields(value, where, (), ("gravity", "acceleration", "forces"))
+    entry = fields(value, where, (), _LOAD)
     vectors = {
         name: numbers(entry[name], _AXES, f"{name} of {where}")
         for name in ("gravity", "acceleration")
@@ -364,5 +401,36 @@ def _load(case: str, value: object) -> Load:
         block: numbers(force, _FORCE, f"force of {where} on block {shown(block)}")
         for block, force in mapping(entry.get("forces", {}), f"forces of {where}").items()
     }
+    weights = {
+        block: numbers(times, _AXES, f"weight of {where} on block {shown(block)}")
+        for block, times in mapping(entry.get("weights", {}), f"weights of {where}").items()
+    }
+    points = enumerate(items(entry.get("points", []), f"points of {where}"))
+    pressures = enumerate(items(entry.get("pressures", []), f"pressures of {where}"))
     with refusals(f"in {where}, "):
-        return Load(vectors.get("gravity"), vectors.get("acceleration"), forces)
+        return Load(
+            vectors.get("gravity"),
+            vectors.get("acceleration"),
+            forces,
+            [_point(point, f"point load {i}") for i, point in points],
+            [_pressure(pressure, f"pressure {i}") for i, pressure in pressures],
+            weights,
+        )
+
+
+def _point(value: object, where: str) -> PointForce:
+    entry = fields(value, where, ("block", "at", "force"))
+    return PointForce(
+        text(entry["block"], f"block of {where}"),
+        numbers(entry["at"], _AXES, f"'at' of {where}"),
+        numbers(entry["force"], _AXES, f"force of {where}"),
+    )
+
+
+def _pressure(value: object, where: str) -> Pressure:
+    entry = fields(value, where, ("block", "normal", "pressure"))
+    return Pressure(
+        text(entry["block"], f"block of {where}"),
+        numbers(entry["normal"], _AXES, f"normal of {where}"),
+        number(entry["pressure"], f"value of {where}"),
+    )

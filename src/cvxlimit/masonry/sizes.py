@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.blocks import RELATIVE_TOLERANCE, Block
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
 from cvxlimit.methods.bearing import borne
-from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive
+from cvxlimit.methods.driver import Answer, Progress, Rule, Run, drive, fallen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
@@ -29,6 +29,10 @@ FloatArray = NDArray[np.float64]
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
+
+_NO_FORCE = 1e8
+"""Contact forces, over the dead load, beyond which it is rounding alone that could hold a block: a
+mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a solver."""
 
 _WHOLE = 1.0 - 1e-6
 """Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
@@ -67,7 +71,8 @@ class Convex(Rule):
 
     def result(self, run: Run, state: _Climb) -> Answer:
         """The best bounds of all rungs, and what they rest on."""
-        return replace(run.best, note=state.note or _assumptions(run.best))
+        has_answer = state.status is None or state.status.has_answer
+        return replace(run.best, note=_assumptions(run.best) if has_answer else state.note)
 
 
 def analyse(
@@ -95,7 +100,7 @@ def analyse(
     """
     rule = Convex(tolerance)
     check_scene(scene)
-    whole = Assemblage.of(scene, scaling)
+    whole = scene if scaling is None else Assemblage.of(scene, scaling)
     return drive(
         rule, Run(whole, surface, formulation=formulation, ladder=ladder, progress=progress)
     )
@@ -103,10 +108,17 @@ def analyse(
 
 @dataclass(frozen=True, eq=False)
 class _Fall:
-    """Rates (free, 6) on which the dead load alone does work; whether that needs no assumption."""
+    """Rates (free, 6) on which the dead load alone does work; contact forces that could stop it."""
 
     rates: FloatArray
-    is_proved: bool
+    resistance: float
+
+    @classmethod
+    def of(cls, rates: FloatArray, found: Certificate) -> _Fall:
+        """From the certificate with the dead load as live load; none could if it is proved."""
+        if found.upper_is_proved or not found.missing_opening > 0.0:
+            return cls(rates, np.inf)
+        return cls(rates, 1.0 / found.missing_opening)
 
 
 class _Climb:
@@ -133,7 +145,7 @@ class _Climb:
         for settings in self.ladder:
             state = self._attempt(settings)
             bracket = self.run.best.bracket
-            if bracket.is_below_zero and self._falls(self._late_fall(state)):
+            if bracket.is_below_zero and self._falls(self._late_fall()):
                 yield Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 yield Status.CERTIFIED
@@ -176,23 +188,21 @@ class _Climb:
         if fall is None:
             return False
         scene = self.run.scene
-        power = (fall.rates * scene.dead_forces).sum(axis=1)
-        falling = scene.blocks[scene.free[int(power.argmax())]]
-        self.note = f"block {falling.id!r} falls; {Status.DEAD_LOAD_UNSTABLE.advice}"
-        if not fall.is_proved:
-            most = f"{REFERENCE:g} times the total load"
-            self.note += f" (it would stand on contact forces beyond {most})"
+        self.note = f"{fallen(scene, fall.rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
+        most = fall.resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
+        if most < _NO_FORCE:
+            self.note += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
         self.run.best = replace(self.run.best, forces=None, mechanism=fall.rates)
         return True
 
-    def _late_fall(self, state: LimitState) -> _Fall | None:
+    def _late_fall(self) -> _Fall | None:
         """A mechanism that bounds the load factor below zero: the dead load does work on it.
 
         If the bound needs an assumption, the question is asked again for the dead load alone.
         """
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
-            return _Fall(best.mechanism, True)
+            return _Fall(self.certifier.opened(best.mechanism), np.inf)
         return self._solve_dead_load()
 
     def _solve_dead_load(self) -> _Fall | None:
@@ -220,7 +230,7 @@ class _Climb:
                 if self.certifier.offer_dead_state(forces / state.load_factor):
                     return None
             elif state.mechanism is not None and (bounds := certificate()).upper < enough:
-                return _Fall(state.mechanism, bounds.upper_is_proved)
+                return _Fall.of(state.mechanism, bounds)
         return None
 
     def _solve_opening(self) -> None:
@@ -258,6 +268,7 @@ class _Climb:
                     )
                 if forces is not None:
                     run.best = replace(run.best, forces=forces, mechanism=None)
+                    self.note = Status.LIVE_LOAD_HARMLESS.advice
                     return True
             elif certificate().upper < 0.5:
                 break

@@ -50,6 +50,8 @@ def borne(
     of the contacts that are left, in balance.
     """
     whole = strength_of(assemblage)
+    if whole.state(state) is None:
+        return None
     length = float(np.median(np.sqrt(whole.contacts.area)))
     owner = whole.model.contact if whole.is_internal else np.arange(len(whole.contacts))
     for kept in _cuts(block_sizes(whole.forces(state), length)):

@@ -18,7 +18,7 @@ from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.bearing import INSIDE, borne
-from cvxlimit.methods.driver import Answer, Rule, Run
+from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
@@ -127,7 +127,8 @@ class Certified(Rule):
 
     def result(self, run: Run, state: _Proof) -> Answer:
         """The best of all solves, and what it rests on."""
-        return replace(run.best, note=state.note or state.basis())
+        has_answer = state.status is None or state.status.has_answer
+        return replace(run.best, note=state.basis() if has_answer else state.note)
 
 
 class _Proof:
@@ -167,13 +168,13 @@ class _Proof:
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, method = self.run, InnerMethod(self.run, self.rule.solves)
         for name in self.rule.starts or run.moments.starts:
-            self.reason = "no further progress from these starts"
             at = outer.state.forces if name == "relaxation" and outer.state else None
             for _ in method.iterates(at):
                 if run.best.bracket.width <= (self.rule.tolerance or 0.0):
                     self.reason = "the tolerance is met"
                     return
                 yield None
+        self.reason = "no further progress from these starts"
 
     def _branch(self) -> Iterator[None]:
         """Branch and bound on small scenes, where it closes the bracket."""
@@ -183,11 +184,13 @@ class _Proof:
             return
         end = run.clock.elapsed + self.rule.branching_seconds
         search = BranchAndBound(run, asked)
-        while search.can_go_on and run.clock.elapsed <= end:
+        while True:
             self.reason = f"branch and bound, {search.solves} problems"
+            is_out_of_time = run.clock.elapsed > end
+            if is_out_of_time or not search.can_go_on or run.best.bracket.is_below_zero:
+                return
             yield None
             search.step()
-        self.reason = f"branch and bound, {search.solves} problems"
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load, with a mechanism that shows it.
@@ -202,11 +205,17 @@ class _Proof:
         alone = run.aside(run.scene.with_live(run.scene.dead).with_dead(Load()))
         UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
-            run.best = replace(run.best, forces=None, mechanism=alone.best.mechanism)
+            rates = alone.best.mechanism
+            run.best = replace(run.best, forces=None, mechanism=rates)
+            if rates is not None:
+                self.note = f"{fallen(run.scene, rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
             return True
         bracket = run.best.bracket
-        self.note = f"every mechanism found has a bound below {rounded_up(bracket.upper)}"
-        return bracket.is_below_zero and bracket.upper_is_proved
+        if not (bracket.is_below_zero and bracket.upper_is_proved):
+            return False
+        most = rounded_up(bracket.upper)
+        self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
+        return True
 
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
@@ -227,9 +236,11 @@ class _Proof:
                 INSIDE,
                 central_states,
             )
-        if forces is not None:
-            run.best = replace(run.best, forces=forces, mechanism=None)
-        return forces is not None
+        if forces is None:
+            return False
+        run.best = replace(run.best, forces=forces, mechanism=None)
+        self.note = Status.LIVE_LOAD_HARMLESS.advice
+        return True
 
     def basis(self) -> str:
         """What the bounds rest on, in a sentence."""

@@ -189,8 +189,12 @@ class Run:
         Raises
         ------
         ModelError
-            If a list of surfaces was given, or a formulation.
+            If a list of surfaces was given, a formulation, or cohesion.
         """
+        if np.any(self.contacts.cohesion):
+            raise ModelError(
+                "interaction with bending (Eq. 30) has no cohesion: take it out of the scene"
+            )
         if self.formulation is not corner_compressions:
             raise ModelError("interaction brings its own formulation: leave formulation out")
         if not self._is_preset:
@@ -362,6 +366,15 @@ def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray
         return None
     rows = np.asarray(mechanism).reshape(-1, DOF)
     return {scene.blocks[i].id: rates for i, rates in zip(scene.free, rows, strict=True)}
+
+
+def fallen(scene: Scene, rates: FloatArray) -> str:
+    """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
+    row = int((rates * scene.dead_forces).sum(axis=1).argmax())
+    block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
+    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
+    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
+    return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
 
 
 _LAPS, _LONGEST = 3, 8

@@ -101,6 +101,11 @@ def solve(
     (0.42306, True)
     """
     check_choice("flow", flow, FLOWS)
+    if not callable(formulation):
+        raise ModelError(
+            "formulation must be a function of contacts like "
+            f"cvxlimit.model.formulations.resultants, got {formulation!r}"
+        )
     if interaction is None or interaction == "none":
         rule = _rule(_default_rule(torsion_shear, flow), tolerance)
     elif flow == "associated":

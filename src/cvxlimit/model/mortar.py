@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.loads import Load
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
 

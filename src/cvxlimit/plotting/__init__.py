@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.files import write_file
+from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.look import title
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
 from cvxlimit.plotting.vtu import vtu_files
-from cvxlimit.plotting.webpage import Page, page
+from cvxlimit.plotting.webpage import Page, page, scene_page
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -24,7 +26,8 @@ if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
 
 __all__ = [
-    "ContactKind", "ContactMotion", "Motion", "Page", "figure", "motion", "page", "plot", "title",
+    "ContactKind", "ContactMotion", "Motion", "Page", "figure", "motion", "page", "plot",
+    "plot_scene", "refused", "scene_figure", "scene_page", "title",
 ]  # fmt: skip
 
 
@@ -86,6 +89,58 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     return tuple(files)
 
 
+def plot_scene(
+    scene: Scene, path: str | os.PathLike[str], refusal: InputError | None = None
+) -> tuple[Path, ...]:
+    """Draw a scene before it is solved: blocks, supports, joints, loads and near misses.
+
+    Joints are told apart by how they lie to the dead load: bed, head and sloping. A scene that is
+    refused can be drawn too: pass the error as ``refusal``, or let it be found here; the blocks to
+    blame are red, the places ringed, the message is on the picture.
+
+    ==========  ================================================================================
+    ``.png``    picture
+    ``.html``   interactive page: names and numbers under the pointer, a view into the joints
+    ==========  ================================================================================
+
+    Raises
+    ------
+    InputError
+        For another suffix or a folder that cannot be written to.
+    ModelError
+        If a PNG is asked for and Matplotlib is not installed.
+
+    Example
+    -------
+    >>> import tempfile
+    >>> from cvxlimit.masonry import builtin_scene
+    >>> path = Path(tempfile.mkdtemp()) / "arch.html"
+    >>> [p.name for p in plot_scene(builtin_scene("arch"), path)]
+    ['arch.html']
+    """
+    target = Path(path)
+    suffix = target.suffix.lower()
+    if suffix == ".png":
+        content = scene_figure(scene, refusal=refusal)._repr_png_()
+    elif suffix == ".html":
+        content = scene_page(scene, refusal).encode("utf-8")
+    else:
+        raise InputError(
+            f"cannot tell what to draw from {target.name!r}: give a name that ends in .png or .html"
+        )
+    write_file(target, content)
+    return (target,)
+
+
+def scene_figure(
+    scene: Scene,
+    viewer: tuple[float, float, float] | None = None,
+    refusal: InputError | None = None,
+) -> SceneFigure:
+    """The picture of a scene as a Matplotlib figure; see :func:`plot_scene` and :func:`figure`."""
+    return _drawing().scene_figure(scene, viewer, refusal or refused(scene))
+
+
 def figure(
     scene: Scene, solution: Solution, viewer: tuple[float, float, float] | None = None
 ) -> SceneFigure:
@@ -101,6 +156,10 @@ def figure(
     ModelError
         If Matplotlib is not installed.
     """
+    return _drawing().figure(scene, solution, viewer)
+
+
+def _drawing() -> ModuleType:
     try:
         from cvxlimit.plotting import drawing
     except ImportError as error:
@@ -108,7 +167,7 @@ def figure(
             'pictures need Matplotlib: pip install "cvxlimit[plot]" '
             "(.html and .vtu work without it)"
         ) from error
-    return drawing.figure(scene, solution, viewer)
+    return drawing
 
 
 def _png(scene: Scene, solution: Solution) -> bytes:

@@ -8,8 +8,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from cvxlimit.plotting.camera import Camera, upright
-from cvxlimit.plotting.mesh import SURROUNDINGS
-from cvxlimit.plotting.movement import free_bounds, free_size
+from cvxlimit.plotting.mesh import SURROUNDINGS, shown_bounds
+from cvxlimit.plotting.movement import free_size
 from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +27,7 @@ def draw_axes(axes: Axes, scene: Scene, camera: Camera) -> FloatArray:
 
     Returns the points (n, 2) of the picture that must be in view for them.
     """
-    bounds, size, up = free_bounds(scene), free_size(scene), upright(scene)
+    bounds, size, up = shown_bounds(scene), free_size(scene), upright(scene)
     pole = int(np.abs(up).argmax())
     level = [axis for axis in range(3) if axis != pole]
     low, high = bounds + np.array([[-1.0], [1.0]]) * (SURROUNDINGS + 0.03) * size
@@ -52,7 +52,7 @@ def _draw_axis(
     shown = float(np.linalg.norm(along))
     if abs(along[0] * aside[1] - along[1] * aside[0]) < 0.05 * shown or shown < 0.05:
         return np.empty((0, 2))
-    low, high = free_bounds(scene)[:, axis]
+    low, high = shown_bounds(scene)[:, axis]
     ticks = _ticks(low, high, int((high - low) * shown / (TICK_SPACING * size)))
     line = np.tile(through, (len(ticks) + 2, 1))
     line[:, axis] = [low, *ticks, high]

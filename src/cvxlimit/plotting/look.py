@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.plotting.annotations import JointKind
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -33,6 +34,27 @@ KIND_TEXTS = {
     ContactKind.TWISTS: "contact twists",
 }
 
+JOINT_COLOURS = {
+    JointKind.BED: "#1b6ca8",
+    JointKind.HEAD: "#c2571a",
+    JointKind.SLOPING: "#5b8c2a",
+}
+
+JOINT_TEXTS = {
+    JointKind.BED: "bed joint",
+    JointKind.HEAD: "head joint",
+    JointKind.SLOPING: "sloping joint",
+}
+
+CASE_COLOURS = {"dead": "#3b4252", "live": "#c2185b"}
+"""Arrows of the two load cases."""
+
+MARK_COLOUR = "#d00000"
+"""Near misses, and where a refused scene is wrong."""
+
+CULPRIT_COLOUR = "#ee6c5b"
+"""Blocks to blame for a refusal."""
+
 SPEED_TEXT = "largest corner speed of the block / largest of all"
 
 
@@ -48,8 +70,10 @@ def speed_colours(speed: FloatArray) -> FloatArray:
     return np.stack([np.interp(speed, at, stops[:, c]) for c in range(3)], axis=1)
 
 
-def block_colours(scene: Scene, motion: Motion) -> FloatArray:
-    """Colours (n_blocks, 3): by speed, supports grey, stone where nothing moves."""
+def block_colours(
+    scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset()
+) -> FloatArray:
+    """Colours (n_blocks, 3): by speed, supports grey, stone where nothing moves, culprits red."""
     if motion.moves:
         colours = speed_colours(motion.speed)
     else:
@@ -57,6 +81,7 @@ def block_colours(scene: Scene, motion: Motion) -> FloatArray:
     fixed = np.ones(len(scene.blocks), dtype=bool)
     fixed[scene.free] = False
     colours[fixed] = rgb(SUPPORT_COLOUR)
+    colours[[block.id in culprits for block in scene.blocks]] = rgb(CULPRIT_COLOUR)
     return colours
 
 
@@ -74,7 +99,7 @@ def title(solution: Solution) -> str:
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
     'tuff-wall, conic: load factor 0.42306 in [0.42305, 0.42306]'
     """
-    what = f"{_printable(solution.scene)}, {solution.surface}"
+    what = f"{printable(solution.scene)}, {solution.surface}"
     if solution.interaction != "none":
         what += f", {solution.interaction} interaction ({solution.moments} moments)"
     if solution.load_factor is None:
@@ -84,6 +109,21 @@ def title(solution: Solution) -> str:
     ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
     inside = f" in {', '.join(ends)}" if solution.bracket.has_any else ""
     return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
+
+
+def scene_title(scene: Scene) -> str:
+    """Name and size of a scene that is not solved.
+
+    Example
+    -------
+    >>> from cvxlimit.masonry import builtin_scene
+    >>> scene_title(builtin_scene("single-block"))
+    'single-block: 1 free block, 1 support'
+    """
+    free, fixed = len(scene.free), len(scene.blocks) - len(scene.free)
+    blocks = "1 free block" if free == 1 else f"{free} free blocks"
+    supports = "1 support" if fixed == 1 else f"{fixed} supports"
+    return f"{printable(scene.name)}: {blocks}, {supports}"
 
 
 def _decimals(value: float) -> int:
@@ -106,5 +146,6 @@ def _outward(value: float, digits: int, side: int) -> str:
     return f"[{text}" if side < 0 else f"{text}]"
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
+    """``text`` with replacements for characters that do not print."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.plotting.movement import free_bounds, free_size
 from cvxlimit.scene import Scene
 
@@ -18,6 +22,10 @@ SURROUNDINGS = 0.07
 """Supports are drawn as far as this fraction of the free blocks' size around them, so that a
 large ground slab does not dwarf what fails."""
 
+SMOOTH = np.cos(np.radians(12.0))
+"""No line is drawn at edges where a block's surface bends by less than 12 degrees: triangles of
+curved and warped faces; voussoirs and bricks bend by 45 and more."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -25,7 +33,8 @@ class Mesh:
 
     ``points`` (p, 3) belong to ``point_block`` (p,); face f has the points
     ``corners[face_start[f]:face_start[f + 1]]``, counter-clockwise seen from outside, and
-    belongs to ``face_block[f]``.
+    belongs to ``face_block[f]``. Between faces with the same ``patch[f]`` no line is drawn: they
+    are parts of one surface, flat or bent by less than :data:`SMOOTH`.
     """
 
     points: FloatArray
@@ -33,6 +42,7 @@ class Mesh:
     corners: IntArray
     face_start: IntArray
     face_block: IntArray
+    patch: IntArray
 
 
 def drawn_mesh(scene: Scene) -> Mesh:
@@ -43,12 +53,23 @@ def drawn_mesh(scene: Scene) -> Mesh:
     parts: list[tuple[int, FloatArray, Sequence[Sequence[int]]]] = []
     for i, block in enumerate(scene.blocks):
         if block.id not in fixed:
-            parts.append((i, block.vertices, block.faces))
+            parts.append((i, block.vertices, _convex_faces(block)))
+            continue
+        if not block.is_convex:
+            parts.append((i, block.vertices, _convex_faces(block)))
             continue
         vertices, faces = cropped(block.vertices, block.faces, low - margin, high + margin)
         if faces:
             parts.append((i, vertices, faces))
     return _joined(parts)
+
+
+def shown_bounds(scene: Scene) -> FloatArray:
+    """Lowest and highest coordinates (2, 3) of the free blocks, and of supports drawn whole."""
+    fixed = set(scene.supports)
+    whole = [b.vertices for b in scene.blocks if b.id in fixed and not b.is_convex]
+    points = np.concatenate([free_bounds(scene), *whole])
+    return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def cropped(
@@ -110,6 +131,33 @@ def _closing_face(rim: FloatArray, axis: int, sign: float) -> FloatArray:
     return result
 
 
+def _convex_faces(block: Block) -> Sequence[Sequence[int]]:
+    """The faces of a convex block; of any other one triangles that make them up."""
+    if block.is_convex or all(len(face) == 3 for face in block.faces):
+        return block.faces
+    triangles: list[list[int]] = triangulated(block.vertices, block.faces)[0].tolist()
+    return triangles
+
+
+def _patches(points: FloatArray, corners: IntArray, face_start: IntArray) -> IntArray:
+    """Number of the smooth surface that every face belongs to."""
+    count, sides = len(face_start) - 1, np.diff(face_start)
+    following = np.arange(1, len(corners) + 1)
+    following[face_start[1:] - 1] = face_start[:-1]
+    base = points[corners[np.repeat(face_start[:-1], sides)]]
+    spokes = points[corners] - base
+    areas = np.add.reduceat(np.cross(spokes, spokes[following]), face_start[:-1], axis=0)
+    normals = areas / np.maximum(np.linalg.norm(areas, axis=1), 1e-300)[:, None]
+    low, high = np.sort(np.stack([corners, corners[following]]), axis=0)
+    order = np.lexsort((high, low))
+    low, high, face = low[order], high[order], np.repeat(np.arange(count), sides)[order]
+    same = (low[1:] == low[:-1]) & (high[1:] == high[:-1])
+    one, other = face[:-1][same], face[1:][same]
+    smooth = np.einsum("ek,ek->e", normals[one], normals[other]) > SMOOTH
+    graph = coo_array((np.ones(smooth.sum()), (one[smooth], other[smooth])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
 def _joined(parts: list[tuple[int, FloatArray, Sequence[Sequence[int]]]]) -> Mesh:
     offsets = np.cumsum([0] + [len(vertices) for _, vertices, _ in parts])
     corners = [
@@ -117,10 +165,13 @@ def _joined(parts: list[tuple[int, FloatArray, Sequence[Sequence[int]]]]) -> Mes
         for (_, _, faces), offset in zip(parts, offsets[:-1], strict=True)
         for face in faces
     ]
+    points = np.concatenate([vertices for _, vertices, _ in parts])
+    face_start = np.cumsum([0] + [len(c) for c in corners]).astype(np.int64)
     return Mesh(
-        points=np.concatenate([vertices for _, vertices, _ in parts]),
+        points=points,
         point_block=np.concatenate([np.full(len(v), i, dtype=np.int64) for i, v, _ in parts]),
         corners=np.concatenate(corners),
-        face_start=np.cumsum([0] + [len(c) for c in corners]).astype(np.int64),
+        face_start=face_start,
         face_block=np.array([i for i, _, faces in parts for _ in faces], dtype=np.int64),
+        patch=_patches(points, np.concatenate(corners), face_start),
     )

@@ -80,6 +80,8 @@ class Motion:
     scale : float
         Drawn displacement per rate, see :data:`DEFORMATION`; 0 without a mechanism.
     contacts : ContactMotion
+    is_solved : bool
+        False for a scene that is drawn before it is solved.
     """
 
     rates: FloatArray
@@ -87,6 +89,7 @@ class Motion:
     speed: FloatArray
     scale: float
     contacts: ContactMotion
+    is_solved: bool = True
 
     @property
     def moves(self) -> bool:
@@ -121,6 +124,14 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     return Motion(
         rates, largest, speeds / largest, scale, contact_motion(scene, rates, VISIBLE * largest)
     )
+
+
+def still(scene: Scene) -> Motion:
+    """No movement; nothing is asked about contacts, so that a refused scene can be drawn."""
+    nothing = np.empty(0)
+    contacts = ContactMotion(nothing, nothing, nothing, np.empty(0, dtype=np.int64))
+    count = len(scene.blocks)
+    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts, is_solved=False)
 
 
 def free_bounds(scene: Scene) -> FloatArray:

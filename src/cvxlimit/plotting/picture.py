@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.camera import Camera
-from cvxlimit.plotting.look import KIND_COLOURS, block_colours, rgb
+from cvxlimit.plotting.look import block_colours, rgb
 from cvxlimit.plotting.mesh import Mesh, drawn_mesh
-from cvxlimit.plotting.movement import VISIBLE, ContactKind, Motion, free_size, velocity_of
+from cvxlimit.plotting.movement import VISIBLE, Motion, free_size, velocity_of
 from cvxlimit.plotting.raster import NOTHING, Canvas
 from cvxlimit.scene import Scene
 
@@ -69,13 +70,24 @@ class Picture:
     frame: Frame
 
 
-def paint(scene: Scene, motion: Motion, camera: Camera, pixels: int = 1500) -> Picture:
-    """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels."""
+def paint(
+    scene: Scene,
+    motion: Motion,
+    camera: Camera,
+    pixels: int = 1500,
+    marking: Marking | None = None,
+    culprits: frozenset[str] = frozenset(),
+) -> Picture:
+    """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels.
+
+    ``marking`` says which contacts are outlined; None outlines nothing. Blocks that are
+    ``culprits`` are red.
+    """
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
     shift = motion.scale * velocity_of(scene, motion.rates, mesh.points, mesh.point_block)
     moved = camera.project(mesh.points + shift)
-    marks = _marks(scene, motion, camera)
+    marks = None if marking is None else _marks(scene, motion, camera, marking)
     frame = _frame(np.concatenate([still, moved]), pixels)
     image = np.zeros((frame.height * OVERSAMPLING, frame.width * OVERSAMPLING, 4))
     if motion.moves:
@@ -84,10 +96,13 @@ def paint(scene: Scene, motion: Motion, camera: Camera, pixels: int = 1500) -> P
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.3, 0.33, 0.4]), 0.45)
     points = frame.pixels(moved, OVERSAMPLING)
     canvas = _draw_blocks(mesh, points, frame)
-    _draw_marks(canvas, marks, frame, len(mesh.face_block), MARK_LIFT * free_size(scene))
-    colours = block_colours(scene, motion)[mesh.face_block] * _shades(mesh, points)[:, None]
-    kinds = np.array([rgb(KIND_COLOURS[ContactKind(k)]) for k in marks.kind]).reshape(-1, 3)
-    _ink(image, canvas, np.concatenate([colours, kinds]), len(mesh.face_block))
+    colours = block_colours(scene, motion, culprits)[mesh.face_block]
+    colours = colours * _shades(mesh, points)[:, None]
+    if marks is not None and marking is not None:
+        _draw_marks(canvas, marks, frame, len(mesh.face_block), MARK_LIFT * free_size(scene))
+        kinds = np.array([rgb(marking.colours[k]) for k in marks.kind.tolist()]).reshape(-1, 3)
+        colours = np.concatenate([colours, kinds])
+    _ink(image, canvas, colours, mesh)
     if motion.moves:
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.15, 0.15, 0.2]), 0.14)
     return Picture(_reduced(image), frame)
@@ -101,8 +116,8 @@ class _Marks:
     kind: NDArray[np.int64]
 
 
-def _marks(scene: Scene, motion: Motion, camera: Camera) -> _Marks:
-    c = scene.contacts
+def _marks(scene: Scene, motion: Motion, camera: Camera, marking: Marking) -> _Marks:
+    c = marking.contacts
     sides = [
         camera.project(
             c.corner_points
@@ -114,8 +129,8 @@ def _marks(scene: Scene, motion: Motion, camera: Camera) -> _Marks:
     following = np.arange(1, len(c.corner_xy) + 1)
     following[c.corner_start[1:] - 1] = c.corner_start[:-1]
     ends = np.stack([np.stack([s, s[following]], axis=1) for s in sides], axis=1)
-    kind = motion.contacts.kind[c.corner_contact]
-    marked = kind != ContactKind.CLOSED
+    kind = marking.kind[c.corner_contact]
+    marked = np.isin(kind, list(marking.colours))
     return _Marks(ends[marked], kind[marked])
 
 
@@ -179,11 +194,11 @@ def _ribbon(line: FloatArray, half: float, raised: float) -> FloatArray:
     return np.array([line[0] - across, line[1] - across, line[1] + across, line[0] + across]) + lift
 
 
-def _ink(image: FloatArray, canvas: Canvas, colours: FloatArray, blocks: int) -> None:
+def _ink(image: FloatArray, canvas: Canvas, colours: FloatArray, mesh: Mesh) -> None:
     drawn = canvas.seen != NOTHING
     image[drawn, :3] = colours[canvas.seen[drawn]]
     image[drawn, 3] = 1.0
-    _blend(image, canvas.outlines(blocks), np.array([0.10, 0.12, 0.15]), 0.62)
+    _blend(image, canvas.outlines(mesh.patch), np.array([0.10, 0.12, 0.15]), 0.62)
 
 
 def _ghost_shape(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]:
@@ -193,7 +208,7 @@ def _ghost_shape(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]
 
 
 def _ghost_lines(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]:
-    return _ghost_shape(ghost, motion, mesh) & ghost.outlines(len(mesh.face_block))
+    return _ghost_shape(ghost, motion, mesh) & ghost.outlines(mesh.patch)
 
 
 def _blend(image: FloatArray, where: NDArray[np.bool_], colour: FloatArray, opacity: float) -> None:

@@ -58,16 +58,22 @@ class Canvas:
         self.nearness[window][nearest] = depth[nearest]
         self.seen[window][nearest] = number
 
-    def outlines(self, numbers_below: int) -> NDArray[np.bool_]:
-        """Pixels where one drawn face ends, among faces numbered below ``numbers_below``."""
-        seen = self.seen
+    def outlines(self, patch: IntArray) -> NDArray[np.bool_]:
+        """Pixels where one surface ends; ``patch`` numbers the surface of every face.
+
+        Numbers beyond the faces (marks) have no outline.
+        """
+        numbers_below = len(patch)
+        known = np.append(patch, NOTHING)  # the background's -1 picks the last
+        seen = np.where(self.seen < numbers_below, known[np.minimum(self.seen, numbers_below)],
+                        self.seen + numbers_below)  # fmt: skip
         result = np.zeros(seen.shape, dtype=bool)
         for first, second in (
             (np.s_[:, :-1], np.s_[:, 1:]),
             (np.s_[:-1, :], np.s_[1:, :]),
         ):
             differ = seen[first] != seen[second]
-            differ &= (seen[first] < numbers_below) & (seen[second] < numbers_below)
+            differ &= (self.seen[first] < numbers_below) & (self.seen[second] < numbers_below)
             result[first] |= differ
             result[second] |= differ
         return result

@@ -11,19 +11,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.plotting.annotations import (
+    Annotations,
+    Marking,
+    annotated,
+    joint_kinds,
+    refused,
+)
 from cvxlimit.plotting.camera import default_camera, upright
 from cvxlimit.plotting.look import (
+    CASE_COLOURS,
+    JOINT_COLOURS,
+    JOINT_TEXTS,
     KIND_COLOURS,
     KIND_TEXTS,
+    MARK_COLOUR,
     SPEED_STOPS,
     SPEED_TEXT,
     STONE_COLOUR,
     block_colours,
+    scene_title,
     title,
 )  # fmt: skip
-from cvxlimit.plotting.mesh import Mesh, drawn_mesh
-from cvxlimit.plotting.movement import Motion, contact_forces, free_bounds, free_size, motion
+from cvxlimit.plotting.mesh import Mesh, drawn_mesh, shown_bounds
+from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -53,9 +66,46 @@ def page(scene: Scene, solution: Solution) -> Page:
     Orbit, zoom, scale the movement, animate it; hover to read the rates of a block or the
     forces and rates of a contact. Texts from the scene are data to the page, never markup.
     """
+    moving = motion(scene, solution)
+    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
+    marking = Marking(scene.contacts, moving.contacts.kind, kinds, KIND_TEXTS)
+    data = _page_data(scene, moving, marking, annotated(scene))
+    forces = contact_forces(scene, solution)
+    data |= {
+        "title": title(solution),
+        "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
+        "speedText": SPEED_TEXT,
+        "contacts": data["contacts"]
+        | _motion_data(scene, moving)
+        | {"forces": None if forces is None else _short(forces)},
+    }
+    return _filled(data)
+
+
+def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
+    """A scene that is not solved as a self-contained interactive page.
+
+    Blocks, supports, joints by how they lie, loads and near misses; what is under the pointer is
+    named. Of a refused scene the blocks to blame are red and the places ringed.
+    """
+    reason = refusal or refused(scene)
+    marking = None
+    if reason is None:
+        kind = joint_kinds(scene, scene.contacts)
+        marking = Marking(scene.contacts, kind, JOINT_COLOURS, JOINT_TEXTS)
+    notes = annotated(scene, reason)
+    data = _page_data(scene, still(scene), marking, notes)
+    counts = "" if reason else f"{len(scene.contacts)} contacts, "
+    weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
+    advice = f"refused: {reason}" if reason else counts + weight
+    data |= {"title": scene_title(scene), "advice": advice, "refused": reason is not None}
+    return _filled(data)
+
+
+def _filled(data: dict[str, Any]) -> Page:
     template = files("cvxlimit.plotting").joinpath("viewer.html").read_text(encoding="utf-8")
     before, after = template.split(PLACE)
-    return Page(before + _as_script_data(_page_data(scene, solution)) + after)
+    return Page(before + _as_script_data(data) + after)
 
 
 def _as_script_data(data: dict[str, Any]) -> str:
@@ -66,14 +116,13 @@ def _as_script_data(data: dict[str, Any]) -> str:
     return text
 
 
-def _page_data(scene: Scene, solution: Solution) -> dict[str, Any]:
-    moving = motion(scene, solution)
-    mesh = drawn_mesh(scene)
+def _page_data(
+    scene: Scene, moving: Motion, marking: Marking | None, notes: Annotations
+) -> dict[str, Any]:
+    colours = {} if marking is None else marking.colours
     return {
-        "title": title(solution),
-        "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
         "units": {"length": scene.units.length, "force": scene.units.force},
-        "bounds": _coordinates(scene, free_bounds(scene)),
+        "bounds": _coordinates(scene, shown_bounds(scene)),
         "size": free_size(scene),
         "up": upright(scene).tolist(),
         "viewer": default_camera(scene, moving).axes[2].tolist(),
@@ -82,14 +131,31 @@ def _page_data(scene: Scene, solution: Solution) -> dict[str, Any]:
         "largest": moving.largest,
         "stops": SPEED_STOPS,
         "stone": STONE_COLOUR,
-        "speedText": SPEED_TEXT,
-        "mesh": _mesh_data(scene, mesh),
-        "blocks": _block_data(scene, moving),
-        "contacts": _contact_data(scene, solution, moving),
+        "stoneText": "block (no mechanism)" if moving.is_solved else "block",
+        "refused": False,
+        "mesh": _mesh_data(scene, drawn_mesh(scene)),
+        "blocks": _block_data(scene, moving, notes.culprits),
+        "contacts": _contact_data(scene, marking),
         "kinds": [
-            {"text": KIND_TEXTS[kind], "colour": KIND_COLOURS[kind], "code": int(kind)}
-            for kind in KIND_COLOURS
+            {"text": marking.texts[kind], "colour": colours[kind], "code": int(kind)}
+            for kind in colours
+            if marking is not None
         ],
+        "arrows": [
+            {
+                "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),
+                "case": arrow.case,
+                "text": arrow.text,
+                "colour": CASE_COLOURS[arrow.case],
+            }
+            for arrow in notes.arrows
+        ],
+        "marks": [
+            {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
+            for mark in notes.marks
+        ],
+        "markColour": MARK_COLOUR,
+        "markText": "where it is wrong" if notes.refusal else "near miss",
     }
 
 
@@ -104,42 +170,75 @@ def _mesh_data(scene: Scene, mesh: Mesh) -> dict[str, Any]:
         "corners": mesh.corners.tolist(),
         "faceStart": mesh.face_start.tolist(),
         "faceBlock": mesh.face_block.tolist(),
+        "patch": mesh.patch.tolist(),
     }
 
 
-def _block_data(scene: Scene, moving: Motion) -> dict[str, Any]:
+def _block_data(scene: Scene, moving: Motion, culprits: frozenset[str]) -> dict[str, Any]:
     return {
         "id": [b.id for b in scene.blocks],
         "support": [b.id in set(scene.supports) for b in scene.blocks],
         "centroid": _coordinates(scene, np.array([b.centroid for b in scene.blocks])),
         "rates": _short(moving.rates),
         "speed": _short(moving.speed),
-        "colour": np.round(255 * block_colours(scene, moving)).astype(int).ravel().tolist(),
+        "volume": _short(np.array([b.volume for b in scene.blocks])),
+        "weight": _short(np.array([b.weight for b in scene.blocks])),
+        "colour": np.round(255 * block_colours(scene, moving, culprits))
+        .astype(int)
+        .ravel()
+        .tolist(),
     }
 
 
-def _contact_data(scene: Scene, solution: Solution, moving: Motion) -> dict[str, Any]:
-    """Geometry and rates of all contacts, forces where the solution has them."""
-    c, what = scene.contacts, moving.contacts
-    forces = contact_forces(scene, solution)
+def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
+    """Geometry of all contacts; none where they were not to be had."""
+    if marking is None:
+        return {
+            "name": [],
+            "a": [],
+            "b": [],
+            "kind": [],
+            "start": [0],
+            "points": [],
+            "forces": None,
+        }
+    c = marking.contacts
     return {
         "name": c.names,
         "a": c.a.tolist(),
         "b": c.b.tolist(),
-        "kind": what.kind.tolist(),
+        "kind": marking.kind.tolist(),
         "start": c.corner_start.tolist(),
         "points": _coordinates(scene, c.corner_points),
-        "opening": _short(-c.corner_minimum(-what.opening)),
+        "origin": _coordinates(scene, c.origin),
+        "pieces": {
+            j: [_coordinates(scene, piece) for piece in c.piece_points(j)] for j in sorted(c.pieces)
+        },
+        "axes": [round(x, 6) for x in c.axes.ravel().tolist()],
+        "area": _short(c.area),
+        "friction": _short(c.friction),
+        "components": COMPONENTS,
+        "forces": None,
+    }
+
+
+def _motion_data(scene: Scene, moving: Motion) -> dict[str, Any]:
+    what = moving.contacts
+    return {
+        "opening": _short(-scene.contacts.corner_minimum(-what.opening)),
         "slip": _short(what.slip),
         "twist": _short(what.twist),
-        "components": COMPONENTS,
-        "forces": None if forces is None else _short(forces),
     }
 
 
 def _short(values: FloatArray) -> list[float]:
     """All numbers in a row, with :data:`DIGITS` significant digits."""
     return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
+
+
+def _bytes(colours: FloatArray) -> list[int]:
+    values: list[int] = np.round(255 * colours).astype(int).ravel().tolist()
+    return values
 
 
 def _coordinates(scene: Scene, points: FloatArray) -> list[float]:

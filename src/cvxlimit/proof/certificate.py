@@ -31,10 +31,6 @@ REFERENCE = 10.0
 this multiple of the total load or of the largest force given, and no rate this multiple of the
 given mechanism's largest."""
 
-_BORNE = 1e-8
-"""Yield excess, as a share of the forces on the less loaded block of the contact, that is put down
-to the solver where forces are on the boundary of a surface and cannot be anywhere else."""
-
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
@@ -50,11 +46,15 @@ class Certificate(Bracket):
         contact size).
     flow_violation : float
         Largest missing opening at a contact over the mechanism's largest rate.
+    missing_opening : float
+        Sum of the missing openings at contacts, for live power 1: contact forces below its
+        reciprocal cannot take up that power.
     """
 
     equilibrium_residual: float = np.nan
     yield_excess: float = np.nan
     flow_violation: float = np.nan
+    missing_opening: float = np.nan
 
 
 class Certifier:
@@ -128,28 +128,6 @@ class Certifier:
         good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
         return balanced if good else None
 
-    def bears(self, forces: ArrayLike) -> bool:
-        """True if forces (n, 6), put into equilibrium, carry the dead load.
-
-        Inside all surfaces, up to rounding of the forces that act on the less loaded one of a
-        contact's blocks: a share of the total load could be all that a small block is loaded with.
-
-        Raises
-        ------
-        ModelError
-            If there is not one row per contact.
-        """
-        balanced = self._balanced(forces)
-        if balanced is None:
-            return False
-        contacts = self.statics.contacts
-        number = self.statics.row_of_block
-        forces = self.strength.forces(balanced)
-        acting = np.append(self.statics.acting(forces, 0.0, self.size), np.inf)
-        size = np.minimum(acting[number[contacts.a]], acting[number[contacts.b]])
-        found = zip(self.strength.excess(balanced), self.strength.rows, strict=True)
-        return all((y <= _BORNE * size[rows]).all() for y, rows in found)
-
     def offer_opening_field(self, rates: ArrayLike) -> None:
         """Take block rates (free, 6) that may open every contact, if they really do.
 
@@ -192,7 +170,7 @@ class Certifier:
         x = self.strength.state(forces)
         u = self._rates(mechanism)
         lower = (-np.inf, False, np.nan, np.nan)
-        upper = (np.inf, False, np.nan)
+        upper = (np.inf, False, np.nan, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
@@ -201,7 +179,7 @@ class Certifier:
             upper = self._upper(u, self._largest_force(x))
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
-            lower[2], lower[3], upper[2],
+            lower[2], lower[3], upper[2], upper[3],
         )  # fmt: skip
 
     def of(self, state: LimitState) -> Certificate:
@@ -249,22 +227,36 @@ class Certifier:
             return 0.0
         return float(block_sizes(self.strength.forces(x), self.size).max(initial=0.0))
 
-    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float]:
+    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float, float]:
         live = float(self.statics.live @ u.ravel())
         largest = self._largest_rate(u)
         if not live > 0.0:
-            return np.inf, False, np.nan
+            return np.inf, False, np.nan, np.nan
         u = u / live
         found = self.strength.flow.shortfall(self.statics.relative_rates(u))
         missing = found.missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
+        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
         field = self.witnesses.opening_field
         if field is not None and _is_resisted(found.unresisted, u):
-            return *self._opened(u, field, missing, found.dissipation), violation
+            return *self._opened(u, field, missing, found.dissipation), violation, error
         bound = found.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
-        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
-        return bound + error * force, False, violation
+        return bound + error * force, False, violation, error
+
+    def opened(self, mechanism: FloatArray) -> FloatArray:
+        """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
+
+        As it is where no field is known that opens every contact.
+        """
+        field = self.witnesses.opening_field
+        spare = np.array([-np.inf]) if field is None else self._spare_opening(field)
+        if field is None or not spare.min() > 0.0:
+            return mechanism
+        found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
+        missing = found.missing + self._rounding(mechanism)
+        result: FloatArray = mechanism + max(float((missing / spare).max()), 0.0) * field
+        return result
 
     def _opened(
         self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float

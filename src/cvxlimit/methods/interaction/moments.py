@@ -6,7 +6,7 @@ Everything else in this package takes such an object. A further reading is one m
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Protocol
 
 import cvxpy as cp
@@ -23,6 +23,7 @@ from cvxlimit.methods.interaction.copies import (
     spread_copies,
 )
 from cvxlimit.methods.interaction.majorants import (
+    Components,
     Forces,
     Plane,
     Point,
@@ -79,6 +80,15 @@ class Moments(ABC):
         As in options and result files.
     starts : tuple of {"relaxation", "middle"}
         Where climbs to a lower bound begin unless they are told.
+    frozen : callable
+        Eq. 32: the convex surface with the eccentricities frozen, and its cone.
+    fields, rows : callable
+        What safe steps are written in (:mod:`majorants`), and their rows, convex and inside Eq. 30.
+    inscribed : callable
+        A rectangle in a contact of another shape (corners (k, 2)) on which Eq. 30 is as strict or
+        stricter.
+    support : callable
+        Largest power of true states on rectangles (:mod:`support`).
     balance : float
         k^2 of the product bounds of safe steps, in units of (half side / friction).
     reach : float
@@ -90,6 +100,11 @@ class Moments(ABC):
 
     name: ClassVar[str]
     starts: ClassVar[tuple[str, ...]]
+    frozen: Callable[[Eccentricity, Cone], YieldSurface]
+    fields: Callable[[Components, FloatArray], tuple[Forces, list[cp.Constraint]]]
+    rows: Callable[[Forces, Point, Plane, FloatArray, FloatArray], list[Row]]
+    inscribed: Callable[[FloatArray], Rectangle]
+    support: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], Support]
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
@@ -113,10 +128,6 @@ class Moments(ABC):
         eq_30 = (self.torque(forces, at) - at.arm * spare) / contacts.torsion_arm
         return np.maximum(eq_30, -spare)
 
-    @abstractmethod
-    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
-        """Eq. 32: the convex surface with the eccentricities frozen."""
-
     def parameters(self, contacts: int) -> Eccentricity:
         """What :meth:`frozen` takes, as Parameters of so many contacts."""
         return Eccentricity(
@@ -127,22 +138,6 @@ class Moments(ABC):
         """What :meth:`frozen` takes, over c_T."""
         arm = np.maximum(at.arm / contacts.torsion_arm, _SMALLEST_ARM)
         return Eccentricity(arm, at.e1 / contacts.torsion_arm, at.e2 / contacts.torsion_arm)
-
-    def fields(
-        self, components: Mapping[str, cp.Expression], friction: FloatArray
-    ) -> tuple[Forces, list[cp.Constraint]]:
-        """What :meth:`rows` are written in, and the bounds on magnitudes that go with it."""
-        return plain_forces(components, friction)
-
-    @abstractmethod
-    def rows(
-        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-    ) -> list[Row]:
-        """Rows of a safe step, convex and inside Eq. 30."""
-
-    @abstractmethod
-    def inscribed(self, corners: FloatArray) -> Rectangle:
-        """A rectangle in a contact of another shape on which Eq. 30 is as strict or stricter."""
 
     @abstractmethod
     def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
@@ -161,17 +156,6 @@ class Moments(ABC):
         """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
 
     @abstractmethod
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """Largest power of true states with N = 1 on rectangles; see :mod:`support`."""
-
-    @abstractmethod
     def split(self, low: float, high: float, at: float) -> list[float]:
         """Ends of the ranges into which branching cuts [low, high] near ``at``."""
 
@@ -188,6 +172,11 @@ class Independent(Moments):
 
     name = "independent"
     starts = ("relaxation", "middle")
+    frozen = TorsionShearBending
+    fields = staticmethod(forces_with_sizes)
+    rows = staticmethod(independent_rows)
+    inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+    support = staticmethod(independent_support)
     balance = 2.0
     reach = 1.0
 
@@ -196,10 +185,6 @@ class Independent(Moments):
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
 
-    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
-        """See :class:`Moments`."""
-        return TorsionShearBending(at, cone)
-
     def parameters(self, contacts: int) -> Eccentricity:
         """Magnitudes."""
         return Eccentricity(*(cp.Parameter(contacts, nonneg=True) for _ in range(3)))
@@ -207,22 +192,6 @@ class Independent(Moments):
     def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
         """Magnitudes."""
         return super().eccentricity(Pressure(np.abs(at.e1), np.abs(at.e2), at.arm), contacts)
-
-    def fields(
-        self, components: Mapping[str, cp.Expression], friction: FloatArray
-    ) -> tuple[Forces, list[cp.Constraint]]:
-        """With the sizes of shear components and torsion."""
-        return forces_with_sizes(components, friction)
-
-    def rows(
-        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-    ) -> list[Row]:
-        """See :class:`Moments`."""
-        return independent_rows(f, point, plane, sides, mu)
-
-    def inscribed(self, corners: FloatArray) -> Rectangle:
-        """In the contact's frame and about its origin: the torque depends on the frame."""
-        return largest_centred(corners)
 
     def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
         """Steps."""
@@ -253,17 +222,6 @@ class Independent(Moments):
         every, centre = np.arange(len(contacts)), np.clip(centre, -1.0, 1.0)
         return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
 
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """On the edges of boxes, searched."""
-        return independent_support(w, half, friction, boxes, halvings)
-
     def split(self, low: float, high: float, at: float) -> list[float]:
         """A range of both signs into its middle and two sides, so that no other has both."""
         if not low < 0.0 < high:
@@ -282,6 +240,11 @@ class Signed(Moments):
 
     name = "signed"
     starts = ("relaxation",)
+    frozen = SignedTorsionShearBending
+    fields = staticmethod(plain_forces)
+    rows = staticmethod(signed_rows)
+    inscribed = staticmethod(largest_anywhere)  # torque about the pressure centre has no frame
+    support = staticmethod(signed_support)
     balance = 1.0
     shrink = 0.005
     """Pressed in a corner or at full slip a contact's safe set has no interior, and solvers return
@@ -291,20 +254,6 @@ class Signed(Moments):
         """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(mt - at.e1 * v2 + at.e2 * v1)
-
-    def frozen(self, at: Eccentricity, cone: Cone) -> YieldSurface:
-        """See :class:`Moments`."""
-        return SignedTorsionShearBending(at, cone)
-
-    def rows(
-        self, f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-    ) -> list[Row]:
-        """See :class:`Moments`."""
-        return signed_rows(f, point, plane, sides, mu)
-
-    def inscribed(self, corners: FloatArray) -> Rectangle:
-        """Of any place and direction: the torque about the pressure centre has no frame."""
-        return largest_anywhere(corners)
 
     def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
         """Boxes: better than safe steps on all built-in panels."""
@@ -335,17 +284,6 @@ class Signed(Moments):
         centre = np.clip(centre, -1.0, 1.0)
         around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) * contacts.is_rectangle[:, None]
         return pinned_copies(np.arange(len(contacts)), centre, around)
-
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """At the corners of boxes, or at their corners at zero."""
-        return signed_support(w, half, friction, boxes)
 
     def split(self, low: float, high: float, at: float) -> list[float]:
         """At zero first, where the range has both signs."""

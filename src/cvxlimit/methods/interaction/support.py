@@ -91,9 +91,9 @@ def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> Flo
 
 
 def signed_support(
-    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray
+    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, _: int
 ) -> Support:
-    """Ends of the boxes, and zero where it lies between them; centres are not kept."""
+    """Ends of the boxes, and zero where it lies between them: no search, and no centres."""
     levels = [boxes[..., 0], boxes[..., 1], np.clip(0.0, boxes[..., 0], boxes[..., 1])]
     best = np.full(len(w), -np.inf)
     for first in levels:

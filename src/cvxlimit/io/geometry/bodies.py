@@ -1,0 +1,243 @@
+"""Bodies as geometry files hold them, and the separate bodies in one mesh."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SAME_ANGLE = 1e-6
+"""Radians within which two faces at an edge count as one behind the other: between what double
+precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
+
+
+FEW = 64
+"""Faces up to which plain Python is faster than arrays."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One solid of a geometry file, as given: nothing checked, nothing repaired.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file; empty if it has none.
+    vertices : (k, 3) array
+    faces : sequence of sequences of int
+        Vertex indices of each polygon, from 0.
+    is_support : bool or None
+        As the file marks it; None where the file marks none.
+    density : float or None
+        As the file states it, in the file's units.
+    is_box : bool
+        True where ``vertices`` (2, 3) are the opposite corners of an axis-aligned box.
+    """
+
+    name: str
+    vertices: FloatArray
+    faces: Sequence[Sequence[int]]
+    is_support: bool | None = None
+    density: float | None = None
+    is_box: bool = False
+
+
+def natural(name: str) -> list[tuple[bool, int, str]]:
+    """Key that sorts brick2 before brick10."""
+    parts: list[str] = []
+    for character in name:
+        if parts and parts[-1][-1].isdecimal() == character.isdecimal():
+            parts[-1] += character
+        else:
+            parts.append(character)
+    return [(p.isdecimal(), int(p) if p.isdecimal() else 0, p) for p in parts]
+
+
+def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """The mesh with equal vertices made one, for formats that store every corner by itself."""
+    kept, first, number = np.unique(vertices + 0.0, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return kept[order], place[np.asarray(number).reshape(-1)][faces]
+
+
+def separated(body: Body) -> list[Body]:
+    """The bodies that ``body`` is made of, each with its own vertices; itself if it is one.
+
+    Faces belong together when they bound the same material: at an edge of two faces always, at an
+    edge of four (two bricks that share it) those on either side of a wedge of stone. A shell that
+    is turned inside out within another is its cavity and stays with it. Shells that are not closed
+    stay together, for a repair to try.
+    """
+    if body.is_box or not len(body.faces) or _is_one_shell(body.faces):
+        return [body]
+    try:
+        label = _shells(body.vertices, body.faces)
+    except (IndexError, ValueError):  # broken faces: whoever builds the block says what is wrong
+        return [body]
+    if not label.any():
+        return [body]
+    label = _with_open_shells_joined(body.faces, label)
+    label = _with_cavities_joined(body.vertices, body.faces, label)
+    order = [number for number, _ in sorted(_first(label).items(), key=lambda item: item[1])]
+    if len(order) == 1:
+        return [body]
+    name = body.name or "b"
+    dot = "." if body.name else ""
+    return [
+        _part(body, np.flatnonzero(label == number), f"{name}{dot}{i}")
+        for i, number in enumerate(order, 1)
+    ]
+
+
+def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
+    """True if every edge has two faces and all hang together: nearly always, and quickly told."""
+    if len(faces) > FEW:
+        return False
+    at: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, face in enumerate(faces):
+        for i, k in zip(face, (*face[1:], face[0]), strict=True):
+            at[min(i, k), max(i, k)].append(number)
+    if any(len(two) != 2 for two in at.values()):
+        return False
+    shell = list(range(len(faces)))
+    for one, other in at.values():
+        if shell[one] != shell[other]:
+            shell = [shell[one] if x == shell[other] else x for x in shell]
+    return len(set(shell)) == 1
+
+
+def _part(body: Body, faces: IntArray, name: str) -> Body:
+    chosen = [body.faces[i] for i in faces.tolist()]
+    corners: IntArray = np.concatenate(chosen)
+    used, number = np.unique(corners, return_inverse=True)
+    ends = np.cumsum([len(face) for face in chosen])[:-1]
+    return replace(
+        body,
+        name=name,
+        vertices=body.vertices[used],
+        faces=[part.tolist() for part in np.split(number.reshape(-1), ends)],
+    )
+
+
+def _first(label: IntArray) -> dict[int, int]:
+    numbers, first = np.unique(label, return_index=True)
+    return dict(zip(numbers.tolist(), first.tolist(), strict=True))
+
+
+def _half_edges(faces: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray, IntArray]:
+    """Start, end and face of every directed edge."""
+    start = np.concatenate([np.asarray(face, dtype=np.int64) for face in faces])
+    end = np.concatenate([np.roll(np.asarray(face, dtype=np.int64), -1) for face in faces])
+    return start, end, np.repeat(np.arange(len(faces)), [len(face) for face in faces])
+
+
+def _shells(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> IntArray:
+    """Number of the shell of every face."""
+    if min(len(face) for face in faces) < 3 or not np.isfinite(vertices).all():
+        raise ValueError("not a mesh")
+    start, end, face = _half_edges(faces)
+    points, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)
+    index = np.asarray(index).reshape(-1)
+    start, end = index[start], index[end]
+    forward = start < end
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    order = np.lexsort((face, high, low))
+    edge = np.cumsum(np.diff(low[order] * len(points) + high[order], prepend=-1) != 0) - 1
+    count = np.bincount(edge)
+    begin = np.cumsum(count) - count
+    following = order[1:][edge[1:] == edge[:-1]]
+    before = order[:-1][edge[1:] == edge[:-1]]
+    several = np.flatnonzero(count > 2)
+    plain = count[edge[:-1][edge[1:] == edge[:-1]]] == 2
+    pairs = [np.stack([face[before[plain]], face[following[plain]]], axis=1)]
+    normals = _normals(vertices, faces) if len(several) else np.empty((0, 3))
+    for group in several:
+        members = order[begin[group] : begin[group] + count[group]]
+        axis = points[high[members[0]]] - points[low[members[0]]]
+        pairs.append(_around(axis, normals[face[members]], forward[members], face[members]))
+    joined = np.concatenate(pairs)
+    graph = coo_array((np.ones(len(joined)), joined.T), shape=(len(faces),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _normals(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
+    start, end, face = _half_edges(faces)
+    origin = vertices[start[np.searchsorted(face, face)]]
+    result = np.zeros((len(faces), 3))
+    np.add.at(result, face, np.cross(vertices[start] - origin, vertices[end] - origin))
+    return result
+
+
+def _around(
+    axis: FloatArray, normals: FloatArray, forward: NDArray[np.bool_], face: IntArray
+) -> IntArray:
+    """Pairs of faces (p, 2) that bound one wedge of material at an edge of several faces.
+
+    Turning about the axis, material begins at a face that runs against it and ends at the next
+    one that runs along it. Where they do not alternate, all are one shell.
+    """
+    _, first = np.unique(np.column_stack([face, forward]), axis=0, return_index=True)
+    normals, forward, face = normals[first], forward[first], face[first]
+    into = np.cross(normals, axis) * np.where(forward, 1.0, -1.0)[:, None]
+    across = into[int(np.flatnonzero(~forward)[0])] if (~forward).any() else into[0]
+    side = np.cross(axis, across) / max(float(np.linalg.norm(axis)), 1e-300)
+    angle = np.mod(np.arctan2(into @ side, into @ across), 2.0 * np.pi)
+    angle[forward & (angle < SAME_ANGLE)] = 2.0 * np.pi
+    angle[~forward & (angle > 2.0 * np.pi - SAME_ANGLE)] = 0.0
+    turn = np.lexsort((~forward, np.round(angle / SAME_ANGLE)))
+    if (forward[turn] == (np.arange(len(turn)) % 2 == 1)).all() and len(turn) % 2 == 0:
+        result: IntArray = face[turn].reshape(-1, 2)
+        return result
+    return np.stack([face[:-1], face[1:]], axis=1)
+
+
+def _with_open_shells_joined(faces: Sequence[Sequence[int]], label: IntArray) -> IntArray:
+    """All shells with an edge that belongs to an odd number of their faces become one."""
+    start, end, face = _half_edges(faces)
+    keys = np.stack([label[face], np.minimum(start, end), np.maximum(start, end)], axis=1)
+    edges, count = np.unique(keys, axis=0, return_counts=True)
+    broken = np.unique(edges[count % 2 == 1, 0])
+    return np.where(np.isin(label, broken), broken[0], label) if len(broken) else label
+
+
+def _with_cavities_joined(
+    vertices: FloatArray, faces: Sequence[Sequence[int]], label: IntArray
+) -> IntArray:
+    """Shells of negative volume join the smallest shell of positive volume around them."""
+    shells = []
+    for number in np.unique(label).tolist():
+        members = [faces[i] for i in np.flatnonzero(label == number).tolist()]
+        points = vertices[np.unique(np.concatenate(members))]
+        volume = _volume(vertices, members)
+        shells.append((number, volume, points.min(axis=0), points.max(axis=0)))
+    result = label.copy()
+    for number, volume, low, high in shells:
+        around = [
+            (other_volume, other)
+            for other, other_volume, other_low, other_high in shells
+            if other_volume > -volume and (other_low < low).all() and (high < other_high).all()
+        ]
+        if volume < 0.0 and around:
+            result[label == number] = min(around)[1]
+    return result
+
+
+def _volume(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> float:
+    corners = np.concatenate(
+        [
+            np.stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]], axis=1)
+            for f in faces
+        ]
+    )  # fmt: skip
+    a, b, c = np.moveaxis(vertices[corners.astype(np.int64)] - vertices[corners[0, 0]], 1, 0)
+    return float((np.cross(a, b) * c).sum()) / 6.0

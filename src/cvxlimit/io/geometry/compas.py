@@ -1,0 +1,184 @@
+"""COMPAS assemblies in JSON, read as plain data: compas_assembly, compas_cra and compas_dem.
+
+An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
+materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. No code of
+COMPAS runs and no object of it is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import InputError
+from cvxlimit.io.fields import LARGEST, number, shown
+from cvxlimit.io.geometry.bodies import Body
+
+FloatArray = NDArray[np.float64]
+
+_WRAPPERS = ("data", "value")
+
+_DEEPEST = 12
+"""Wrapping layers, and levels of groups in a block model; real files have three."""
+
+
+def is_compas(document: object) -> bool:
+    """True if the JSON document is an object that COMPAS wrote."""
+    return isinstance(document, dict) and "compas" in str(document.get("dtype", ""))
+
+
+def read_compas(document: object) -> list[Body]:
+    """The blocks of an assembly or block model, named by their node; supports and densities
+    where the file has them.
+
+    Raises
+    ------
+    InputError
+        If it holds no blocks, or a block is not a mesh.
+    """
+    content = _content(document)
+    if "elements" in content:
+        return list(_of_model(content))
+    graph = _content(content.get("graph", content))
+    nodes = graph.get("node")
+    if not isinstance(nodes, dict) or not nodes:
+        raise InputError(
+            "the COMPAS file has neither elements nor a graph of blocks: write an assembly or a "
+            "block model"
+        )
+    return list(_of_assembly(nodes))
+
+
+def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
+    marked = any(isinstance(n, dict) and n.get("is_support") for n in nodes.values())
+    for key in sorted(nodes, key=_by_number):
+        node = nodes[key]
+        if not isinstance(node, dict) or node.get("block") is None:
+            raise InputError(f"node {shown(key)} of the assembly has no block")
+        mesh = _content(node["block"])
+        attributes = mesh.get("attributes")
+        own = attributes.get("density") if isinstance(attributes, dict) else None
+        stated = node.get("density", own)
+        yield _block(key, mesh, bool(node.get("is_support")) if marked else None, stated)
+
+
+def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
+    elements = _object(content["elements"], "elements of the block model")
+    materials = _object(content.get("materials") or {}, "materials of the block model")
+    densities = {key: _content(value).get("density") for key, value in materials.items()}
+    marked = any(_content(element).get("is_support") for element in elements.values())
+    whole = _transformation(content.get("transformation"), "the block model")
+    placed = dict(_tree(content, elements, whole))
+    for number_, key in enumerate(elements):
+        element = _content(elements[key])
+        name = str(number_)
+        if element.get("features"):
+            raise InputError(
+                f"block {name!r} has features (cuts or joints), which only COMPAS can apply: "
+                "write the finished meshes"
+            )
+        if element.get("geometry") is None:
+            continue  # a group
+        own = _transformation(element.get("transformation"), f"block {name!r}")
+        material = element.get("material")
+        yield _block(
+            name,
+            _content(element["geometry"]),
+            bool(element.get("is_support")) if marked else None,
+            densities.get(material) if isinstance(material, str) else None,
+            placed.get(key, whole) @ own,
+        )
+
+
+def _tree(
+    content: Mapping[str, Any], elements: Mapping[str, Any], whole: FloatArray
+) -> Iterator[tuple[str, FloatArray]]:
+    """For every element what its groups do to it."""
+    tree = content.get("tree")
+    root = tree.get("root") if isinstance(tree, dict) else None
+    todo = [(root, whole, 0)] if isinstance(root, dict) else []
+    seen = 0
+    while todo:
+        node, transformation, depth = todo.pop()
+        seen += 1
+        if depth > _DEEPEST or seen > 10 * len(elements) + 10:
+            raise InputError("groups of the block model are nested too deeply; flatten them")
+        key = node.get("element")
+        if isinstance(key, str) and key in elements:
+            yield key, transformation
+            own = _content(elements[key]).get("transformation")
+            transformation = transformation @ _transformation(own, f"element {shown(key)}")
+        children = node.get("children") or []
+        if isinstance(children, list):
+            todo += [(c, transformation, depth + 1) for c in children if isinstance(c, dict)]
+
+
+def _block(
+    name: str,
+    mesh: Mapping[str, Any],
+    is_support: bool | None,
+    density: object,
+    transformation: FloatArray | None = None,
+) -> Body:
+    where = f"block {shown(name)}"
+    if "vertex" not in mesh or "face" not in mesh:
+        raise InputError(f"{where} is no mesh of vertices and faces: convert it to one")
+    vertices = _object(mesh["vertex"], f"vertices of {where}")
+    place = {key: i for i, key in enumerate(vertices)}
+    rows = []
+    for key, vertex in vertices.items():
+        point = _object(vertex, f"vertex {shown(key)} of {where}")
+        rows.append(
+            [number(point.get(x, 0.0), f"{x} of vertex {shown(key)} of {where}") for x in "xyz"]
+        )
+    faces = []
+    for key, face in _object(mesh["face"], f"faces of {where}").items():
+        if not isinstance(face, list):
+            raise InputError(f"face {shown(key)} of {where} must be a list, got {shown(face)}")
+        unknown = [v for v in face if str(v) not in place]
+        if unknown:
+            raise InputError(f"face {shown(key)} of {where} names vertex {shown(unknown[0])}, "
+                             "which is not there")  # fmt: skip
+        faces.append([place[str(v)] for v in face])
+    points = np.array(rows, dtype=float).reshape(-1, 3)
+    if transformation is not None:
+        points = points @ transformation[:3, :3].T + transformation[:3, 3]
+    stated = None if density is None else number(density, f"density of {where}", LARGEST)
+    return Body(name, points, faces, is_support, stated)
+
+
+def _transformation(value: object, where: str) -> FloatArray:
+    if value is None:
+        return np.eye(4)
+    try:
+        matrix = np.array(_content(value).get("matrix"), dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the transformation of {where} must be a 4 x 4 matrix") from error
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise InputError(f"the transformation of {where} must be a 4 x 4 matrix of finite numbers")
+    return matrix
+
+
+def _content(value: object) -> dict[str, Any]:
+    """What is inside the wrapping layers of an object."""
+    for _ in range(_DEEPEST):
+        if not isinstance(value, dict):
+            break
+        inner = next((value[w] for w in _WRAPPERS if isinstance(value.get(w), dict)), None)
+        if inner is None or ("dtype" not in value and "datatype" not in value):
+            return value
+        value = inner
+    raise InputError(f"a COMPAS object must be an object {{...}}, got {shown(value)}")
+
+
+def _object(value: object, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
+    return value
+
+
+def _by_number(key: str) -> tuple[int, int | str]:
+    return (0, int(key)) if key.isdecimal() and len(key) < 20 else (1, key)

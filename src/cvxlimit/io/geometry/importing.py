@@ -1,0 +1,380 @@
+"""From geometry files to a scene: every file read, every body a block, nothing guessed."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvxlimit.checks import positive
+from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.solids import solid
+from cvxlimit.io.documents import decoded, file_prefix, parsed, read_bytes
+from cvxlimit.io.fields import LARGEST, one_line, refusals, shown
+from cvxlimit.io.geometry.bodies import Body, natural, separated
+from cvxlimit.io.geometry.compas import is_compas, read_compas
+from cvxlimit.io.geometry.meshes import MESHES, read_mesh
+from cvxlimit.io.geometry.obj import read_obj
+from cvxlimit.io.geometry.tables import read_table
+from cvxlimit.loads import Load
+from cvxlimit.scene import Scene, Units
+
+FloatArray = NDArray[np.float64]
+
+LOWEST = "lowest"
+"""Word that asks for the lowest blocks as supports."""
+
+LOWEST_WITHIN = 0.01
+"""A block is among the lowest if its lowest point lies no more than this fraction of the
+structure's height above the lowest of all.
+
+The feet of one structure, drawn on one plane, differ by what coordinates are rounded to (1e-3 of a
+block at worst in the public models tried); the next course lies a block's height above, which is
+more than 1 % of the structure's up to 100 courses."""
+
+AXES = ("x", "y", "z")
+
+_IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
+"""Companions of geometry files, silently left alone in a folder."""
+
+MOST_FILES = 100_000
+"""Files in a folder; more is a mistake."""
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A scene made from geometry files, and what was noticed on the way.
+
+    Attributes
+    ----------
+    scene : Scene
+    files : tuple of str
+        The files read, in order.
+    notes : tuple of str
+        What was decided without being asked: bodies separated, values of the files overruled.
+    """
+
+    scene: Scene
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def import_geometry(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    *,
+    length_unit: str,
+    up: str,
+    friction: float,
+    live: ArrayLike | Load,
+    density: float | None = None,
+    density_factor: float | None = None,
+    supports: str | Sequence[str] | None = None,
+    force_unit: str = "kN",
+    joint_tolerance: float | None = None,
+    name: str | None = None,
+) -> Imported:
+    """A scene from OBJ, STL, PLY, glTF, COMPAS or CSV files.
+
+    Every object of an OBJ file is a block (every group where there is one object), every node of a
+    COMPAS assembly, every row of a table, and every closed shell of an STL, PLY or glTF mesh.
+    Geometry files do not say what analysis needs, so it is asked for.
+
+    Parameters
+    ----------
+    paths
+        A file, a folder of files, or several of either.
+    length_unit : str
+        Unit of the files' coordinates, for example "m"; nothing is converted.
+    up : "x", "y" or "z"
+        Axis that points up: the dead load is the own weight against it. Nothing is turned.
+    friction : float
+        Coulomb coefficient of all contacts.
+    live : (3,) or Load
+        Multiples of each block's weight in the files' axes, or any load.
+    density : float or None
+        Weight per volume of all blocks, in force per length unit cubed; None takes what the files
+        state.
+    density_factor : float or None
+        Turns the files' densities into weights per volume; must be given where a COMPAS file's
+        densities are used (kg/m3 to kN/m3: 0.00980665).
+    supports : "lowest", ids, or None
+        Fixed blocks: the lowest ones (within 1 % of the height), those named, or, with None, those
+        that the files mark.
+    force_unit : str
+    joint_tolerance : float or None
+        See :class:`~cvxlimit.scene.Scene`.
+    name : str or None
+        Of the scene; the file's name unless given.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a body is no block, or something that was asked for is missing:
+        one line naming the file and the block.
+    ModelError
+        If a format needs trimesh and it is not installed.
+
+    Example
+    -------
+    >>> import pathlib, tempfile
+    >>> table = pathlib.Path(tempfile.mkdtemp(), "tower.csv")
+    >>> _ = table.write_text('''id,xmin,ymin,zmin,xmax,ymax,zmax
+    ... ground,-1,-1,-1,2,2,0
+    ... tower,0,0,0,1,1,4
+    ... ''')
+    >>> found = import_geometry(
+    ...     table, length_unit="m", up="z", density=20, friction=0.7, supports=["ground"],
+    ...     live=(1, 0, 0),
+    ... )
+    >>> found.scene.contacts.names
+    ('ground-tower',)
+    """
+    with refusals():
+        if up not in AXES:
+            raise InputError(f"up must be x, y or z, got {up!r}")
+        if joint_tolerance is not None:
+            positive(joint_tolerance, "joint_tolerance")
+        files = _files([paths] if isinstance(paths, str | os.PathLike) else list(paths))
+        notes: list[str] = []
+        bodies = _named(files, notes)
+        _check_coordinates(bodies)
+        bodies = _with_densities(bodies, density, density_factor, files, notes)
+        axis = np.eye(3)[AXES.index(up)]
+        fixed = _supports(bodies, supports, axis, notes)
+        blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+        down = tuple((-axis + 0.0).tolist())
+        scene = Scene(
+            blocks=blocks,
+            supports=tuple(body.name for body in bodies if body.name in fixed),
+            live=live if isinstance(live, Load) else Load(acceleration=live),  # type: ignore[arg-type]
+            dead=Load(gravity=down),
+            friction=friction,
+            units=Units(length_unit, force_unit),
+            name=files[0].stem if name is None else name,
+            joint_tolerance=joint_tolerance,
+        )
+        return Imported(scene, tuple(map(str, files)), tuple(notes))
+
+
+class BodyError(GeometryError):
+    """A body of a file that is no block.
+
+    Attributes
+    ----------
+    body : Body or None
+        The body as the file has it, for a picture: see :func:`sketch`.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        points: ArrayLike = (),
+        blocks: tuple[str, ...] = (),
+        body: Body | None = None,
+    ) -> None:
+        super().__init__(message, points, blocks)
+        self.body = body
+
+
+def sketch(error: GeometryError) -> Scene | None:
+    """The body that ``error`` refuses, as a scene to draw: unchecked, of no use for anything else.
+
+    None if the error does not come from a body of an import, or nothing of it can be drawn.
+    """
+    body = error.body if isinstance(error, BodyError) else None
+    faces = () if body is None else tuple(tuple(f) for f in body.faces if len(set(f)) > 2)
+    if body is None or not faces:
+        return None
+    block = Block(
+        id=body.name,
+        vertices=body.vertices,
+        faces=faces,
+        density=0.0,
+        volume=1.0,
+        centroid=body.vertices.mean(axis=0),
+    )
+    turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
+    return Scene((block,), (), turning, name=body.name)
+
+
+def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
+    """All bodies in a geometry file, as given; meshes that hold several are separated.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no body: one line that names it.
+    """
+    file = Path(path)
+    with refusals(file_prefix(path)):
+        read = READERS.get(file.suffix.lower())
+        if read is None:
+            raise InputError(
+                f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
+                f"in {', '.join(READERS)}, or a folder of such files"
+            )
+        bodies = read(file)
+        if not any(len(body.faces) or body.is_box for body in bodies):
+            raise InputError("the file holds no faces; export the blocks as meshes")
+        return [part for body in bodies for part in separated(body)]
+
+
+def _read_json(path: Path) -> list[Body]:
+    document = parsed(read_bytes(path))
+    if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
+        raise InputError("this is a scene already: solve it, there is nothing to import")
+    if not is_compas(document):
+        raise InputError("this JSON was not written by COMPAS (no 'dtype' that says so)")
+    return read_compas(document)
+
+
+READERS: dict[str, Callable[[Path], list[Body]]] = {
+    ".obj": lambda path: read_obj(decoded(read_bytes(path))),
+    ".json": _read_json,
+    ".csv": lambda path: read_table(decoded(read_bytes(path))),
+    **dict.fromkeys(MESHES, read_mesh),
+}
+"""Reader by suffix: add a format with one line."""
+
+
+def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """Files as given, and those of each folder in the order of their names."""
+    if not paths:
+        raise InputError("no geometry is given: name a file or a folder")
+    result = []
+    for path in map(Path, paths):
+        if not path.is_dir():
+            result.append(path)
+            continue
+        visible = [p for p in path.iterdir() if not p.name.startswith(".")]
+        inside = sorted(visible, key=lambda p: natural(p.name))
+        if len(inside) > MOST_FILES:
+            raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
+        known = [p for p in inside if p.suffix.lower() in READERS]
+        strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]
+        if not known or strange:
+            what = f"also holds {strange[0].name!r}" if strange else "holds no geometry"
+            raise InputError(
+                f"{one_line(str(path))}: the folder {one_line(what)}; give a folder of "
+                f"{', '.join(READERS)} files only"
+            )
+        result += known
+    return result
+
+
+def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
+    """Bodies of all files under unique names: the file's where it holds one of several files."""
+    result: list[Body] = []
+    for file in files:
+        bodies = read_bodies(file)
+        alone = len(bodies) == 1
+        for i, body in enumerate(bodies, 1):
+            own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
+            result.append(replace(body, name=own))
+    counts, seen = Counter(body.name for body in result), Counter[str]()
+    unique = []
+    for body in result:
+        seen[body.name] += 1
+        number = seen[body.name]
+        unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
+    several = sum(times > 1 for times in counts.values())
+    if several:
+        notes.append(
+            f"{several} names stand for several blocks: the later ones are numbered #2 ..."
+        )
+    return unique
+
+
+def _check_coordinates(bodies: Sequence[Body]) -> None:
+    for body in bodies:
+        fine = (np.abs(body.vertices) <= LARGEST).all(axis=1)
+        if not fine.all():
+            worst = int(np.flatnonzero(~fine)[0])
+            raise InputError(
+                f"vertex {worst} of block {shown(body.name)} must be finite and at most "
+                f"{LARGEST:g}, got {body.vertices[worst].tolist()}"
+            )
+
+
+def _with_densities(
+    bodies: Sequence[Body],
+    density: float | None,
+    factor: float | None,
+    files: Sequence[Path],
+    notes: list[str],
+) -> list[Body]:
+    stated = [body for body in bodies if body.density is not None]
+    if density is not None:
+        if stated:
+            notes.append(f"densities of {len(stated)} blocks in the files give way to {density:g}")
+        return [replace(body, density=density) for body in bodies]
+    if stated and factor is None and any(file.suffix.lower() == ".json" for file in files):
+        raise InputError(
+            f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
+            "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00980665 "
+            "for kg/m3 to kN/m3), or give --density"
+        )
+    times = 1.0 if factor is None else factor
+    return [
+        body if body.density is None else replace(body, density=times * body.density)
+        for body in bodies
+    ]
+
+
+def _supports(
+    bodies: Sequence[Body], asked: str | Sequence[str] | None, up: FloatArray, notes: list[str]
+) -> set[str]:
+    marked = {body.name for body in bodies if body.is_support}
+    if asked is None:
+        if not marked:
+            raise InputError(
+                "no file marks supports: say which blocks are fixed (--supports lowest, or their "
+                "ids with commas between them)"
+            )
+        return marked
+    chosen = _lowest(bodies, up) if asked == LOWEST else set(_ids(asked, bodies))
+    if marked and chosen != marked:
+        notes.append(f"{len(marked)} supports marked in the files give way to those asked for")
+    return chosen
+
+
+def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
+    names = [asked] if isinstance(asked, str) else list(asked)
+    known = {body.name for body in bodies}
+    for name in names:
+        if name not in known:
+            some = ", ".join(map(shown, sorted(known)[:5]))
+            raise InputError(f"support {shown(name)} is not a block; the blocks are {some} ...")
+    return names
+
+
+def _lowest(bodies: Sequence[Body], up: FloatArray) -> set[str]:
+    """Names of the blocks that reach down to the lowest point, within :data:`LOWEST_WITHIN`."""
+    heights = [body.vertices @ up for body in bodies]
+    feet = np.array([h.min() if len(h) else np.nan for h in heights])
+    bottom = float(np.nanmin(feet))
+    height = max(float(h.max()) for h in heights if len(h)) - bottom
+    return {
+        b.name for b, f in zip(bodies, feet, strict=True) if f <= bottom + LOWEST_WITHIN * height
+    }
+
+
+def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
+    """The block; a free one must have a density."""
+    if body.density is None and not fixed:
+        raise InputError(
+            f"block {shown(body.name)} has no density in the file: give --density (weight per "
+            "volume)"
+        )
+    if body.is_box:
+        return Block.box(body.name, body.vertices[0], body.vertices[1], body.density)
+    try:
+        return solid(body.name, body.vertices, body.faces, body.density, tolerance)
+    except GeometryError as error:
+        raise BodyError(str(error), error.points, error.blocks, body) from error

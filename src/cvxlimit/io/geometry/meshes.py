@@ -1,0 +1,185 @@
+"""STL, PLY and glTF through trimesh (the extra ``mesh``), which is imported when it is used.
+
+The files may be hostile: sizes that they claim are held against the bytes they have, no file but
+buffers in the same folder is opened, and whatever trimesh stumbles over becomes one sentence.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io.documents import parsed, read_bytes
+from cvxlimit.io.fields import one_line, shown
+from cvxlimit.io.geometry.bodies import Body, merged, natural
+
+MESHES = (".stl", ".ply", ".glb", ".gltf")
+
+_STL_HEADER, _STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL before its triangles, and of each."""
+
+_GLB_HEADER = 20
+"""Bytes of a GLB before the text that says what is in it."""
+
+_GLB_TEXT = 0x4E4F534A
+
+_MADE_UP = re.compile(r"geometry_\d+")
+"""Names that trimesh gives to what has none."""
+
+
+def read_mesh(path: Path) -> list[Body]:
+    """The meshes of a file, one body for each solid, instance or mesh in it; names where it has.
+
+    Vertices with equal coordinates are one: STL and glTF store every corner by itself.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as what its suffix says.
+    ModelError
+        If trimesh is not installed.
+    """
+    trimesh = _trimesh(path)
+    kind = path.suffix.lower()[1:]
+    data = read_bytes(path)
+    options: dict[str, Any] = {"process": False}
+    if kind in ("glb", "gltf"):
+        _check_gltf(data, kind)
+        options["resolver"] = _beside(path)
+    elif kind == "stl":
+        _check_stl(data)
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, **options)
+        return [_body(name, mesh) for name, mesh in _instances(scene)]
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise InputError("the file claims more than fits into memory") from error
+    except Exception as error:  # trimesh lets through whatever its parsers stumble over
+        reason = one_line(f"{type(error).__name__}: {error}")[:200]
+        raise InputError(f"cannot be read as {kind.upper()} ({reason}); export it again") from error
+
+
+def _trimesh(path: Path) -> Any:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ModelError(
+            f"{path.suffix} files need trimesh: pip install 'cvxlimit[mesh]' (.obj, .json and "
+            ".csv work without it)"
+        ) from error
+    return trimesh
+
+
+def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
+    """Name and mesh, moved to its place, of everything in a scene."""
+    for node in sorted(scene.graph.nodes_geometry, key=lambda node: natural(str(node))):
+        turn, geometry = scene.graph[node]
+        mesh = scene.geometry[geometry]
+        if not hasattr(mesh, "faces"):
+            raise InputError(f"{shown(str(node))} has no faces: only meshes can be blocks")
+        yield str(node), (mesh.vertices @ turn[:3, :3].T + turn[:3, 3], mesh.faces)
+
+
+def _body(name: str, mesh: tuple[Any, Any]) -> Body:
+    vertices, faces = merged(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1], dtype=np.int64))
+    return Body("" if _MADE_UP.fullmatch(name) else name, vertices, faces.tolist())
+
+
+def _check_stl(data: bytes) -> None:
+    """Text, or exactly as many triangles as a binary file says."""
+    if data[:5].lower() == b"solid" and b"facet" in data[:2000]:
+        if b"\0" in data:
+            raise InputError("the file begins as text STL and goes on with binary; export it again")
+        if b"endsolid" not in data[-2000:]:
+            raise InputError("the text STL has no 'endsolid' at its end: it is cut off")
+        return
+    if len(data) < _STL_HEADER:
+        raise InputError(f"too short for an STL: {len(data)} bytes")
+    count = struct.unpack_from("<I", data, 80)[0]
+    if len(data) != _STL_HEADER + count * _STL_TRIANGLE:
+        raise InputError(
+            f"the binary STL says it has {count} triangles, which take "
+            f"{_STL_HEADER + count * _STL_TRIANGLE} bytes, but it has {len(data)}"
+        )
+
+
+def _check_gltf(data: bytes, kind: str) -> None:
+    """Counts that the bytes can hold, and nodes that form a tree."""
+    document = parsed(_gltf_text(data) if kind == "glb" else data)
+    if not isinstance(document, dict):
+        raise InputError("a glTF file must be a JSON object {...}")
+    for i, accessor in enumerate(_list(document, "accessors")):
+        count = accessor.get("count") if isinstance(accessor, dict) else None
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise InputError(f"accessor {i} has no count")
+        if "bufferView" not in accessor:
+            raise InputError(f"accessor {i} has no bufferView; export without sparse data")
+    sizes = [b.get("byteLength") for b in _list(document, "buffers") if isinstance(b, dict)]
+    total = sum(size for size in sizes if isinstance(size, int))
+    claimed = sum(accessor["count"] for accessor in _list(document, "accessors"))
+    if claimed > total:
+        raise InputError(f"its accessors count {claimed} elements, its buffers {total} bytes")
+    children = [
+        child
+        for node in _list(document, "nodes")
+        if isinstance(node, dict)
+        for child in _list(node, "children")
+    ]
+    counts = Counter(child for child in children if isinstance(child, int))
+    twice = [child for child, times in counts.items() if times > 1]
+    if twice:
+        raise InputError(f"node {shown(twice[0])} is a child of two nodes; nodes must form a tree")
+
+
+def _gltf_text(data: bytes) -> bytes:
+    if len(data) < _GLB_HEADER or data[:4] != b"glTF":
+        raise InputError("the file does not begin like a GLB")
+    total, length, kind = struct.unpack_from("<III", data, 8)
+    if kind != _GLB_TEXT or total > len(data) or length > len(data) - _GLB_HEADER:
+        raise InputError(f"the GLB is cut off: it says {total} bytes and has {len(data)}")
+    return data[_GLB_HEADER : _GLB_HEADER + length]
+
+
+def _list(document: Mapping[str, Any], key: str) -> list[Any]:
+    value = document.get(key, [])
+    if not isinstance(value, list):
+        raise InputError(f"{key!r} of the glTF must be a list [...], got {shown(value)}")
+    return value
+
+
+def _beside(path: Path) -> Any:
+    """Resolves names of buffers to files of the same folder, and nothing else."""
+    from trimesh.resolvers import Resolver
+
+    class Beside(Resolver):
+        def __init__(self) -> None:
+            """Nothing to remember: the folder is that of the file."""
+
+        def get(self, name: str) -> bytes:
+            plain = os.path.basename(name)
+            if plain != name or plain in ("", ".", ".."):
+                raise InputError(
+                    f"buffer {shown(name)} must be a file in the folder of {path.name}"
+                )
+            return read_bytes(path.with_name(plain))
+
+        def write(self, name: str, data: bytes) -> None:
+            raise InputError("nothing is written while reading")
+
+        def namespaced(self, namespace: str) -> Any:
+            return self
+
+        def keys(self) -> list[str]:
+            return []
+
+    return Beside()

@@ -1,0 +1,476 @@
+"""Geometry of other programs: every format gives the same scene, and nothing is guessed."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.triangles import triangulated
+from cvxlimit.io import export, import_geometry, read_bodies
+from cvxlimit.io.geometry import Body
+from cvxlimit.io.geometry.bodies import separated
+
+trimesh = pytest.importorskip("trimesh")
+
+WALL = builtin_scene("tuff-wall")
+PUSH = WALL.live.acceleration
+
+
+def reimported(path: Path, **changes: Any) -> Scene:
+    """The tuff wall from geometry, its loads and supports stated again."""
+    asked: dict[str, Any] = {
+        "length_unit": "m", "up": "z", "friction": WALL.friction, "live": PUSH,
+        "density": next(b.density for b in WALL.blocks if b.density), "supports": WALL.supports,
+    }  # fmt: skip
+    return import_geometry(path, **asked | changes).scene
+
+
+# --- the same wall in every form ----------------------------------------------------------------
+
+
+def as_table(folder: Path) -> Path:
+    path = folder / "wall.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["id", "xmin", "ymin", "zmin", "xmax", "ymax", "zmax"])
+        for b in WALL.blocks:
+            assert b.bounds is not None
+            writer.writerow([b.id, *b.bounds.ravel().tolist()])
+    return path
+
+
+def as_polygons(folder: Path) -> Path:
+    return export(WALL, folder / "wall.obj")[0]
+
+
+def mesh_of(block: Block) -> Any:
+    triangles, _ = triangulated(block.vertices, block.faces)
+    return trimesh.Trimesh(block.vertices, triangles, process=False)
+
+
+def as_triangles(folder: Path) -> Path:
+    path = folder / "wall.obj"
+    lines, begin = [], 1
+    for b in WALL.blocks:
+        mesh = mesh_of(b)
+        lines += [f"o {b.id}", *(f"v {x!r} {y!r} {z!r}" for x, y, z in b.vertices.tolist())]
+        lines += [f"f {i + begin} {j + begin} {k + begin}" for i, j, k in mesh.faces.tolist()]
+        begin += len(b.vertices)
+    path.write_text("\n".join(lines))
+    return path
+
+
+def as_folder(suffix: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        inside = folder / suffix
+        inside.mkdir()
+        for b in WALL.blocks:
+            mesh_of(b).export(inside / f"{b.id}.{suffix}")
+        return inside
+
+    return write
+
+
+def as_nodes(folder: Path) -> Path:
+    return export(WALL, folder / "wall.glb")[0]
+
+
+def as_assembly(folder: Path) -> Path:
+    """As COMPAS 2 writes an assembly."""
+    nodes = {
+        str(i): {
+            "block": {
+                "dtype": "compas_assembly.datastructures/Block",
+                "data": {
+                    "vertex": {str(k): dict(zip("xyz", v, strict=True))
+                               for k, v in enumerate(b.vertices.tolist())},
+                    "face": {str(k): list(f) for k, f in enumerate(b.faces)},
+                },
+            },
+            "is_support": b.id in WALL.supports,
+        }
+        for i, b in enumerate(WALL.blocks)
+    }  # fmt: skip
+    graph = {"dtype": "compas.datastructures/Graph", "data": {"node": nodes, "edge": {}}}
+    document = {"dtype": "compas_assembly.datastructures/Assembly", "data": {"graph": graph}}
+    path = folder / "wall.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+FORMS: dict[str, tuple[Callable[[Path], Path], float]] = {
+    "boxes": (as_table, 1e-6),
+    "polygons": (as_polygons, 1e-6),
+    "triangles": (as_triangles, 1e-6),
+    "stl": (as_folder("stl"), 1e-5),
+    "ply": (as_folder("ply"), 1e-5),
+    "glb": (as_nodes, 1e-5),
+    "compas": (as_assembly, 1e-6),
+}
+"""STL, PLY and glTF hold single precision, 6e-8 of a coordinate, or 1e-6 of a block's size here."""
+
+
+@pytest.fixture(scope="module")
+def reference() -> Any:
+    return solve(WALL, tolerance=1e-8)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_same_wall_in_every_form(form: str, tmp_path: Path, reference: Any) -> None:
+    write, tolerance = FORMS[form]
+    supports = None if form == "compas" else WALL.supports
+    scene = reimported(write(tmp_path), supports=supports)
+    assert len(scene.blocks) == len(WALL.blocks)
+    number = {str(i): b.id for i, b in enumerate(WALL.blocks)} if form == "compas" else {}
+    found = Counter(tuple(sorted(number.get(name, name) for name in pair)) for pair in pairs(scene))
+    assert found == Counter(tuple(sorted(pair)) for pair in pairs(WALL))
+    np.testing.assert_allclose(sum(scene.contacts.area), sum(WALL.contacts.area), rtol=1e-5)
+    assert scene.total_weight == pytest.approx(WALL.total_weight, rel=1e-6)
+    answer = solve(scene, tolerance=1e-8)
+    assert answer.lower <= answer.upper * (1 + 1e-9)
+    assert answer.load_factor == pytest.approx(reference.load_factor, rel=tolerance)
+
+
+def pairs(scene: Scene) -> list[tuple[str, str]]:
+    c = scene.contacts
+    return [(c.block_ids[i], c.block_ids[j]) for i, j in zip(c.a, c.b, strict=True)]
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_gravity_is_against_the_axis_that_points_up(up: str, tmp_path: Path) -> None:
+    scene = reimported(as_polygons(tmp_path), up=up)
+    assert scene.dead.gravity == tuple(-1.0 if axis == up else 0.0 for axis in "xyz")
+    np.testing.assert_array_equal(scene.blocks[3].vertices, WALL.blocks[3].vertices)
+
+
+def test_a_turned_wall(tmp_path: Path, reference: Any) -> None:
+    """Odd angles; the loads are turned with it."""
+    turn = Rotation.from_euler("xyz", (13, 37, -71), degrees=True).as_matrix()
+    moved = WALL.moved(turn, (3, -2, 5))
+    scene = reimported(export(moved, tmp_path / "wall.obj")[0], live=moved.live)
+    scene = scene.with_dead(moved.dead)
+    assert pairs(scene) == pairs(WALL)
+    answer = solve(scene, tolerance=1e-8)
+    assert answer.load_factor == pytest.approx(reference.load_factor, rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["rounded", "noisy"])
+def test_a_wall_that_is_not_exact(form: str, tmp_path: Path, reference: Any) -> None:
+    """Coordinates to 4 decimals after a turn, and noise of 1e-5 of a block's size on each."""
+    rng = np.random.default_rng(4)
+    turn = Rotation.from_euler("xyz", (13, 37, -71), degrees=True).as_matrix()
+    base = WALL.moved(turn) if form == "rounded" else WALL
+    lines, begin = [], 1
+    for b in base.blocks:
+        noise = 1e-5 * b.size * rng.uniform(-1, 1, b.vertices.shape)
+        points = b.vertices.round(4) if form == "rounded" else b.vertices + noise
+        lines += [f"o {b.id}", *(f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist())]
+        lines += ["f " + " ".join(str(begin + i) for i in f) for f in b.faces]
+        begin += len(points)
+    path = tmp_path / "wall.obj"
+    path.write_text("\n".join(lines))
+    scene = reimported(path, live=base.live).with_dead(base.dead)
+    assert len(scene.contacts) == len(WALL.contacts)
+    assert solve(scene).load_factor == pytest.approx(reference.load_factor, rel=1e-3)
+
+
+# --- what a file holds --------------------------------------------------------------------------
+
+CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1))
+
+
+def soup(*shifts: tuple[float, float, float], flip: bool = False) -> Body:
+    """Unit cubes with one list of vertices, equal ones shared."""
+    points: dict[tuple[float, ...], int] = {}
+    faces = []
+    for shift in shifts:
+        corners = [tuple(p) for p in (CUBE.vertices + np.array(shift)).tolist()]
+        own = [points.setdefault(p, len(points)) for p in corners]
+        faces += [[own[i] for i in (f[::-1] if flip else f)] for f in CUBE.faces]
+    return Body("soup", np.array(list(points)), faces)
+
+
+def volumes(bodies: list[Body]) -> list[float]:
+    return [Block.polyhedron(b.name, b.vertices, b.faces).volume for b in bodies]
+
+
+@pytest.mark.parametrize(
+    "shifts",
+    [
+        [(0, 0, 0)],
+        [(0, 0, 0), (5, 0, 0)],
+        [(0, 0, 0), (0, 0, 1)],
+        [(0, 0, 0), (1, 0, 1)],
+        [(0, 0, 0), (1, 1, 1)],
+        [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1, 2)],
+    ],
+    ids=["one", "apart", "face shared", "edge shared", "corner shared", "a pile"],
+)
+def test_bodies_of_one_mesh_are_told_apart(shifts: list[tuple[float, float, float]]) -> None:
+    """Cubes that share vertices, edges or whole faces: each comes out whole."""
+    assert volumes(separated(soup(*shifts))) == pytest.approx([1.0] * len(shifts))
+
+
+def test_a_cavity_stays_with_its_body() -> None:
+    inner = 0.5 * CUBE.vertices + 0.25
+    faces = [list(f) for f in CUBE.faces] + [[8 + i for i in f[::-1]] for f in CUBE.faces]
+    hollow = Body("hollow", np.vstack([CUBE.vertices, inner]), faces)
+    assert [len(b.faces) for b in separated(hollow)] == [12]
+
+
+def test_open_shells_stay_together_for_a_repair() -> None:
+    body = soup((0, 0, 0))
+    apart = Body("b", np.vstack([body.vertices, body.vertices + 1e-9]),
+                 [*body.faces[:3], *([8 + i for i in f] for f in body.faces[3:])])  # fmt: skip
+    assert separated(apart) == [apart]
+
+
+OBJ_GROUPS = """\
+# two bricks of one object
+o wall
+g left front
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+vn 0 0 1
+usemtl stone
+f 1 4 3 2
+f 5//1 6//1 7//1 8//1
+f 1 2 6 5
+f 3 4 8 7
+g right
+v 2 0 0\nv 3 0 0\nv 3 1 0\nv 2 1 0\nv 2 0 1\nv 3 0 1\nv 3 1 1\nv 2 1 1
+f -8 -5 -6 -7
+f 13 14 \\
+15 16
+f 9 10 14 13
+f 11 12 16 15
+f 9 13 16 12
+f 10 11 15 14
+g left front
+f 1/1 5/2 8/3 4/4
+f 2 3 7 6
+"""
+
+
+def test_obj_groups_where_there_is_one_object(tmp_path: Path) -> None:
+    path = tmp_path / "groups.obj"
+    path.write_text(OBJ_GROUPS)
+    bodies = read_bodies(path)
+    assert [body.name for body in bodies] == ["left front", "right"]
+    assert volumes(bodies) == pytest.approx([1.0, 1.0])
+
+
+def test_obj_objects_of_one_name_are_several_blocks(tmp_path: Path) -> None:
+    path = tmp_path / "same.obj"
+    path.write_text(OBJ_GROUPS.replace("g right", "o wall").replace("g left front\nf 1/1", "f 1/1"))
+    with pytest.raises(InputError, match="block 'wall"):  # its last faces went to the other object
+        reimported(path, supports=["wall"])
+    export(WALL, path)
+    path.write_text("\n".join("o brick" if x.startswith("o ") else x
+                              for x in path.read_text().splitlines()))  # fmt: skip
+    found = import_geometry(
+        path, length_unit="m", up="z", friction=0.5, live=(1, 0, 0), density=1, supports="lowest"
+    )
+    assert {b.id for b in found.scene.blocks} >= {"brick", "brick#2", "brick#56"}
+    assert "numbered" in found.notes[0]
+
+
+def block_model() -> dict[str, Any]:
+    """As compas_dem writes it: a support, and a block moved by its element and by the model."""
+    mesh = {
+        "dtype": "compas.datastructures/Mesh",
+        "data": {
+            "vertex": {str(k): dict(zip("xyz", v, strict=True))
+                       for k, v in enumerate(CUBE.vertices.tolist())},
+            "face": {str(k): list(f) for k, f in enumerate(CUBE.faces)},
+        },
+    }  # fmt: skip
+    lift = {"dtype": "compas.geometry/Translation", "data": {"matrix": np.eye(4).tolist()}}
+    lift["data"]["matrix"][2][3] = 1.0  # type: ignore[index]
+    shift = {"dtype": "compas.geometry/Translation", "data": {"matrix": np.eye(4).tolist()}}
+    shift["data"]["matrix"][0][3] = 10.0  # type: ignore[index]
+    elements = {
+        key: {
+            "dtype": "compas_dem.elements/Block",
+            "data": {"transformation": t, "features": [], "material": "m", "geometry": mesh,
+                     "is_support": key == "guid-a"},
+        }
+        for key, t in (("guid-a", None), ("guid-b", lift))
+    }  # fmt: skip
+    materials = {"m": {"dtype": "compas_dem.material/Stone", "data": {"density": 2000}}}
+    tree = {"root": {"name": "root", "children": [{"element": key} for key in elements]}}
+    return {
+        "dtype": "compas_dem.models/BlockModel",
+        "data": {"transformation": shift, "elements": elements, "materials": materials,
+                 "tree": tree, "graph": {"node": {}}},
+    }  # fmt: skip
+
+
+def test_a_block_model_with_materials_supports_and_transformations(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(block_model()))
+    asked: dict[str, Any] = {"length_unit": "m", "up": "z", "friction": 0.5, "live": (1, 0, 0)}
+    with pytest.raises(InputError, match=r"density 2000 in the file.*--density-factor 0.00980665"):
+        import_geometry(path, **asked)
+    scene = import_geometry(path, density_factor=0.00980665, **asked).scene
+    assert scene.supports == ("0",)
+    assert scene.blocks[1].density == pytest.approx(19.6133)
+    assert scene.blocks[1].vertices.min(axis=0).tolist() == [10.0, 0.0, 1.0]
+    assert scene.contacts.names == ("0-1",)
+    assert solve(scene).load_factor == pytest.approx(0.5, rel=1e-5)
+
+
+def test_groups_of_a_block_model_move_what_is_in_them(tmp_path: Path) -> None:
+    document = block_model()
+    data = document["data"]
+    lift = data["elements"]["guid-b"]["data"]["transformation"]
+    group = {"dtype": "compas_model.elements/Group", "data": {"transformation": lift}}
+    data["elements"]["guid-c"] = group
+    data["tree"]["root"]["children"] = [
+        {"element": "guid-c", "children": [{"element": "guid-a"}, {"element": "guid-b"}]}
+    ]
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(document))
+    lowest = [b.vertices.min(axis=0).tolist() for b in read_bodies(path)]
+    assert lowest == [[10.0, 0.0, 1.0], [10.0, 0.0, 2.0]]
+
+
+def test_the_first_compas_wrapped_values(tmp_path: Path) -> None:
+    """COMPAS 1: {"dtype", "value": {"datatype", "data"}}, with nodes right inside."""
+
+    def wrapped(data: Any) -> dict[str, Any]:
+        return {
+            "dtype": "compas_assembly/X",
+            "value": {"datatype": "compas_assembly/X", "data": data},
+        }
+
+    mesh = block_model()["data"]["elements"]["guid-a"]["data"]["geometry"]["data"]
+    node = {"0": {"block": wrapped(mesh), "density": 3.0}, "10": {"block": wrapped(mesh)},
+            "9": {"block": wrapped(mesh)}}  # fmt: skip
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(wrapped({"node": node, "edge": {}})))
+    assert [(b.name, b.density) for b in read_bodies(path)] == [
+        ("0", 3.0),
+        ("9", None),
+        ("10", None),
+    ]
+
+
+TABLE = """\
+id;xmin;ymin;zmin;xmax;ymax;zmax;density;support
+ground;-1;-1;-1;2;2;0;;yes
+lower;0;0;0;1;1;1;20;
+upper;0;0;1;1;1;2;10;no
+"""
+
+
+def test_a_table_states_densities_and_supports(tmp_path: Path) -> None:
+    path = tmp_path / "tower.csv"
+    path.write_text(TABLE)
+    asked: dict[str, Any] = {"length_unit": "m", "up": "z", "friction": 0.5, "live": (1, 0, 0)}
+    found = import_geometry(path, **asked)
+    assert (found.scene.supports, found.scene.total_weight, found.notes) == (("ground",), 30.0, ())
+    assert found.scene.blocks[1].bounds is not None
+    other = import_geometry(path, density=5, supports=["lower", "ground"], **asked)
+    assert (other.scene.supports, other.scene.total_weight) == (("ground", "lower"), 5.0)
+    assert len(other.notes) == 2
+
+
+def test_lowest_blocks_are_all_that_reach_the_bottom(tmp_path: Path) -> None:
+    """Three feet, of which two are 0.5 % of the height higher, and a block at 5 %."""
+    rows = ["id,xmin,ymin,zmin,xmax,ymax,zmax"]
+    for i, z in enumerate((0.0, 0.05, 0.05, 0.5)):
+        rows.append(f"foot{i},{2 * i},0,{z},{2 * i + 1},1,3")
+    rows.append("beam,0,0,3,7,1,10")
+    path = tmp_path / "feet.csv"
+    path.write_text("\n".join(rows))
+    scene = import_geometry(
+        path, length_unit="m", up="z", friction=0.5, live=(1, 0, 0), density=1, supports="lowest"
+    ).scene
+    assert scene.supports == ("foot0", "foot1", "foot2")
+
+
+# --- nothing is guessed -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"supports": None}, "no file marks supports: say which blocks are fixed .--supports"),
+        ({"density": None}, "block '.*' has no density in the file: give --density"),
+        ({"up": "-z"}, "up must be x, y or z, got '-z'"),
+        ({"supports": ["floor"]}, "support 'floor' is not a block; the blocks are 'b1.1'"),
+        ({"friction": -1}, "friction of the scene must be finite and not negative, got -1"),
+        ({"density": -20}, "density of block '.*' must be finite and not negative, got -20"),
+        ({"live": (0, 0, 0)}, "the live load is zero everywhere"),
+        ({"live": (1, 0)}, "acceleration must be 3 numbers"),
+        ({"joint_tolerance": 0}, "joint_tolerance"),
+    ],
+)
+def test_what_is_asked_for(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        reimported(as_polygons(tmp_path), **changes)
+
+
+def test_a_folder_with_strange_files_is_refused(tmp_path: Path) -> None:
+    folder = as_folder("stl")(tmp_path)
+    (folder / "notes.txt").write_text("left alone")
+    assert len(reimported(folder).blocks) == len(WALL.blocks)
+    (folder / "roof.dwg").write_text("?")
+    with pytest.raises(InputError, match=r"also holds 'roof.dwg'"):
+        reimported(folder)
+    (folder / "roof.dwg").unlink()
+    for path in folder.glob("*.stl"):
+        path.unlink()
+    with pytest.raises(InputError, match="holds no geometry"):
+        reimported(folder)
+
+
+# --- export -------------------------------------------------------------------------------------
+
+
+def test_obj_keeps_every_digit(tmp_path: Path) -> None:
+    bodies = read_bodies(export(WALL, tmp_path / "w.obj")[0])
+    for body, block in zip(bodies, WALL.blocks, strict=True):
+        assert body.name == block.id
+        np.testing.assert_array_equal(body.vertices, block.vertices)
+
+
+def test_contacts_as_csv(tmp_path: Path, reference: Any) -> None:
+    """The pressure centre lies on the contact, and N e2 = M1 there."""
+    (path,) = export(WALL, tmp_path / "c.csv", reference)
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["contact"] for row in rows] == list(WALL.contacts.names)
+    for j, row in enumerate(rows):
+        normal = float(row["N (kN)"])
+        assert normal == reference.forces[j, 2]
+        if not row["px (m)"]:
+            continue
+        contact = WALL.contacts[j]
+        centre = np.array([float(row[f"p{x} (m)"]) for x in "xyz"])
+        offset = centre - contact.origin
+        assert abs(offset @ contact.normal) < 1e-12
+        assert offset @ contact.t2 * normal == pytest.approx(float(row["M1 (kN m)"]), abs=1e-12)
+        reach = np.linalg.norm(contact.corners - contact.origin, axis=1).max()
+        assert np.linalg.norm(offset) <= reach * (1 + 1e-3)
+
+
+def test_exports_are_refused_with_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"give a name that ends in \.obj, \.glb, \.csv"):
+        export(WALL, tmp_path / "w.dxf")
+    other = solve(Scene((Block.box("g", (0, 0, -1), (1, 1, 0)),
+                         Block.box("b", (0, 0, 0), (1, 1, 1), 1.0)), ("g",),
+                        Load(acceleration=(1, 0, 0))))  # fmt: skip
+    with pytest.raises(InputError, match="it does not belong to it"):
+        export(WALL, tmp_path / "w.csv", other)
+    assert not list(tmp_path.iterdir())
