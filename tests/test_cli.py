@@ -184,6 +184,8 @@ def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         "surface": "16-gon",
         "interaction": "fixed-point",
         "moments": "signed",
+        "torsion_shear": "linear",
+        "flow": "associated",
         "tolerance": 1e-3,
     }
     assert "solve  load factor" in out  # the history of an iteration
