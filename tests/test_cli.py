@@ -186,6 +186,8 @@ def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         "surface": "16-gon",
         "interaction": "fixed-point",
         "moments": "signed",
+        "torsion_shear": "linear",
+        "flow": "associated",
         "tolerance": 1e-3,
         "model": "full",
         "torsion_shear": "linear",

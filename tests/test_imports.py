@@ -15,7 +15,7 @@ LAYERS = (
     {"errors"},
     {"checks", "files", "bracket", "versions"},
     {"geometry"},
-    {"loads"},
+    {"loads", "ties"},
     {"scene", "solution", "solvers"},
     {"masonry"},
     {"surfaces"},
@@ -30,7 +30,9 @@ LAYERS = (
 )
 """Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
 
-OUTSIDE = {"bracket", "loads", "scene", "solution", "geometry", "errors", "checks", "files"}
+OUTSIDE = {
+    "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks", "files",
+}  # fmt: skip
 """All that input, output and plotting may see besides themselves."""
 
 

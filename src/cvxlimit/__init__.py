@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from cvxlimit.solution import Member as Member
     from cvxlimit.solution import Solution as Solution
     from cvxlimit.solution import Status as Status
+    from cvxlimit.ties import Tie as Tie
 
 _MODULES = (
     "compare", "errors", "geometry", "io", "loads", "masonry", "methods", "model",
@@ -76,6 +77,7 @@ _HOME = {
     "Scene": "scene",
     "Solution": "solution",
     "Status": "solution",
+    "Tie": "ties",
     "Units": "scene",
     "ZeroDilatancy": "methods.zero_dilatancy",
     "analyse": "methods.analysis",

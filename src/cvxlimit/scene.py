@@ -20,6 +20,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
+from cvxlimit.ties import Tie, with_ties
 
 if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
@@ -73,6 +74,8 @@ class Scene:
         Of (id, id) to float, likewise.
     units : Units
     name : str
+    ties : tuple of Tie
+        Members that bear tension; each counts as a contact, after all others.
     joint_tolerance : float or None
         How far apart, and how deep in each other, faces of different blocks may be and still be
         a contact (length). None: one hundredth of the mean thickness of the thinner block.
@@ -108,9 +111,13 @@ class Scene:
     contact_compressive_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
     tensile_strength: float = 0.0
     contact_tensile_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    ties: tuple[Tie, ...] = ()
 
     def __post_init__(self) -> None:
         blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
+        object.__setattr__(
+            self, "ties", _members(self.ties, Tie, "ties must be Ties", "import Tie")
+        )
         supports = _members(self.supports, str, "supports must be ids", "write ['ground']")
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "supports", supports)
@@ -132,12 +139,14 @@ class Scene:
         cohesion = self.cohesion, dict(self.contact_cohesion)
         compression = self.compressive_strength, dict(self.contact_compressive_strength)
         tension = self.tensile_strength, dict(self.contact_tensile_strength)
-        return Scene, (*fields, *own, *cohesion, self.joint_tolerance, *compression, *tension)
+        strengths = (*cohesion, self.joint_tolerance, *compression, *tension)
+        return Scene, (*fields, *own, *strengths, self.ties)
 
     @cached_property
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
-        return self._with_own(self._detection.contacts)
+        given = self.__dict__.get("_given_contacts")
+        return given or with_ties(self._with_own(self._detection.contacts), self.ties)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
@@ -220,6 +229,7 @@ class Scene:
             blocks=tuple(b.moved(turn, translation) for b in self.blocks),
             dead=self.dead.moved(turn, translation),
             live=self.live.moved(turn, translation),
+            ties=tuple(t.moved(turn, np.asarray(translation, dtype=float)) for t in self.ties),
         )
 
     def explain(self, surface: Any = "conic", **options: Any) -> Explanation:
@@ -251,6 +261,7 @@ class Scene:
             live=self.live.scaled(length, force),
             units=units,
             **self._strengths(force / length**2),
+            ties=tuple(tie.scaled(length, force) for tie in self.ties),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 
@@ -280,8 +291,15 @@ class Scene:
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        if "_detection" in self.__dict__:
-            copy.__dict__["_detection"] = self._detection
+        for kept in ("_detection", "_given_contacts"):
+            if kept in self.__dict__:
+                copy.__dict__[kept] = self.__dict__[kept]
+        return copy
+
+    def with_contacts(self, contacts: Contacts) -> Scene:
+        """The same scene with these contacts in place of those detected: other strengths, say."""
+        copy = self._copy()
+        copy.__dict__["_given_contacts"] = contacts
         return copy
 
     def _with_own(self, contacts: Contacts) -> Contacts:
@@ -381,6 +399,12 @@ def _check_ids(scene: Scene) -> None:
     for key in scene.supports:
         if key not in known:
             raise InputError(f"support {key!r} is not a block of the scene; add it to the blocks")
+    for tie in scene.ties:
+        for key in (tie.a, tie.b):
+            if key not in known:
+                raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}")
+        if tie.a in scene.supports and tie.b in scene.supports:
+            raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
     if len(set(scene.supports)) < len(scene.supports):
         twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
         raise InputError(f"support {twice!r} is listed twice")

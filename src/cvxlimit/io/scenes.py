@@ -29,6 +29,7 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.loads import Load, PointForce, Pressure
 from cvxlimit.scene import Scene, Units, check_scene
+from cvxlimit.ties import Tie
 
 _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -36,7 +37,7 @@ _LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
 _STRENGTHS = ("cohesion", "compressive_strength", "tensile_strength")
 _BY_CONTACT = ("friction", *_STRENGTHS)
-_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *_STRENGTHS)
+_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *_STRENGTHS, "ties")
 
 
 def read_scene(path: Path) -> Scene:
@@ -135,6 +136,8 @@ def scene_to_dict(scene: Scene) -> JsonObject:
         if scene.joint_tolerance is not None:
             document["joint_tolerance"] = number(scene.joint_tolerance, "joint_tolerance")
         document |= _strengths_to_dict(scene)
+        if scene.ties:
+            document["ties"] = [_tie_to_dict(tie) for tie in scene.ties]
         own = _contacts_to_list(scene)
         if own:
             document["contacts"] = own
@@ -177,6 +180,7 @@ def scene_from_dict(document: object) -> Scene:
             units=_units(top["units"]) if "units" in top else Units(),
             name=text(top.get("name", "scene"), "name of the scene"),
             joint_tolerance=joint_tolerance,
+            ties=tuple(_tie(i, tie) for i, tie in enumerate(items(top.get("ties", []), "ties"))),
         )
 
 
@@ -310,6 +314,24 @@ def _faces(value: object, where: str) -> list[tuple[int, ...]]:
 
 def _indices(value: object, where: str) -> tuple[int, ...]:
     return tuple(whole(index, f"a vertex index in {where}") for index in items(value, where))
+
+
+def _tie_to_dict(tie: Tie) -> JsonObject:
+    where = f"tie {shown(tie.a)}-{shown(tie.b)}"
+    return {
+        "between": [tie.a, tie.b],
+        "start": list(numbers(tie.start, _AXES, f"start of {where}")),
+        "end": list(numbers(tie.end, _AXES, f"end of {where}")),
+        "yield_force": number(tie.yield_force, f"yield_force of {where}"),
+    }
+
+
+def _tie(index: int, value: object) -> Tie:
+    where = f"entry {index} of ties"
+    entry = fields(value, where, ("between", "start", "end", "yield_force"))
+    first, second = _pair(entry["between"], f"'between' in {where}")
+    start, end = (numbers(entry[name], _AXES, f"{name} of {where}") for name in ("start", "end"))
+    return Tie(first, second, start, end, number(entry["yield_force"], f"yield_force of {where}"))
 
 
 def _strengths_to_dict(scene: Scene) -> JsonObject:

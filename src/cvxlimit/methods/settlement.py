@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.loads import Load
 from cvxlimit.methods.analysis import TOLERANCE, Convex
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.scene import Load, Scene, check_scene
+from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
@@ -169,11 +170,7 @@ def _guided(
     pushed = (statics.matrix @ state.ravel()).reshape(-1, DOF)[row, :3]
     possible = float(pushed @ along)
     own = {key: force for key, force in scene.dead.forces.items() if key != support}
-    held = Load(
-        scene.dead.gravity,
-        scene.dead.acceleration,
-        {**own, support: (*(-possible * along), 0.0, 0.0, 0.0)},
-    )
+    held = replace(scene.dead, forces={**own, support: (*(-possible * along), 0.0, 0.0, 0.0)})
     free = free.with_dead(held)
     statics = replace(Statics.of(free), guides={row: along})
     balance = Balance(statics, corner_compressions(statics.contacts))

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.loads import Load
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
 
@@ -43,8 +44,10 @@ class Mortar:
     >>> from cvxlimit import builtin_scene
     >>> scene = builtin_scene("single-block").with_cohesion(1.0).with_strength(tensile=0.5)
     >>> mortar = Mortar.of(scene)
-    >>> mortar.scene.tensile_strength, (mortar.pull / scene.contacts.area).round(6).tolist()
-    (0.0, [0.5])
+    >>> (mortar.pull / scene.contacts.area).round(6).tolist()
+    [0.5]
+    >>> mortar.scene.contacts.tensile_strength.tolist()
+    [0.0]
     """
 
     scene: Scene
@@ -73,19 +76,10 @@ class Mortar:
                 "Mohr-Coulomb's cone ends there; give more cohesion or less tensile strength"
             )
         pull = tension * contacts.area
-        ids = contacts.block_ids
-        pairs = [(ids[a], ids[b]) for a, b in zip(contacts.a, contacts.b, strict=True)]
-        dry = replace(
-            scene,
-            dead=_with_pull(scene, pull),
-            contact_cohesion=dict(zip(pairs, np.maximum(cohesion, 0.0).tolist(), strict=True)),
-            contact_compressive_strength=dict(
-                zip(pairs, (contacts.compressive_strength + tension).tolist(), strict=True)
-            ),
-            tensile_strength=0.0,
-            contact_tensile_strength={},
+        pressed = contacts.with_cohesion(np.maximum(cohesion, 0.0)).with_strength(
+            contacts.compressive_strength + tension, np.zeros(len(contacts))
         )
-        return cls(dry, pull)
+        return cls(scene.with_dead(_with_pull(scene, pull)).with_contacts(pressed), pull)
 
     def original(self, forces: FloatArray | None) -> FloatArray | None:
         """Contact forces (n, 6) of the scene with tension."""

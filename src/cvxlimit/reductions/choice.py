@@ -69,11 +69,11 @@ class Reductions:
     ) -> Reductions:
         """All that are valid; none for ``model="full"``, and for formulations of one's own.
 
-        None either for stone that crushes, whose conditions are on internal forces of its own, and
-        for guided blocks, whose guides need not lie in the plane or the mirror.
+        None either for stone that crushes, whose conditions are on internal forces of its own, for
+        guided blocks and for ties, which need not lie in the plane or the mirror.
         """
         crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
-        is_plain = not (crushes or assemblage.statics.guides)
+        is_plain = not (crushes or assemblage.statics.guides or assemblage.scene.ties)
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         statics = assemblage.statics

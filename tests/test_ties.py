@@ -1,0 +1,106 @@
+"""Ties, against hand calculation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.typing import NDArray
+
+from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit.errors import InputError
+from cvxlimit.io import read_scene, write_scene
+from helpers import rotations
+
+FloatArray = NDArray[np.float64]
+
+
+def tied_block(force: float, height: float = 2.0) -> Scene:
+    """A block 1 x 1 x 2 pushed along +x, tied at its top to a wall 3 behind it."""
+    ground = Block.box("ground", (-5, -1, -1), (5, 2, 0))
+    wall = Block.box("wall", (-4, 0, 0), (-3, 1, height))
+    block = Block.box("block", (0, 0, 0), (1, 1, height), density=10.0)
+    tie = Tie("wall", "block", (-3, 0.5, height), (0, 0.5, height), force)
+    live = Load(acceleration=(1.0, 0.0, 0.0))
+    return Scene([ground, wall, block], ["ground", "wall"], live, friction=0.9, ties=(tie,))
+
+
+def leaning_arch(force: float) -> Scene:
+    """Two blocks side by side on icy ground, tied at their feet, and turned by moments alpha that
+    open the joint between them below."""
+    ground = Block.box("ground", (-3, -1, -1), (3, 2, 0))
+    blocks = [
+        Block.box("left", (-1, 0, 0), (0, 1, 1), density=10.0),
+        Block.box("right", (0, 0, 0), (1, 1, 1), density=10.0),
+    ]
+    live = Load(forces={"left": (0, 0, 0, 0, 1, 0), "right": (0, 0, 0, 0, -1, 0)})
+    tie = Tie("left", "right", (-0.5, 0.5, 0.0), (0.5, 0.5, 0.0), force)
+    return Scene([ground, *blocks], ["ground"], live, friction=0.0, ties=(tie,))
+
+
+class TestByHand:
+    @pytest.mark.parametrize("force", [1.0, 4.0, 8.0])
+    def test_tied_block_tips_about_its_toe(self, force: float) -> None:
+        """alpha W h / 2 = W l / 2 + T h, unless it slides: alpha W = mu W + T."""
+        scene = tied_block(force)
+        solution = solve(scene)
+        assert solution.status is Status.CERTIFIED
+        expected = min(0.5 + 2.0 * force / 20.0, 0.9 + force / 20.0)
+        assert solution.load_factor == pytest.approx(expected, rel=1e-5)
+        assert solution.forces[-1, 2] == pytest.approx(-force, rel=1e-5)
+
+    def test_files_keep_ties(self, tmp_path: Path) -> None:
+        scene = tied_block(4.0)
+        write_scene(scene, tmp_path / "tied.json")
+        assert read_scene(tmp_path / "tied.json").ties == scene.ties
+
+    def test_a_slack_tie_does_nothing_in_compression(self) -> None:
+        scene = tied_block(8.0).with_live(Load(acceleration=(-1.0, 0.0, 0.0)))
+        solution = solve(scene)
+        assert solution.load_factor == pytest.approx(0.5, rel=1e-5)
+        assert solution.forces[-1, 2] == pytest.approx(0.0, abs=1e-6)
+
+    @pytest.mark.parametrize("force", [0.5, 3.0])
+    def test_tied_arch(self, force: float) -> None:
+        """Each moment is held by the tie below with the thrust at the crown, T h, and by the weight
+        with the ground's reaction at the outermost edge, W l / 2."""
+        solution = solve(leaning_arch(force))
+        assert solution.status is Status.CERTIFIED
+        assert solution.load_factor == pytest.approx(force * 1.0 + 10.0 * 0.5, rel=1e-5)
+
+    def test_hangs_on_a_tie(self) -> None:
+        """From a mast beside it: pulled down until the tie yields, and with none it falls."""
+        mast = Block.box("mast", (-2, 0, 0), (-1, 1, 6))
+        foot = Block.box("foot", (-2, 0, -1), (-1, 1, 0))
+        ledge = Block.box("ledge", (-1, 0, 0), (0, 1, 1))
+        block = Block.box("block", (0, 0, 0), (1, 1, 1), density=1.0)
+        ties = (Tie("mast", "block", (0.5, 0.5, 5), (0.5, 0.5, 1), 3.0),)
+        down = Load(acceleration=(0, 0, -1))
+        blocks, fixed = [mast, foot, ledge, block], ["mast", "foot", "ledge"]
+        hung = Scene(blocks, fixed, down, friction=0.0, ties=ties)
+        assert solve(hung).load_factor == pytest.approx(2.0, rel=1e-5)
+        loose = Scene(blocks, fixed, down, friction=0.0)
+        assert solve(loose).status is Status.DEAD_LOAD_UNSTABLE
+
+
+@given(turn=rotations())
+@settings(max_examples=2, deadline=None)
+def test_rotation_and_units(turn: FloatArray) -> None:
+    scene = tied_block(4.0)
+    expected = solve(scene).load_factor
+    for other in (scene.moved(turn, (1.0, 2.0, 3.0)), scene.in_units(scene.units, 1e3, 7.0)):
+        assert solve(other).load_factor == pytest.approx(expected, rel=2e-5)
+
+
+def test_refusals() -> None:
+    scene = builtin_scene("single-block")
+    make = lambda tie: Scene(scene.blocks, scene.supports, scene.live, ties=(tie,))  # noqa: E731
+    free, fixed = scene.blocks[int(scene.free[0])].id, scene.supports[0]
+    with pytest.raises(InputError, match="there is no block 'nobody'"):
+        make(Tie("nobody", free, (0, 0, 0), (1, 0, 0), 1.0))
+    with pytest.raises(InputError, match=r"yield_force of tie .* must be above 0"):
+        Tie(fixed, free, (0, 0, 0), (1, 0, 0), 0.0)
+    with pytest.raises(InputError, match="has no length"):
+        Tie(fixed, free, (0, 0, 0), (0, 0, 0), 1.0)
