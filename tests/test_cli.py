@@ -190,8 +190,6 @@ def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         "flow": "associated",
         "tolerance": 1e-3,
         "model": "full",
-        "torsion_shear": "linear",
-        "flow": "associated",
     }
     assert "solve  load factor" in out  # the history of an iteration
 
