@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.boxes import Boxes
+from cvxlimit.methods.interaction.box_climb import BoxClimb
 from cvxlimit.methods.interaction.copies import Copies
 from cvxlimit.methods.interaction.hull import HullProblem
 from cvxlimit.methods.interaction.lower_bound import LowerBound, LowerBounds
@@ -65,22 +65,6 @@ _INWARD = 0.05
 """Share by which climbs from a relaxation begin nearer to the middle: its forces lie on the rims of
 contacts, and which of many solutions a solver picked decided where S12 ended, 0.12598 or 0.12604.
 Moved in by 0.05 or 0.2 it was 0.12604 from all of five."""
-
-_FIRST_BOX = 0.8
-"""First boxes about given pressure centres, in half sides to either side."""
-
-_EXPLORING, _SETTLING = 8, 12
-"""Boxes that explore, and those that only shrink: see :mod:`boxes`."""
-
-_NEARLY = 1e-2
-"""Excess of Eq. 30, summed over contacts and over the total load, from which frozen problems follow
-boxes: on S12 their bounds are then within 3e-4 of the boxes' load factors."""
-
-_RETRY = 0.5
-"""Share of that excess at which safe problems are tried again after they gave no bound."""
-
-_NOISE = 2e-5
-"""Largest excess of a contact, over the total load, that may be due to loose solves alone."""
 
 _TIGHT = 1e-9
 """Clarabel's tolerance for the last step of a climb."""
@@ -170,7 +154,7 @@ class InnerMethod:
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
         self._start = "middle"
-        self._mark, self._freezes = -np.inf, True
+        self._mark = -np.inf
         self._last: tuple[InnerIterate, str, Solver] | None = None
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
@@ -193,7 +177,7 @@ class InnerMethod:
         run = self.run
         copies = stricter.box_copies(self.contacts)
         self._start, self._mark = f"{stricter} relaxation", run.best.bracket.lower
-        relaxed = self._copied("hull", copies, self.leading)
+        relaxed = self.copied("hull", copies, self.leading)
         yield relaxed
         state = relaxed.state
         if state.forces is None or state.load_factor is None:
@@ -211,19 +195,19 @@ class InnerMethod:
         if start is None:
             yield from self._softened()
         else:
-            yield from self._lengthened(self._point(start).shrunk(_INWARD))
+            yield from self._lengthened(self.point(start).shrunk(_INWARD))
         best = self.run.best.forces
         if not (best is None or self.contacts.is_rectangle.all()):
-            yield self._frozen(self._boxes(best).centre)
+            yield self.frozen(BoxClimb(self).boxes(best).centre)
 
     def boxed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Boxes and frozen problems; hard steps only where those gave no bound."""
         point, has_bound = self.middle, False
-        for iterate in self._boxes_and_frozen(start):
+        for iterate in BoxClimb(self).iterates(start):
             yield iterate
             has_bound = has_bound or iterate.is_safe
             if iterate.state.forces is not None:
-                point = self._point(iterate.state.forces, point)
+                point = self.point(iterate.state.forces, point)
         if not has_bound:
             yield from self.climb(point)
 
@@ -234,20 +218,20 @@ class InnerMethod:
         best, before, retreats, gains = -np.inf, None, iter(_RETREATS), [np.inf]
         here = at = point
         while True:
-            iterate = self._hard(at)
+            iterate = self.hard(at)
             yield iterate
             forces = iterate.state.forces
             if forces is None or not iterate.is_safe:
                 share = next(retreats, None)
                 if share is None:
                     return
-                here = here if forces is None else self._point(forces, at)
+                here = here if forces is None else self.point(forces, at)
                 at, reach, before = here.shrunk(share), 0.0, None
                 continue
             gain, best = iterate.lower - best, max(best, iterate.lower)
             gains.append(gain)
             if gain > 0.0:
-                here = self._point(forces, at)
+                here = self.point(forces, at)
             if gain < self.gain * abs(iterate.lower):
                 if reach == 0.0 or gain > 0.0:
                     return
@@ -262,17 +246,17 @@ class InnerMethod:
 
     def _lengthened(self, point: Point) -> Iterator[InnerIterate]:
         """A hard step, for an early bound, then long ones while they gain, then a climb."""
-        first = self._hard(point)
+        first = self.hard(point)
         yield first
         if first.state.forces is not None and first.is_safe:
-            point, best = self._point(first.state.forces, point), first.lower
+            point, best = self.point(first.state.forces, point), first.lower
             for curvature in _LONG:
                 iterate = self._long(point, curvature)
                 yield iterate
                 state = iterate.state
                 if state.forces is None or state.load_factor is None:
                     break
-                point = self._point(state.forces, point)
+                point = self.point(state.forces, point)
                 if state.load_factor - best < _LONG_STEPS * abs(best):
                     break
                 best = state.load_factor
@@ -280,7 +264,7 @@ class InnerMethod:
 
     def _softened(self) -> Iterator[InnerIterate]:
         """A hard step at the middle, whose mechanism prices slack, then soft ones, then a climb."""
-        first = self._hard(self.middle)
+        first = self.hard(self.middle)
         yield first
         price = _PRICE * self._fastest_twist(first.state)
         point, last = self.middle, np.inf
@@ -289,7 +273,7 @@ class InnerMethod:
             yield iterate
             if iterate.state.forces is None:
                 break
-            point = self._point(iterate.state.forces, point)
+            point = self.point(iterate.state.forces, point)
             if iterate.slack <= _BOUGHT:
                 break
             stuck = number > 0 and iterate.slack > 0.5 * last
@@ -297,63 +281,9 @@ class InnerMethod:
             last = iterate.slack
         yield from self.climb(point)
 
-    def _boxes(self, forces: FloatArray | None) -> Boxes:
-        force = self.problem.scaling.force
-        if forces is None:
-            return Boxes(self.contacts, self.moments, force)
-        return Boxes(self.contacts, self.moments, force, forces, _FIRST_BOX)
-
-    def _boxes_and_frozen(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Hulls over boxes of pressure centres, and what is safe near the last ones."""
-        boxes, best, nearly, explored = self._boxes(start), -np.inf, _NEARLY, 0
-        self._freezes = True
-        for _ in range(_EXPLORING + _SETTLING):
-            copies = boxes.copies
-            iterate = self._copied("box", copies, self.leading)
-            yield iterate
-            state = iterate.state
-            if state.forces is None or state.load_factor is None:
-                return
-            explored += 1
-            exploring = explored < _EXPLORING and not self._is_upper(state.load_factor)
-            explored = explored if exploring else _EXPLORING
-            boxes.follow(state.forces, exploring=exploring)
-            if boxes.excess > nearly and not iterate.is_safe:
-                continue
-            lower = iterate.lower
-            for nearby in self._nearby(boxes, copies, state.forces):
-                yield nearby
-                lower = max(lower, nearby.lower)
-            least = self.gain * abs(lower)
-            if lower - best < least or state.load_factor - lower < least:
-                return
-            best, nearly = max(best, lower), _RETRY * boxes.excess
-
-    def _nearby(self, boxes: Boxes, copies: Copies, forces: FloatArray) -> Iterator[InnerIterate]:
-        """The frozen problem at the boxes' centres. Where that has no interior, as where forces
-        are determinate: the box problem itself, tightly, if all that keeps its forces from being
-        admissible is how it was solved; else a hard step at them."""
-        if self._freezes:
-            frozen = self._frozen(boxes.centre)
-            yield frozen
-            self._freezes = frozen.is_safe
-            if frozen.is_safe:
-                return
-        if boxes.largest <= _NOISE:
-            tight = self._safe("box", lambda rung: self._hull.solve(copies, rung), ())
-            yield tight
-            if tight.is_safe:
-                return
-        point = self._point(forces)
-        yield self._safe("hard", lambda rung: self.problem.solve(point, rung), ())
-
-    def _is_upper(self, load_factor: float) -> bool:
-        """True if no box could have more."""
-        upper = self.run.best.bracket.upper
-        return upper - load_factor < self.gain * abs(upper)
-
-    def _hard(self, point: Point) -> InnerIterate:
-        return self._safe("hard", lambda rung: self.problem.solve(point, rung), self.leading)
+    def hard(self, point: Point) -> InnerIterate:
+        """A hard step built at ``point``."""
+        return self.safe("hard", lambda rung: self.problem.solve(point, rung), self.leading)
 
     def _long(self, point: Point, curvature: float) -> InnerIterate:
         return self._solved(
@@ -365,18 +295,21 @@ class InnerMethod:
             "soft", lambda rung: self.problem.solve(point, rung, price), self.leading
         )
 
-    def _frozen(self, centre: FloatArray) -> InnerIterate:
+    def frozen(self, centre: FloatArray) -> InnerIterate:
+        """Contacts pressed at ``centre`` (n, 2), in fractions of the half extent."""
         copies = self.moments.safe_copies(self.contacts, centre)
-        return self._safe("frozen", lambda rung: self._hull.solve(copies, rung), self.tight[:1])
+        return self.safe("frozen", lambda rung: self.hull.solve(copies, rung), self.tight[:1])
 
-    def _copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
-        return self._solved(kind, lambda rung: self._hull.solve(copies, rung), ladder)
+    def copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
+        """The best over ``copies``, which are as safe as they are."""
+        return self._solved(kind, lambda rung: self.hull.solve(copies, rung), ladder)
 
     @cached_property
-    def _hull(self) -> HullProblem:
+    def hull(self) -> HullProblem:
+        """Problems over copies."""
         return HullProblem(self.run.assemblage)
 
-    def _safe(self, kind: str, solver: Solver, before: Sequence[SolverSettings]) -> InnerIterate:
+    def safe(self, kind: str, solver: Solver, before: Sequence[SolverSettings]) -> InnerIterate:
         """A safe problem, with each further rung where the checker refuses its forces: first with
         those given, then tightly."""
         for rung in (*before, *(rung for rung in self.tight if rung not in before)):
@@ -412,7 +345,8 @@ class InnerMethod:
         self.run.note(state, label, **self.run.bounds, **figures)
         return InnerIterate(kind, state, getattr(state, "slack", 0.0), bound)
 
-    def _point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
+    def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
+        """Where to build a step at ``forces`` (n, 6); idle contacts keep their place."""
         point = self.problem.point(forces, otherwise or self.middle, _LEAST)
         return point.shrunk(self.moments.shrink)
 
