@@ -163,7 +163,9 @@ class _Proof:
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
         if is_boundless and self._is_harmless():
             yield Status.LIVE_LOAD_HARMLESS
-        if run.best.mechanism is not None:
+        if run.best.mechanism is None:
+            yield from self._borrow(InnerMethod(run, self.rule.solves))
+        else:
             yield from self._bound_from_below(outer)
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
@@ -209,11 +211,14 @@ class _Proof:
                 break
             at = state.forces if name == "relaxation" and state else None
             yield from self._until_met(method.iterates(at))
-        for stricter in run.moments.stricter:
-            if self._is_within(_OUTER_TOLERANCE):
-                break
-            yield from self._until_met(method.borrowed(stricter))
+        yield from self._borrow(method)
         self.reason = self.reason or "no further progress from these starts"
+
+    def _borrow(self, method: InnerMethod) -> Iterator[None]:
+        """Bounds of stricter readings, where they could be better."""
+        for stricter in self.run.moments.stricter:
+            if not self._is_within(_OUTER_TOLERANCE):
+                yield from self._until_met(method.borrowed(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
         """Solves, until the bracket has the width that was asked for."""

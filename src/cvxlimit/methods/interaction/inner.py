@@ -232,12 +232,12 @@ class InnerMethod:
             gains.append(gain)
             if gain > 0.0:
                 here = self.point(forces, at)
-            if gain < self.gain * abs(iterate.lower):
-                if reach == 0.0 or gain > 0.0:
-                    return
-                reach = 0.0
-            if best + _HOPE * _predicted(gains) < self._mark:
+            least, hope = self.gain * abs(iterate.lower), _predicted(gains)
+            if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
+            if best + _HOPE * hope < self._mark:
+                return
+            reach = reach if gain > 0.0 else 0.0
             at = here if before is None or reach == 0.0 else self._ahead(here, before, reach)
             before = here
 
