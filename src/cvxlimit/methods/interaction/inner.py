@@ -35,7 +35,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.box_climb import BoxClimb
 from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.hull import HullProblem
+from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
 from cvxlimit.methods.interaction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.majorants import Point
 from cvxlimit.methods.interaction.moments import Moments
@@ -68,6 +68,9 @@ Moved in by 0.05 or 0.2 it was 0.12604 from all of five."""
 
 _TIGHT = 1e-9
 """Clarabel's tolerance for the last step of a climb."""
+
+_RELAXED = 1e-4
+"""How far copies are added to a stricter reading's relaxation: as in a run of its own."""
 
 _LEAST = 1e-7
 """Compression, over the total load, from which a pressure centre means something."""
@@ -184,9 +187,13 @@ class InnerMethod:
             return
         if state.load_factor <= run.best.bracket.lower:
             return
+        aside = run.aside(run.scene)
+        aside.moments = stricter
+        outer = UpperBound(aside)
+        outer.search(_RELAXED, (*self.leading, *self.tight))
         other = copy(self)
         other.moments, other.problem = stricter, SafeStep(run.assemblage, stricter)
-        for start in (state.forces, None):
+        for start in (outer.state.forces if outer.state else state.forces, None):
             yield from other.iterates(start)
 
     def stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
