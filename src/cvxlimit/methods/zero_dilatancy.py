@@ -19,6 +19,7 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.driver import Answer, Rule, Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import FlowRule, corner_openings
@@ -77,6 +78,10 @@ class LowestOnMechanism:
 _NATURAL = 4.0
 """Largest random price where no iterate has told its size yet, over friction at a rate at which the
 whole live load does power 1: blocks that wedge each other need some price to have a solution."""
+
+_POLISH = 10
+"""Iterates between attempts to solve the equations of the fixed point from where it is: an attempt
+takes as long as about five iterates."""
 
 _PRICE = 1e3
 """Of power on the mechanism, in scaled load factors: a penalty that is exact once it exceeds the
@@ -175,7 +180,7 @@ class ZeroDilatancy(Rule):
 
     tolerance: float = 1e-6
     starts: int = 4
-    damping: float = 0.5
+    damping: float = 0.8
     most: int = 150
     seed: int = 0
 
@@ -235,6 +240,8 @@ class _Search:
                 run.assemblage, run.surfaces, objective=PricedPressure(self.price)
             )
             self.verifier = Verifier(run)
+            is_known = has_equations(run.surfaces)
+            self.system = FrictionSystem(run.assemblage) if is_known else None
         self.prices = np.zeros(len(run.contacts))
         self.random = np.random.default_rng(self.rule.seed)
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
@@ -260,6 +267,8 @@ class _Search:
         if member is None:
             self._next_start(None)
             return
+        if self.iterations % _POLISH == 0:
+            member = self._polished(state, member)
         self.last = member
         rates = self.run.assemblage.statics.relative_rates(member.mechanism)
         wanted = self.verifier.dilatancy(rates)
@@ -271,6 +280,15 @@ class _Search:
         else:
             w = self.rule.damping
             self.prices = (1.0 - w) * self.prices + w * wanted
+
+    def _polished(self, state: LimitState, member: Member) -> Member:
+        """The root of the equations near an iterate, where that is better."""
+        if self.system is None:
+            return member
+        with self.run.clock.phase("solve"):
+            near = self.system.polished(state)
+        found = self.verifier.member(near, self._label, self.iterations)
+        return member if found is None or found.residual >= member.residual else found
 
     @property
     def _label(self) -> str:
