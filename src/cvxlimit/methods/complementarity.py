@@ -27,10 +27,12 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState
+from cvxlimit.solvers.sparse import factorised
 from cvxlimit.surfaces import Conic, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _SLIDING = ("V1", "V2", "MT")
 
@@ -196,6 +198,7 @@ class _Equations:
             [max(abs(first.load_factor), self.force)],
         )
         self.columns = np.concatenate(columns)
+        self._order: IntArray | None = None
         self._rates = system.matrix.T.tocsr()
         self._opening = (system._corner @ self._rates).tocsr()
         self._slip = (system._slid @ self._rates).tocsr()
@@ -212,7 +215,9 @@ class _Equations:
             square, down = (jacobian.T @ jacobian).tocsc(), jacobian.T @ rest
             for _ in range(_TRIES):
                 weight = damping * min(1.0, float(np.sqrt(size / len(rest))))
-                step = _damped(square, weight, down)
+                step = self._damped(square, weight, down)
+                if step is None:
+                    return at
                 trial = at.moved(-self.columns * step)
                 new = self.residual(trial)
                 if float(new @ new) < size:
@@ -223,6 +228,21 @@ class _Equations:
             slow = slow + 1 if float(new @ new) > _SLOW * size else 0
             at, rest, damping = trial, new, max(damping / _FACTOR, _LEAST_DAMPING)
         return at
+
+    def _damped(
+        self, square: sp.csc_array, weight: float, down: FloatArray
+    ) -> FloatArray | None:
+        """The step with (square + weight) step = down; None where rounding makes that singular."""
+        matrix = (square + weight * sp.eye_array(len(down))).tocsc()
+        step = np.empty_like(down)
+        try:
+            if self._order is None:
+                self._order = _elimination_order(matrix)
+            ordered = matrix[self._order][:, self._order]
+            step[self._order] = factorised(ordered.tocsc())(down[self._order])
+        except RuntimeError:
+            return None
+        return step
 
     def residual(self, at: _Point) -> FloatArray:
         """Equilibrium, live power, corners and sliding, in typical forces."""
@@ -260,20 +280,20 @@ class _Equations:
         return (matrix @ sp.diags_array(self.columns / self.force)).tocsr()
 
 
-def _damped(square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray:
-    """(square + weight) step = down."""
-    matrix = (square + weight * sp.eye_array(len(down))).tocsc()
+def _elimination_order(matrix: sp.csc_array) -> IntArray:
+    """Of minimum degree, as SuperLU finds it; the pattern is that of all steps."""
+    symmetric = {"SymmetricMode": True}
     factor = splu(
-        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric
     )
-    return np.asarray(factor.solve(down))
+    return np.argsort(factor.perm_c)
 
 
 def _typical(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) or 1.0
 
 
-def _selection(chosen: NDArray[np.int64], width: int) -> sp.csr_array:
+def _selection(chosen: IntArray, width: int) -> sp.csr_array:
     k = len(chosen)
     return sp.csr_array((np.ones(k), (np.arange(k), chosen)), shape=(k, width))
 
