@@ -5,9 +5,8 @@ Every contact, in forces and rates of like size, is at a root of
     n = max(n - opening, 0)                      at every corner,
     t = projection of (t - slip) on the forces that sliding allows,
 
-with t = (V1, V2, MT / c_T), slip = (slip_1, slip_2, c_T twist) and abs(V) + abs(MT) / c_T <= mu N + c A
-for what sliding allows (Alart and Curnier's equations): pressed corners do not open, and friction
-opposes slip. With equilibrium and live power 1 that is as many equations as unknowns, piecewise
+with t = (V1, V2, MT / c_T), slip = (slip_1, slip_2, c_T twist), and the t of Eq. 24 as what sliding
+allows (Alart and Curnier's equations): pressed corners do not open, and friction opposes slip. With equilibrium and live power 1 that is as many equations as unknowns, piecewise
 smooth, and often singular, for forces are statically indeterminate: hence Levenberg and
 Marquardt's damping. Near a solution it squares the residual in every step; far away it gets stuck.
 """
@@ -138,14 +137,14 @@ class FrictionSystem:
         self.matrix = (scaled.matrix @ self.model.meaning @ sp.diags_array(self.arm)).tocsr()
         p = self.matrix.shape[1]
         pressed = np.arange(start["n"].start, start["n"].stop)
-        self._corner = _selection(pressed, p)
+        self.corner = _selection(pressed, p)
         slid = np.stack([np.arange(start[k].start, start[k].stop) for k in _SLIDING], axis=1)
-        self._slid = _selection(slid.ravel(), p)
+        self.slid = _selection(slid.ravel(), p)
         at = scaled.contacts.corner_contact
         normal = sp.csr_array((np.ones(corners), (at, np.arange(corners))), shape=(n, corners))
-        self._limit = (sp.diags_array(scaled.contacts.friction) @ normal @ self._corner).tocsr()
+        self.limit = (sp.diags_array(scaled.contacts.friction) @ normal @ self.corner).tocsr()
         units = assemblage.scaling
-        self._cohesion = assemblage.contacts.cohesion * assemblage.contacts.area / units.force
+        self.cohesion = assemblage.contacts.cohesion * assemblage.contacts.area / units.force
 
     def polished(self, state: LimitState) -> LimitState:
         """The root near a state with forces and mechanism, or as near to one as Newton gets.
@@ -155,16 +154,21 @@ class FrictionSystem:
         equations = _Equations(self, self._point(state))
         return self._state(equations.solved(), state)
 
+    def scaled_forces(self, state: LimitState) -> FloatArray:
+        """Internal forces (p,) in the units of the scaling, torsion over its arm."""
+        units = self.assemblage.scaling
+        size = np.where(self.model.is_moment, units.length, 1.0) * units.force
+        return np.asarray(state.internal) / size / self.arm
+
     def _point(self, state: LimitState) -> _Point:
-        if state.internal is None or state.mechanism is None or state.load_factor is None:
-            raise ValueError("a state without forces or mechanism cannot be polished")
+        if state.mechanism is None or state.load_factor is None:
+            raise ValueError("a state without mechanism cannot be polished")
         units = self.assemblage.scaling
         rows = np.tile([1.0, 1.0, 1.0] + [units.length] * 3, len(state.mechanism))
-        size = np.where(self.model.is_moment, units.length, 1.0) * units.force
         motion = state.mechanism.ravel() * units.live * rows
         power = float(self.assemblage.scaled.live @ motion)
         return _Point(
-            state.internal / size / self.arm,
+            self.scaled_forces(state),
             motion / power,
             state.load_factor * units.live / units.force,
         )
@@ -200,8 +204,8 @@ class _Equations:
         self.columns = np.concatenate(columns)
         self._order: IntArray | None = None
         self._rates = system.matrix.T.tocsr()
-        self._opening = (system._corner @ self._rates).tocsr()
-        self._slip = (system._slid @ self._rates).tocsr()
+        self._opening = (system.corner @ self._rates).tocsr()
+        self._slip = (system.slid @ self._rates).tocsr()
 
     def solved(self) -> _Point:
         """The last point of Levenberg and Marquardt's steps."""
@@ -229,9 +233,7 @@ class _Equations:
             at, rest, damping = trial, new, max(damping / _FACTOR, _LEAST_DAMPING)
         return at
 
-    def _damped(
-        self, square: sp.csc_array, weight: float, down: FloatArray
-    ) -> FloatArray | None:
+    def _damped(self, square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray | None:
         """The step with (square + weight) step = down; None where rounding makes that singular."""
         matrix = (square + weight * sp.eye_array(len(down))).tocsc()
         step = np.empty_like(down)
@@ -248,7 +250,7 @@ class _Equations:
         """Equilibrium, live power, corners and sliding, in typical forces."""
         balance = self.system.matrix @ at.forces + self.dead + at.load_factor * self.live
         power = (float(self.live @ at.motion) - 1.0) * self.force
-        pressed = self.system._corner @ at.forces
+        pressed = self.system.corner @ at.forces
         opening = self.ratio * (self._opening @ at.motion)
         corner = pressed - np.maximum(pressed - opening, 0.0)
         friction, limit, trial = self._sliding(at)
@@ -256,24 +258,24 @@ class _Equations:
         return np.concatenate([balance, [power], corner, slid.ravel()]) / self.force
 
     def _sliding(self, at: _Point) -> tuple[FloatArray, FloatArray, FloatArray]:
-        friction = (self.system._slid @ at.forces).reshape(-1, 3)
+        friction = (self.system.slid @ at.forces).reshape(-1, 3)
         slip = (self._slip @ at.motion).reshape(-1, 3)
-        limit = self.system._limit @ at.forces + self.system._cohesion
+        limit = self.system.limit @ at.forces + self.system.cohesion
         return friction, limit, friction - self.ratio * slip
 
     def _jacobian(self, at: _Point) -> sp.csr_array:
         """Derivatives of the residual by forces, motion and load factor, columns scaled."""
         system, live = self.system, self.live
-        pressed = system._corner @ at.forces - self.ratio * (self._opening @ at.motion) > 0.0
+        pressed = system.corner @ at.forces - self.ratio * (self._opening @ at.motion) > 0.0
         _, limit, trial = self._sliding(at)
         found = projected(trial, limit)
         by_trial = _blocks(found.by_force)
         by_limit = _columns(found.by_limit)
-        sliding = system._slid - by_trial @ system._slid - by_limit @ system._limit
+        sliding = system.slid - by_trial @ system.slid - by_limit @ system.limit
         rows = [
             [system.matrix, None, sp.csr_array(live[:, None])],
             [None, sp.csr_array(self.force * live[None, :]), None],
-            [_rows(~pressed) @ system._corner, self.ratio * (_rows(pressed) @ self._opening), None],
+            [_rows(~pressed) @ system.corner, self.ratio * (_rows(pressed) @ self._opening), None],
             [sliding, self.ratio * (by_trial @ self._slip), None],
         ]
         matrix = sp.block_array(rows, format="csr")
@@ -283,9 +285,7 @@ class _Equations:
 def _elimination_order(matrix: sp.csc_array) -> IntArray:
     """Of minimum degree, as SuperLU finds it; the pattern is that of all steps."""
     symmetric = {"SymmetricMode": True}
-    factor = splu(
-        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric
-    )
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
     return np.argsort(factor.perm_c)
 
 
