@@ -168,7 +168,7 @@ class Solution:
     torsion_shear : str
         ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     flow : str
-        ``"associated"`` or ``"zero-dilatancy"``.
+        ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
     model : tuple of str
