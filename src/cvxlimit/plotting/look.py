@@ -106,9 +106,15 @@ def title(solution: Solution) -> str:
         return f"{what}: {solution.status}"
     doubt = "" if solution.status.is_good else f" ({solution.status})"
     digits = _decimals(solution.load_factor)
-    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
-    inside = f" in {', '.join(ends)}" if solution.bracket.has_any else ""
+    inside = f" in {outward_bracket(solution)}" if solution.bracket.has_any else ""
     return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
+
+
+def outward_bracket(solution: Solution) -> str:
+    """The bracket with its ends rounded outwards to the load factor's five digits."""
+    digits = _decimals(solution.load_factor or solution.upper)
+    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
+    return ", ".join(ends)
 
 
 def scene_title(scene: Scene) -> str:
