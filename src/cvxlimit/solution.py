@@ -336,8 +336,8 @@ class Solution:
         ----------
         kind : str
         path : path or None
-            With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``; ``.html``
-            for pages.
+            With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``;
+            ``.html`` for pages.
         options
             Of the function of that name in :mod:`cvxlimit.plotting`: ``viewer=(1, -1, 0.5)`` and
             others.

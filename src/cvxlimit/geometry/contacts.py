@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,7 +229,7 @@ class Contacts(ReadOnlyArrays):
         """The same contacts with compressive and tensile strengths (n,), forces per area."""
         return self._with(compressive_strength=compressive, tensile_strength=tensile)
 
-    def _with(self, **strengths: FloatArray) -> Contacts:
+    def _with(self, **strengths: Any) -> Contacts:
         """The same geometry; what was computed from it is kept."""
         result = replace(self, **strengths)
         for name in ("corner_contact", "corner_points", "is_rectangle", "torsion_arm", "edges"):

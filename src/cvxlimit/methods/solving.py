@@ -49,8 +49,8 @@ def solve(
     Parameters
     ----------
     scene : Scene
-        Or the mechanics of one, as an :class:`~cvxlimit.model.assemblage.Assemblage`: what scenes of
-        the same geometry share is then computed once (:func:`cvxlimit.sweep` does that).
+        Or the mechanics of one, as an :class:`~cvxlimit.model.assemblage.Assemblage`: what scenes
+        of the same geometry share is then computed once (:func:`cvxlimit.sweep` does that).
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.

@@ -29,8 +29,8 @@ _POINTS = 201
 class Fragility:
     """Probability that the load factor is below a demand, with a band that holds it.
 
-    The band holds two uncertainties: the number of draws (Clopper and Pearson's interval, pointwise)
-    and the brackets, so that draws whose load factor is not known widen it and bias nothing.
+    The band holds two uncertainties: the number of draws (Clopper and Pearson's interval,
+    pointwise) and the brackets, so that draws whose load factor is not known widen it.
 
     Attributes
     ----------

@@ -7,7 +7,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from inspect import signature
+from inspect import Signature, signature
 from typing import Any
 
 import cloudpickle
@@ -99,9 +99,13 @@ class Study:
             return lambda **parameters: varied(given, **parameters)
         return given
 
+    @property
+    def _called(self) -> Signature:
+        return signature(varied) if isinstance(self.scenes, Scene) else signature(self.scenes)
+
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
         """The factory's parameters and those of :func:`cvxlimit.solve`."""
-        own = signature(varied if isinstance(self.scenes, Scene) else self.scenes).parameters
+        own = self._called.parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
 
@@ -113,8 +117,7 @@ class Study:
         InputError
         """
         parameters, _ = self.split(variation)
-        is_scene = isinstance(self.scenes, Scene)
-        called = signature(varied if is_scene else self.scenes)
+        is_scene, called = isinstance(self.scenes, Scene), self._called
         try:
             called.bind(*([self.scenes] if is_scene else []), **parameters)
         except TypeError as error:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 FloatArray = NDArray[np.float64]
-Grid: TypeAlias = "Mapping[str, Iterable[Any] | float | str] | Sequence[Mapping[str, Any]] | DataFrame"
+Values: TypeAlias = "Iterable[Any] | float | str"
+Grid: TypeAlias = "Mapping[str, Values] | Sequence[Mapping[str, Any]] | DataFrame"
 
 _SIZED = ("cohesion", "compressive_strength", "tensile_strength")
 
@@ -91,8 +92,8 @@ def varied(
 def _resized(scene: Scene, size: float) -> Scene:
     factor = positive(size, "size, a factor on all lengths,")
     larger = scene.in_units(scene.units, factor, factor**3)
-    kept = {what: getattr(scene, what) for what in _SIZED}
-    own = {f"contact_{what}": dict(getattr(scene, f"contact_{what}")) for what in _SIZED}
+    kept: dict[str, Any] = {what: getattr(scene, what) for what in _SIZED}
+    own: dict[str, Any] = {f"contact_{w}": dict(getattr(scene, f"contact_{w}")) for w in _SIZED}
     return replace(larger, **kept, **own)
 
 

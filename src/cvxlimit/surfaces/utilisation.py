@@ -30,9 +30,9 @@ def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -
     """Share (n,) of each contact's strength that forces (n, 6) use; 1 on the surface, 0 unused.
 
     A condition's resistance is what compression and constants give to it; used are its norms and
-    what else stands in it with a sign. For sliding that is abs(V) / (mu N), for rocking the distance
-    of the pressure centre from the contact's centre over that of the edge beyond it. The largest of
-    a surface's conditions counts. NaN where a contact carries nothing.
+    what else stands in it with a sign. For sliding that is abs(V) / (mu N), for rocking the
+    distance of the pressure centre from the contact's centre over that of the edge beyond it. The
+    largest of a surface's conditions counts. NaN where a contact carries nothing.
 
     Example
     -------
