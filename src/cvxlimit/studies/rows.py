@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
@@ -177,18 +178,26 @@ def packed(study: Study) -> bytes:
     return result
 
 
-_seen: OrderedDict[str, tuple[Study, Structures]] = OrderedDict()
+class _Kept(threading.local):
+    """Studies of one thread: workers of a cluster may have several."""
+
+    def __init__(self) -> None:
+        self.studies: OrderedDict[str, tuple[Study, Structures]] = OrderedDict()
+
+
+_kept = _Kept()
 
 
 def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> list[Row]:
     """Rows of some variations, in whatever process this is called; ``name`` is the study's.
 
-    The study is unpacked once per process, which keeps the mechanics of its structures.
+    The study is unpacked once per thread, which keeps the mechanics of its structures.
     """
-    if name not in _seen:
-        _seen[name] = pickle.loads(study), Structures()
-        if len(_seen) > _STUDIES:
-            _seen.popitem(last=False)
-    found, known = _seen[name]
+    seen = _kept.studies
+    if name not in seen:
+        seen[name] = pickle.loads(study), Structures()
+        if len(seen) > _STUDIES:
+            seen.popitem(last=False)
+    found, known = seen[name]
     with threadpool_limits(1):
         return [found.row(variation, known) for variation in variations]

@@ -188,7 +188,8 @@ def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Ke
                     break
             if not running:
                 return
-            for task in wait(running, return_when=FIRST_COMPLETED).done:
+            done = wait(running, return_when=FIRST_COMPLETED).done
+            for task in sorted(done, key=lambda task: task.exception() is not None):
                 yield from zip(running.pop(task), task.result(), strict=True)
     except BrokenProcessPool as error:
         raise ModelError(
