@@ -14,13 +14,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyArrowPatch, Polygon, Rectangle
-from mpl_toolkits.mplot3d.axes3d import Axes3D
+from matplotlib.patches import FancyArrowPatch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from cvxlimit import Block, Load, Scene
-from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import effective_region, torsion_arm
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
@@ -100,7 +99,9 @@ def block_frame() -> plt.Figure:
     return figure
 
 
-def space(size: tuple[float, float], middle: tuple[float, ...], reach: float) -> tuple[plt.Figure, Axes3D]:
+def space(
+    size: tuple[float, float], middle: tuple[float, ...], reach: float
+) -> tuple[plt.Figure, Axes3D]:
     """An empty space without axes, seen from the front right."""
     figure = plt.figure(figsize=size)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", proj_type="ortho")
@@ -142,7 +143,9 @@ def arrow(axes: Axes3D, start: np.ndarray, end: np.ndarray, colour: str) -> None
     )  # fmt: skip
 
 
-def turn(axes: Axes3D, middle: np.ndarray, axis: np.ndarray, colour: str, radius: float = 0.1) -> None:
+def turn(
+    axes: Axes3D, middle: np.ndarray, axis: np.ndarray, colour: str, radius: float = 0.1
+) -> None:
     """An arc with an arrow, right-handed about an axis."""
     first = np.cross(axis, [0.3, 0.5, 0.8])
     first /= np.linalg.norm(first)
@@ -205,8 +208,8 @@ def dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], 
     style = {"arrowstyle": "<|-|>", "color": GREY, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", end, start, arrowprops=style)
     middle = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
-    axes.text(*middle, text,
-              ha="center", va="center", color=INK, bbox={"fc": "white", "ec": "none", "pad": 0.8})  # fmt: skip
+    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    axes.text(*middle, text, ha="center", va="center", color=INK, bbox=paper)
 
 
 FIGURES = {

@@ -1,15 +1,17 @@
 """Links between files of the sources, as links between pages of the site.
 
-In the sources a link leads from file to file, so that it works where they are shown. What is no page
-of the site becomes its words.
+In the sources a link leads from file to file, so that it works where they are shown. What is no
+page of the site becomes its words.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 PAGES = {
     "README.md": "/index.md",
