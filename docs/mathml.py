@@ -14,7 +14,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:
     """An equation within a line."""
-    writer.body.append(convert(node.astext()))
+    writer.body.append(mathml(node.astext(), "inline"))
     raise nodes.SkipNode
 
 
@@ -23,9 +23,15 @@ def displayed(writer: HTML5Translator, node: nodes.math_block) -> None:
     writer.body.append(writer.starttag(node, "div", CLASS="math"))
     if node["number"]:
         writer.body.append(f'<span class="eqno">({get_node_equation_number(writer, node)})</span>')
-    writer.body.append(convert(node.astext(), display="block"))
+    writer.body.append(mathml(node.astext(), "block"))
     writer.body.append("</div>\n")
     raise nodes.SkipNode
+
+
+def mathml(latex: str, display: str) -> str:
+    """The converter knows ``align*`` only, and bars of one side would stretch without the other."""
+    made = str(convert(latex.replace("{aligned}", "{align*}"), display=display))
+    return made.replace("<mo>&#x0007C;</mo>", '<mo stretchy="false">&#x0007C;</mo>')
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

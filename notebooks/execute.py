@@ -1,0 +1,42 @@
+"""Run notebooks and save them with their outputs: ``.venv/bin/python notebooks/execute.py NAME...``.
+
+Without names, all of them. What depends on the day or the machine but says nothing (execution times
+and counts of the kernel) is left out, so that a second run changes only what has changed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import nbclient
+import nbformat
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+
+
+def main(names: list[str]) -> None:
+    """Run and save notebooks by name, with or without ``.ipynb``."""
+    paths = [HERE / f"{Path(name).stem}.ipynb" for name in names] or sorted(HERE.glob("*.ipynb"))
+    for path in paths:
+        notebook = nbformat.read(path, as_version=4)
+        run(notebook)
+        nbformat.write(notebook, path)
+
+
+def run(notebook: nbformat.NotebookNode, timeout: float = 300.0) -> None:
+    """Run a notebook as the tests do: from the root of the sources, with their package."""
+    paths = [str(ROOT / "src"), *filter(None, sys.path)]
+    os.environ["PYTHONPATH"] = os.pathsep.join(paths)
+    os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
+    client = nbclient.NotebookClient(
+        notebook, timeout=timeout, kernel_name="python3", record_timing=False
+    )
+    client.execute(cwd=str(ROOT))
+    notebook.metadata["language_info"] = {"name": "python"}
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
