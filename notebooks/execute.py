@@ -1,4 +1,4 @@
-"""Run notebooks and save them with their outputs: ``.venv/bin/python notebooks/execute.py NAME...``.
+"""Run notebooks and save their outputs: ``.venv/bin/python notebooks/execute.py NAME...``.
 
 Without names, all of them. What depends on the day or the machine but says nothing (execution times
 and counts of the kernel) is left out, so that a second run changes only what has changed.

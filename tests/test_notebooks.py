@@ -42,7 +42,7 @@ def kinds(notebook):
 
 
 def test_there_is_one_on_every_subject():
-    assert WANTED <= {path.stem for path in NOTEBOOKS}
+    assert not WANTED - {path.stem for path in NOTEBOOKS}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -62,6 +62,6 @@ def test_notebook_is_short_saved_with_outputs_and_ends_in_an_assertion(path):
     assert "assert " in cells[-1].source
     assert len(cells) <= 12
     outputs = [output for cell in cells for output in cell.outputs]
-    assert len(outputs) >= 4
+    assert len(outputs) >= 2
     assert not any(output.output_type in ("error", "stderr") for output in outputs)
     assert path.stat().st_size < LARGEST
