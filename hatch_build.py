@@ -6,8 +6,8 @@ So the address at which the sources can be read is given when a release is built
 
     CVXLIMIT_SOURCES=https://.../v0.2.0 .venv/bin/python -m build
 
-and every relative link gets it in front. Without it, pictures become their captions, and links their
-words with the place in the source distribution: nothing points nowhere.
+and every relative link gets it in front. Without it, pictures become their captions, and links
+their words with the place in the source distribution: nothing points nowhere.
 """
 
 from __future__ import annotations
