@@ -281,6 +281,28 @@ class TestChoice:
         solution = solve(stack(2), interaction="fixed-point")
         assert solution.model == ()
 
+    @pytest.mark.parametrize("moments", ["independent", "signed"])
+    def test_forces_in_a_plane_have_no_torsion_to_interact_with(self, moments: str) -> None:
+        """With interaction a planar scene collapses where it does without: both brackets, each by
+        its own checker, hold the same factor, and so does the full model's."""
+        for scene in (builtin_scene("arch"), turned(wall(running_bond(2, 3)), 5)):
+            plain = solve(scene, tolerance=1e-7)
+            lean, full = (
+                solve(scene, interaction="certified", moments=moments, model=m)
+                for m in ("auto", "full")
+            )
+            assert (lean.model, full.model, len(lean.history)) == (("planar",), (), 1)
+            assert plain.load_factor == pytest.approx(lean.load_factor, rel=SAME)
+            unit = SAME * abs(plain.load_factor)
+            assert full.lower <= lean.upper + unit
+            assert lean.lower <= full.upper + unit
+            assert lean.gap < 1e-5
+
+    def test_out_of_the_plane_the_bracket_is_the_climbs(self) -> None:
+        twist = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
+        solution = solve(stack(2, live=twist), interaction="certified")
+        assert solution.model == ()
+
     def test_result_files_name_reductions(self, tmp_path: object) -> None:
         solution = solve(builtin_scene("arch"))
         path = f"{tmp_path}/arch.json"

@@ -85,7 +85,7 @@ def solve(
         How much model: no more than the scene needs (planar, half of a symmetric scene, parts
         with live load only; :func:`cvxlimit.explain` says which), or all of it; ``"least"`` takes
         reductions that do not pay as well. Bounds are those of the full scene in any case. With
-        interaction it is the full model.
+        interaction only planar scenes have less, and only by the certified method.
 
     Returns
     -------
