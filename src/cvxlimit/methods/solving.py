@@ -15,6 +15,7 @@ from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
@@ -30,7 +31,7 @@ INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, Fixe
 
 
 def solve(
-    scene: Scene,
+    scene: Scene | Assemblage,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
     interaction: str | Rule | None = "none",
@@ -48,6 +49,8 @@ def solve(
     Parameters
     ----------
     scene : Scene
+        Or the mechanics of one, as an :class:`~cvxlimit.model.assemblage.Assemblage`: what scenes
+        of the same geometry share is then computed once (:func:`cvxlimit.sweep` does that).
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
