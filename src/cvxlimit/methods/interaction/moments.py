@@ -331,7 +331,7 @@ class SignedTorsionBending(Signed):
     fields = staticmethod(plain_forces)
     rows = staticmethod(limited_signed_rows)
 
-    def support(  # type: ignore[override]  # a function there, for which a method stands here
+    def support(
         self,
         w: FloatArray,
         half: FloatArray,
