@@ -24,10 +24,10 @@ AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
 
 READINGS: dict[str, Moments] = {**MOMENTS, **{reading.name: reading for reading in AXES}}
 
-WALLS = tuple(f"random-wall-{seed}" for seed in (1, 2, 4, 7, 8, 11, 12, 13, 16, 19))
+WALLS = tuple(f"random-wall-{seed}" for seed in (1, 2, 3, 5, 7, 8, 11, 12, 13, 16))
 """Irregular walls of 14 to 46 contacts whose live load does harm."""
 
-SETTINGS_SCENES = ("tuff-wall", "random-wall-1", "random-wall-4", "random-wall-8")
+SETTINGS_SCENES = ("tuff-wall", "random-wall-1", "random-wall-2", "random-wall-11")
 
 FIRST = "first"
 """Kind of an experiment without interaction: the first convex problem, the measure of time."""
@@ -101,7 +101,7 @@ def _tables() -> Iterator[Experiment]:
     """The paper's Tables 8 and 10 and its tuff wall, under every reading: octagon, weight 0.8."""
     for scene, surface, most in (
         ("s12-panel", "octagon", 12),
-        ("s10-panel", "octagon", 5),
+        ("s10-panel", "octagon", 4),
         ("tuff-wall", "octagon", 30),
     ):
         for reading in (*AXES, *(m for m in MOMENTS.values() if m.name != "paper")):
@@ -125,11 +125,11 @@ def _settings() -> Iterator[Experiment]:
     for scene in SETTINGS_SCENES:
         for moments in ("signed", "signed-torsion-bending", "paper"):
             for epsilon in (0.0, 1e-3, 1e-2, 1e-1):
-                yield Experiment("settings", scene, moments, epsilon=epsilon, most=60)
+                yield Experiment("settings", scene, moments, epsilon=epsilon, most=40)
             for weight in (0.0, 0.5, 0.95):
-                yield Experiment("settings", scene, moments, weight=weight, most=60)
+                yield Experiment("settings", scene, moments, weight=weight, most=40)
             for solver in ("QOCO", "CVXOPT"):
-                yield Experiment("settings", scene, moments, solver=solver, most=60)
+                yield Experiment("settings", scene, moments, solver=solver, most=40)
 
 
 def _orders() -> Iterator[Experiment]:

@@ -186,7 +186,7 @@ class Moments(ABC):
 
 
 class Independent(Moments):
-    """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, Eq. 30 read literally.
+    """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
     Only magnitudes of eccentricities count.
     """
@@ -360,11 +360,11 @@ class SignedTorsionBending(Signed):
         """Corners of boxes, and their corners at zero, also for whole contacts: what friction in
         their corners does is limited by Eq. 27. Corners of polygons as with signed moments."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
-        free = free_sign(boxes)
+        has_zero = (boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0)
         levels = [
-            (boxes[..., 1], np.ones_like(free)),
+            (boxes[..., 1], np.ones_like(has_zero)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
-            (np.zeros(free.shape), free),
+            (np.zeros(has_zero.shape), has_zero),
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
