@@ -118,6 +118,10 @@ def _brackets() -> Iterator[Experiment]:
                 continue
             yield Experiment("brackets", scene, moments, "certified")
             yield Experiment("brackets", scene, moments, most=20)
+        for reading in (
+            (*AXES[1:], MOMENTS["signed-torsion-bending"]) if scene == "tuff-wall" else ()
+        ):
+            yield Experiment("brackets", scene, reading.name, "certified")
 
 
 def _settings() -> Iterator[Experiment]:

@@ -46,12 +46,33 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
             _history(ax, pairs, scene, names)
             _lines(ax, last, experiment)
             ax.set_title(f"{scene}, {'the paper' if len(names) == 4 else names[0]}", fontsize=10)
-            ax.set_ylim(bottom=0.0)
             ax.legend(fontsize=7, loc="lower right", ncols=2)
+        top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
+        axes[row][0].set_ylim(0.0, top)
+        for ax, names in zip(axes[row], columns, strict=True):
+            _tell_outside(ax, _tables(pairs, scene, names), top)
         axes[row][0].set_ylabel("load factor")
     for ax in axes[-1]:
         ax.set_xlabel("iteration (octagon, old-value weight 0.8)")
     figure.savefig(path, dpi=100)
+
+
+def _tables(pairs: Sequence[Pair], scene: str, names: Sequence[str] | None = None) -> list[Result]:
+    return [
+        r
+        for e, r in pairs
+        if (e.part, e.scene) == ("tables", scene)
+        and r.factors
+        and (names is None or e.moments in names)
+    ]
+
+
+def _tell_outside(ax: Axes, results: Sequence[Result], top: float) -> None:
+    """Write iterates above the picture at its upper edge."""
+    for r in results:
+        for step, factor in enumerate(r.factors, 1):
+            if factor is not None and factor > top:
+                ax.text(step + 0.3, 0.93 * top, f"↑ {factor:.3f}", fontsize=8)
 
 
 def _history(ax: Axes, pairs: Sequence[Pair], scene: str, names: Sequence[str]) -> None:
