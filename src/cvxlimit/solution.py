@@ -161,7 +161,7 @@ class Solution:
     interaction : str
         ``"none"``, ``"fixed-point"`` or ``"certified"``.
     moments : str
-        ``"independent"`` or ``"signed"``; matters with interaction only.
+        Name of the reading of Eq. 30, ``"independent"`` for example; matters with interaction only.
     blocks, contacts : int
         Numbers of free blocks and of contacts.
     load_factor : float or None

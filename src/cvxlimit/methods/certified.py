@@ -17,18 +17,12 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import (
-    ACCEPTED,
-    LowerBounds,
-    TrueStrength,
-    central_states,
-)
-from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBounds
+from cvxlimit.methods.interaction.recognition import carrying_forces
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Load
@@ -50,6 +44,17 @@ _DEAD_TOLERANCE = 1e-5
 
 _QUICK = settings_for("CLARABEL", 1e-8, "CLARABEL 1e-08")
 """Enough for a bound that is certified anyway, and an eighth faster."""
+
+
+_OPEN = (
+    "no upper bound, and no forces were found that carry the live load alone: whether it does any "
+    "harm is open"
+)
+
+_MAY_FALL = (
+    "neither forces that carry the dead load nor a mechanism that rules them out were found: "
+    "whether it stands is open"
+)
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,7 @@ class _Proof:
             yield Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is not None:
             yield from self._bound_from_below(outer)
+            self._stand()
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 yield Status.DEAD_LOAD_UNSTABLE
@@ -251,26 +257,26 @@ class _Proof:
         self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
         return True
 
+    def _stand(self) -> None:
+        """A lower bound of zero, or that it is open whether the dead load stands."""
+        run = self.run
+        if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
+            return
+        forces = carrying_forces(run, run.scene.dead, self._outer_ladder())
+        if forces is None:
+            self.reason = _MAY_FALL
+        else:
+            run.best = run.best.raised(0.0, True, 0.0, forces)
+
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
 
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
-        run, scene = self.run, self.run.scene
-        alone = run.assemblage.under(scene.with_dead(Load()))
-        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-        state, _ = run.climb(problem.solve, self._outer_ladder())
-        if state.forces is None or state.load_factor is None or state.load_factor < 0.5:
-            return False
-        with run.clock.phase("certify"):
-            forces = borne(
-                run.assemblage.under(scene.with_dead(scene.live)),
-                lambda reached: TrueStrength(reached, run.moments),
-                state.forces / state.load_factor,
-                INSIDE,
-                central_states,
-            )
+        run = self.run
+        forces = carrying_forces(run, run.scene.live, self._outer_ladder())
         if forces is None:
+            self.reason = _OPEN
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
         self.note = Status.LIVE_LOAD_HARMLESS.advice

@@ -55,15 +55,24 @@ class SafeStep:
         self.model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
         self.fields, self.magnitudes = moments.fields(self.model.components, contacts.friction)
 
-    def solve(self, point: Point, settings: SolverSettings, price: float | None) -> StepState:
+    def solve(
+        self,
+        point: Point,
+        settings: SolverSettings,
+        price: float | None,
+        most: float | None = None,
+    ) -> StepState:
         """Maximise the load factor, less ``price`` x slack; None: no slack, every answer safe.
 
-        ``point`` is scaled, as :meth:`point` returns it. Never raises for what the solver does.
+        ``point`` is scaled, as :meth:`point` returns it; ``most`` is the largest load factor asked
+        for. Never raises for what the solver does.
         """
         slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
         limits = [*self.magnitudes, *self._cones(point, slack)]
         bought = None if slack is None else price * cp.sum(slack)
-        problem = StaticProblem(self.assemblage, self.model, limits, LargestFactor(cost=bought))
+        problem = StaticProblem(
+            self.assemblage, self.model, limits, LargestFactor(cost=bought, most=most)
+        )
         state = problem.solve(settings)
         if state.forces is None:
             return StepState(state.outcome, None, None, None, slack=np.inf)
