@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.baselines import M1, M2, MT, N, V1, V2
+from benchmarks.baselines import M1, M2, MT, V1, V2, N
 from benchmarks.stability.truths import Line, rocking
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.geometry.contacts import Contacts
@@ -22,8 +22,9 @@ from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 FloatArray = NDArray[np.float64]
 
 GRID = 4_000
-"""Load factors tried along a line of determinate forces; where the largest good one lies between
-two of them it is found by bisection."""
+"""Load factors tried along a line of determinate forces, as many again close to the limit without
+interaction: Eq. 30 is not convex, and what it allows may have an island of 1e-6 there. Where the
+largest good one lies between two of them it is found by bisection."""
 
 WEIGHTS = (0.0, 0.5, 0.8)
 """Old-value weights of the fixed points whose last forces are tried as states."""
@@ -52,7 +53,9 @@ def excess(forces: FloatArray, contacts: Contacts, moments: str) -> FloatArray:
         torque = np.abs(f[V1] * e2) + np.abs(f[V2] * e1) + np.abs(f[MT])
     shear = np.hypot(f[V1], f[V2])
     rest = contacts.friction * f[N] - shear
-    return np.asarray(np.maximum((torque - c * rest) / arms(l1, l2), shear - contacts.friction * f[N]))
+    return np.asarray(
+        np.maximum((torque - c * rest) / arms(l1, l2), shear - contacts.friction * f[N])
+    )
 
 
 def worst(forces: FloatArray, contacts: Contacts, moments: str) -> float:
@@ -68,7 +71,7 @@ def closed_form(scene: Scene, moments: str) -> float | None:
     line = Line.of(scene)
     if line is None or not line.contacts.is_rectangle.all():
         return None
-    low, high = line.interval()
+    low, high = line.interval(0.0 if moments == "signed" else 1.0)
     if not (low < 0.0 < high < np.inf):
         return None
 
@@ -77,12 +80,13 @@ def closed_form(scene: Scene, moments: str) -> float | None:
         size = np.abs(forces[..., N]).max(axis=-1)
         return np.asarray(excess(forces, line.contacts, moments).max(axis=-1) <= 1e-12 * size)
 
-    grid = np.linspace(0.0, high * (1.0 - 1e-12), GRID)
+    even = np.linspace(0.0, high, GRID)[:-1]
+    grid = np.unique(np.concatenate([even, high * (1.0 - np.geomspace(1e-12, 1e-3, GRID))]))
     inside = np.flatnonzero(good(grid))
     if not len(inside):
         return None
     k = int(inside[-1])
-    return float(grid[k]) if k == GRID - 1 else _bisected(good, float(grid[k]), float(grid[k + 1]))
+    return float(grid[k]) if k == len(grid) - 1 else _bisected(good, float(grid[k]), float(grid[k + 1]))
 
 
 def _bisected(good: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:

@@ -14,7 +14,7 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from benchmarks.baselines import M1, MT, N, V2, program
+from benchmarks.baselines import M1, MT, V2, N, program
 from benchmarks.stability.families.sample import FALLS, HARMLESS
 from benchmarks.stability.outcomes import Claim, claim_of
 from benchmarks.stability.truths import arm, facets, rocking
@@ -68,7 +68,7 @@ def believed(problem: cp.Problem, solver: str) -> Claim:
         warnings.simplefilter("ignore")
         try:
             problem.solve(solver=solver)
-        except (cp.SolverError, ValueError, ArithmeticError, KeyError) as error:
+        except (cp.SolverError, ValueError, ArithmeticError, KeyError, RuntimeError) as error:
             return Claim(None, type(error).__name__)
     status = str(problem.status)
     if status == "optimal":

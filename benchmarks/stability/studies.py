@@ -179,9 +179,7 @@ def ask_methods(number: int, scale: int, tell: Tell) -> None:
                                     **_claimed(method.claims, made, reference)})  # fmt: skip
 
 
-def _claimed(
-    claims: Callable[[Scene], Any], made: Sample, reference: Reference
-) -> Record:
+def _claimed(claims: Callable[[Scene], Any], made: Sample, reference: Reference) -> Record:
     start = time.process_time()
     claim = claims(made.scene)
     seconds = time.process_time() - start
@@ -287,9 +285,7 @@ def shuffled(scene: Scene, order: int) -> Scene:
     return replace(scene, blocks=tuple(scene.blocks[i] for i in places))
 
 
-def _asked(
-    number: int, scale: int, table: Table | None, tell: Tell
-) -> Iterator[tuple[str, int]]:
+def _asked(number: int, scale: int, table: Table | None, tell: Tell) -> Iterator[tuple[str, int]]:
     """Scenes that are not in the table yet."""
     todo: Iterable[tuple[str, int, int]] = samples(number, scale)
     for k, (family, seed, _) in enumerate(todo, 1):

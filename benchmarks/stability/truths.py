@@ -6,6 +6,7 @@ Nothing here uses the package's conditions, certificate or solvers: equilibrium 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from benchmarks.baselines import MT, N, V1, V2, program
+from benchmarks.baselines import MT, V1, V2, N, program
 from benchmarks.stability.families.sample import FALLS, HARMLESS
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
@@ -85,8 +86,12 @@ class Line:
         x, y = (np.linalg.solve(matrix, -f).reshape(-1, 6) for f in (data.dead, data.live))
         return cls(data.contacts, x, y)
 
-    def interval(self) -> tuple[float, float]:
-        """The load factors (low, high) at which all contacts hold; low > high if none does."""
+    def interval(self, torsion: float = 1.0) -> tuple[float, float]:
+        """The load factors (low, high) at which all contacts hold; low > high if none does.
+
+        ``torsion`` is the share of the twisting moments that counts: none where a reading of
+        Eq. 30 takes moments about other centres.
+        """
         low, high = -np.inf, np.inf
         for j, (x, y) in enumerate(zip(self.x, self.y, strict=True)):
             if self.contacts.pieces.get(j) is not None:
@@ -96,7 +101,8 @@ class Line:
                 low, high = _cut(low, high, float(row @ x), float(row @ y), size)
             c, mu = arm(self.contacts.corners_of(j)), float(self.contacts.friction[j])
             for sign in (1.0, -1.0):
-                reach = mu * x[N] - sign * x[MT] / c, mu * y[N] - sign * y[MT] / c
+                twist = sign * torsion / c
+                reach = mu * x[N] - twist * x[MT], mu * y[N] - twist * y[MT]
                 span = _within(x[[V1, V2]], y[[V1, V2]], reach[0], reach[1])
                 low, high = max(low, span[0]), min(high, span[1])
         return low, high
@@ -127,7 +133,7 @@ def _within(v: FloatArray, w: FloatArray, p: float, q: float) -> tuple[float, fl
         roots = sorted({float(big / a), float(c / big) if big else 0.0})
     marks = [-np.inf, *sorted(roots), np.inf]
     good = [
-        (s, e) for s, e in zip(marks, marks[1:], strict=False)
+        (s, e) for s, e in itertools.pairwise(marks)
         if inside(_between(s, e))
     ]  # fmt: skip
     if not good:
