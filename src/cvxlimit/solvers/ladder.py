@@ -142,6 +142,34 @@ def iterate_ladder() -> Ladder:
     return (settings_for("CLARABEL", 1e-9), *default_ladder())
 
 
+LEADING = 1e-6
+"""Tolerance of problems that only lead the way: 25 % faster than 1e-8 on the relaxations and safe
+steps of interaction on S12, with the bounds of the last ones as narrow."""
+
+_LEADING_ITERATIONS = 60
+"""Iterations such a problem may take; 20 to 35 are usual, and what is not solved after 60 will not
+be: the answer reached then is checked like any other."""
+
+
+def leading_ladder(tolerance: float = LEADING) -> Ladder:
+    """The ladder for one of many problems whose answers are checked outside the solver.
+
+    QOCO, where it is installed, is 1.2 to 1.6 times as fast as Clarabel here. Every rung has a
+    budget of iterations, and there are no first-order methods: SCS with its 100,000 iterations kept
+    one frozen problem of the S10 panel busy for more than eight minutes.
+
+    Example
+    -------
+    >>> all({"max_iter", "max_iters"} & set(rung.options) for rung in leading_ladder())
+    True
+    """
+    most = _LEADING_ITERATIONS
+    clarabel = settings_for("CLARABEL", tolerance, f"CLARABEL {tolerance:g}", max_iter=most)
+    if "QOCO" not in installed():
+        return (clarabel,)
+    return (settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", max_iters=most), clarabel)
+
+
 @dataclass(frozen=True)
 class Shape:
     """What a compiled problem looks like, as far as it matters for its solvers.

@@ -124,6 +124,12 @@ class Moments(ABC):
     def __str__(self) -> str:
         return self.name
 
+    @property
+    def stricter(self) -> tuple[Moments, ...]:
+        """Readings whose admissible forces are all admissible here too: every sign on its own
+        bounds any other choice of signs."""
+        return () if self is INDEPENDENT else (INDEPENDENT,)
+
     @abstractmethod
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
         """Left side of Eq. 30 (n,), for forces (n, 6) that press ``at`` some centre."""
