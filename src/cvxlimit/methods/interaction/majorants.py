@@ -150,8 +150,8 @@ class Row:
     at the row's own point."""
 
     linear: cp.Expression
-    squares: Sequence[cp.Expression]
-    at: Sequence[FloatArray]
+    squares: Sequence[cp.Expression] = ()
+    at: Sequence[FloatArray] = ()
 
     @classmethod
     def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:

@@ -61,17 +61,20 @@ class SafeStep:
         settings: SolverSettings,
         price: float | None = None,
         curvature: float = 1.0,
+        most: float | None = None,
     ) -> StepState:
         """Maximise the load factor, less ``price`` x slack; None: no slack.
 
         Without slack and with all of the rows' ``curvature`` every answer is safe; with a share of
         it steps are longer (:meth:`Row.lengthened`). ``point`` is scaled, as :meth:`point` returns
-        it. Never raises for what the solver does.
+        it; ``most`` is the largest load factor asked for. Never raises for what the solver does.
         """
         slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
         limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
         bought = None if slack is None else price * cp.sum(slack)
-        problem = StaticProblem(self.assemblage, self.model, limits, LargestFactor(cost=bought))
+        problem = StaticProblem(
+            self.assemblage, self.model, limits, LargestFactor(cost=bought, most=most)
+        )
         state = problem.solve(settings)
         if state.forces is None:
             return StepState(state.outcome, None, None, None, slack=np.inf)
