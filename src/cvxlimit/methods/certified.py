@@ -48,7 +48,6 @@ _NARROW = 0.005
 """Relative width below which no further start is taken unless a tolerance asks for it: on S12 the
 second one took as long as everything before it, and ended below."""
 
-
 _OPEN = (
     "no upper bound, and no forces were found that carry the live load alone: whether it does any "
     "harm is open"
@@ -83,9 +82,10 @@ class Certified(Rule):
     starts : tuple of {"relaxation", "middle"} or None
         Where the safe steps begin: at the forces of the relaxation from above, or at the middle
         of all contacts. The problem has local optima, so several starts help: with independent
-        signs the tuff wall ends at 0.2579 from the relaxation and 0.2610 from the middle, S12 at
-        0.12576 and 0.12562. None is both for independent signs, and for signed moments the
-        relaxation, which was better on all built-in panels (tuff 0.3628 against 0.3602).
+        signs the tuff wall ends at 0.2589 from the relaxation and 0.2611 from the middle, S10 at
+        0.2039 from the relaxation and lower from the middle, which is given up when its gains show
+        that. None is both for independent signs (the second while the bracket is wider than 0.5 %),
+        and for signed moments the relaxation.
     solves : int
         Convex problems per start, at most.
     branching_seconds : float or None
