@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,10 +32,10 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.box_climb import BoxClimb
+from cvxlimit.methods.interaction.box_climb import BoxClimb, InnerIterate
 from cvxlimit.methods.interaction.copies import Copies
 from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
-from cvxlimit.methods.interaction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.methods.interaction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.majorants import Point
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.safe_step import SafeStep
@@ -47,6 +46,8 @@ from cvxlimit.solvers import (
     leading_ladder,
     settings_for,
 )
+
+__all__ = ["InnerIterate", "InnerMethod"]
 
 FloatArray = NDArray[np.float64]
 
@@ -88,37 +89,6 @@ _LOST = 0.1
 _HOPE, _FIRST_RATIO = 2.0, 0.7
 """A start is given up when twice the gain predicted for it would not reach the best bound. Gains of
 hard steps fall by 0.4 to 0.7 per step; until there are two the slower is assumed."""
-
-
-@dataclass(frozen=True, eq=False)
-class InnerIterate:
-    """One solve of the inner method.
-
-    Attributes
-    ----------
-    kind : str
-        ``"hard"`` or ``"frozen"`` (safe by construction), ``"soft"`` or ``"box"``.
-    state : LimitState
-    slack : float
-        Violation bought by a soft step, over total load x contact size.
-    bound : LowerBound or None
-        What the checker made of the forces; None if there are none.
-    """
-
-    kind: str
-    state: LimitState
-    slack: float
-    bound: LowerBound | None
-
-    @property
-    def lower(self) -> float:
-        """The bound; -inf where the checker refused the forces."""
-        return -np.inf if self.bound is None else self.bound.value
-
-    @property
-    def is_safe(self) -> bool:
-        """True if the checker accepted the forces."""
-        return self.bound is not None and self.bound.is_accepted
 
 
 class InnerMethod:
