@@ -112,9 +112,16 @@ def _with_contacts(reduction: Reduction, contacts: Contacts) -> Reduction:
 
 
 class Repeats:
-    """Compiled problems of one geometry."""
+    """What problems of one geometry share: compiled problems, and reference states of proofs.
+
+    Attributes
+    ----------
+    states : dict
+        Of :class:`~cvxlimit.proof.witnesses.Witnesses`, by the loads and strengths they are for.
+    """
 
     def __init__(self) -> None:
+        self.states: dict[object, FloatArray | None] = {}
         self._known: dict[object, RepeatedProblem] = {}
 
     def problem(
