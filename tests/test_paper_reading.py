@@ -19,15 +19,14 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.flow import InteractionFlow
 from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.moments import (
-    INDEPENDENT,
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.pressure import Pressure, effective_arm
+from cvxlimit.methods.interaction.readings import (
     MOMENTS,
-    SIGNED,
     Paper,
     SignedTorsionBending,
     parse_moments,
 )
-from cvxlimit.methods.interaction.pressure import Pressure, effective_arm
 from cvxlimit.methods.interaction.recognition import carrying_forces
 from cvxlimit.methods.interaction.safe_step import SafeStep
 from cvxlimit.solution import Status
