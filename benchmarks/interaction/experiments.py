@@ -111,7 +111,8 @@ def _tables() -> Iterator[Experiment]:
 
 def _brackets() -> Iterator[Experiment]:
     """Certified brackets and the paper's iteration beside them, on the exact cone."""
-    small = [name for name in BUILTIN if name not in ("s12-panel", "s10-panel", "dome")]
+    apart = ("tuff-wall", "s12-panel", "s10-panel", "dome")
+    small = [name for name in BUILTIN if name not in apart]
     for scene in ("tuff-wall", "s12-panel", *WALLS, *small, "dome", "s10-panel"):
         yield Experiment("brackets", scene, "none", FIRST)
         for moments in ("independent", "signed", "paper"):
