@@ -287,6 +287,16 @@ class TestLowerBounds:
                 mine = by_hand_at(x, contact.sides, contact.friction)
                 assert mine <= 1e-9 * _weight(scene)
 
+    def test_branch_and_bound_closes_it(self) -> None:
+        """On the incline below, mirrored axes have the closed form of statics."""
+        scene, arm = _inclined()
+        found = solve(scene, interaction=Certified(tolerance=2e-3), moments=Paper((1, -1)))
+        factor = 0.35 / (0.03 / arm + 0.1)
+        assert found.status is Status.CERTIFIED
+        assert found.lower <= factor * (1.0 + 1e-6)
+        assert found.upper >= factor * (1.0 - 1e-6)
+        assert found.gap <= 2e-3
+
     def test_single_block_rocks_at_its_closed_form(self) -> None:
         """No torsion there, so all readings agree: length / height = 0.4."""
         for moments in ("paper", "signed-torsion-bending"):

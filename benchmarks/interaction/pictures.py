@@ -14,6 +14,7 @@ from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
 matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 Pair = tuple[Experiment, Result]
 
@@ -53,6 +54,8 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
         for ax, names in zip(axes[row], columns, strict=True):
             _tell_outside(ax, _tables(pairs, scene, names), top)
         axes[row][0].set_ylabel("load factor")
+    for ax in axes.ravel():
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     for ax in axes[-1]:
         ax.set_xlabel("iteration (octagon, old-value weight 0.8)")
     figure.savefig(path, dpi=100)
@@ -123,6 +126,7 @@ def widths(path: Path, pairs: Sequence[Pair]) -> None:
             ax.set_xscale("log")
             ax.set_yscale("log")
             ax.axhline(1.0, color="0.8", lw=1, zorder=0)
+            ax.set_ylim(bottom=_LEAST / 30.0)  # room for the legend
             _legend(ax, fontsize=6, ncols=3, loc="lower left")
     for ax in axes[-1]:
         ax.set_xlabel("CPU time, in whole analyses without interaction")
@@ -196,7 +200,7 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
         ax.invert_yaxis()
         ax.axvline(last, color="k", ls="--", lw=1, label="the paper's last")
         ax.axvline(experiment, color="k", ls=":", lw=1, label="experiment")
-        ax.set_title(f"{scene}: iterates from the third on, last one dotted", fontsize=10)
+        ax.set_title(f"{scene}: iterates from the third on, the last as dot", fontsize=9)
         ax.set_xlabel("load factor (octagon, old-value weight 0.8)")
         _legend(ax, fontsize=8)
     figure.savefig(path, dpi=100)
