@@ -40,6 +40,7 @@ from cvxlimit.methods.interaction.support import (
     corner_support,
     free_sign,
     independent_support,
+    mixed_sign,
     signed_support,
     whole_boxes,
 )
@@ -115,6 +116,12 @@ class Moments(ABC):
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def stricter(self) -> tuple[Moments, ...]:
+        """Readings whose admissible forces are all admissible here too: every sign on its own
+        bounds any other choice of signs."""
+        return () if self is INDEPENDENT else (INDEPENDENT,)
 
     @abstractmethod
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
@@ -211,18 +218,18 @@ class Independent(Moments):
         return to.stepped(start)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Spread over both signs where boxes allow both."""
+        """Spread over both signs where boxes allow both alike."""
         return spread_copies(rows, centre, free_sign(boxes[rows]))
 
     def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """Ends of boxes, and zero where it lies between them; symmetric ranges have one end."""
+        """Ends of boxes, and zero where it lies between them; even ranges have one end."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         free = free_sign(boxes)
         top = np.abs(boxes).max(axis=2)
         levels = [
             (np.where(free, top, boxes[..., 1]), np.ones_like(free)),
             (boxes[..., 0], ~free & (boxes[..., 1] > boxes[..., 0])),
-            (np.zeros_like(top), free),
+            (np.zeros_like(top), mixed_sign(boxes)),
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
@@ -236,11 +243,12 @@ class Independent(Moments):
         return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
 
     def split(self, low: float, high: float, at: float) -> list[float]:
-        """A range of both signs into its middle and two sides, so that no other has both."""
+        """A range of both signs into its middle and what lies beyond, so that no other has both."""
         if not low < 0.0 < high:
             return _halved(low, high, at)
-        cut = float(np.clip(abs(at), _NARROWEST_CHILD * high, (1.0 - _NARROWEST_CHILD) * high))
-        return [low, -cut, cut, high]
+        reach = max(-low, high)
+        cut = float(np.clip(abs(at), _NARROWEST_CHILD * reach, (1.0 - _NARROWEST_CHILD) * reach))
+        return [low, *([-cut] if -cut > low else []), *([cut] if cut < high else []), high]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A range of both signs is one of magnitudes."""
@@ -281,11 +289,11 @@ class Signed(Moments):
         whatever their shape."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
-        free = free_sign(boxes)
+        mixed = mixed_sign(boxes)
         levels = [
-            (boxes[..., 1], np.ones_like(free)),
+            (boxes[..., 1], np.ones_like(mixed)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
-            (np.zeros(free.shape), free),
+            (np.zeros(mixed.shape), mixed),
         ]
         places = level_places(~whole, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
