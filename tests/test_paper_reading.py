@@ -272,7 +272,7 @@ class TestLowerBounds:
     def test_certified_bracket(self, moments: str) -> None:
         """Proved on both sides, above what independent signs carry; forces pass by hand."""
         scene = random_wall(2)
-        rule = Certified(branching_contacts=0)
+        rule = Certified(branching_seconds=0.0)
         found = solve(scene, interaction=rule, moments=moments)
         strict = solve(scene, interaction=rule, moments="independent")
         assert found.status.has_answer
@@ -421,7 +421,7 @@ class TestRecognition:
         """Wall 22 is pressed so that plain contacts carry any multiple; near their edges they
         carry less."""
         scene = random_wall(22)
-        found = solve(scene, interaction=Certified(branching_contacts=0))
+        found = solve(scene, interaction=Certified(branching_seconds=0.0))
         assert 0.0 < found.lower <= found.upper < np.inf
         assert carrying_forces(Run(scene), scene.live, default_ladder()) is None
 
@@ -445,7 +445,7 @@ class TestRecognition:
         scene, arm = _inclined()
         assert solve(scene).status is Status.CERTIFIED
         assert 2.0 * arm * (0.7 - 0.35) < 2.0 * 0.3 * 0.35
-        rule = Certified(branching_contacts=0)
+        rule = Certified(branching_seconds=0.0)
         found = {
             moments.name: solve(scene, interaction=rule, moments=moments)
             for moments in (INDEPENDENT, SIGNED, Paper((1, 1)), Paper((1, -1)))

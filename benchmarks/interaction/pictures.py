@@ -200,7 +200,7 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
         ax.invert_yaxis()
         ax.axvline(last, color="k", ls="--", lw=1, label="the paper's last")
         ax.axvline(experiment, color="k", ls=":", lw=1, label="experiment")
-        ax.set_title(f"{scene}: iterates from the third on, the last as dot", fontsize=9)
+        ax.set_title(f"{scene}, third iterate to last (dot)", fontsize=9)
         ax.set_xlabel("load factor (octagon, old-value weight 0.8)")
         _legend(ax, fontsize=8)
     figure.savefig(path, dpi=100)
