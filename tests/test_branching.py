@@ -14,7 +14,7 @@ from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching import BranchAndBound
-from cvxlimit.methods.interaction.moments import parse_moments
+from cvxlimit.methods.interaction.readings import parse_moments
 from helpers import hand_equilibrium, interaction_excess
 from test_hull import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons, upper
 

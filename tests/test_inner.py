@@ -27,8 +27,9 @@ from cvxlimit.methods.interaction.majorants import (
     independent_rows,
     signed_rows,
 )
-from cvxlimit.methods.interaction.moments import INDEPENDENT, parse_moments
+from cvxlimit.methods.interaction.moments import INDEPENDENT
 from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
 from helpers import interaction_excess, named_scene, piles

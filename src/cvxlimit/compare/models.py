@@ -287,8 +287,8 @@ class FrozenModel(Model):
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
         from cvxlimit.methods.fixed_point import FrozenProblem
-        from cvxlimit.methods.interaction.moments import parse_moments
         from cvxlimit.methods.interaction.pressure import Pressure
+        from cvxlimit.methods.interaction.readings import parse_moments
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()
