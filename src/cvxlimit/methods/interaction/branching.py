@@ -71,8 +71,9 @@ class _Entry:
 class BranchAndBound:
     """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
 
-    Contacts that are not rectangles are not split. Bounds go to ``run.best`` as they improve; the
-    bracket is valid whenever the search stops. What the run knows already is where it begins.
+    Bounds go to ``run.best`` as they improve; the bracket is valid whenever the search stops. What
+    the run knows already is where it begins. Bounds that split contacts which are not rectangles
+    rest on sampled arms, and do not count as proved (:mod:`cells`).
 
     Parameters
     ----------
@@ -108,7 +109,8 @@ class BranchAndBound:
             self.explorer = Explorer(run.assemblage, self.moments, run.ladder)
             self.certifier = self.explorer.certifier
             self.statics = self.certifier.statics
-            self.opens = self.certifier.witnesses.opening_field is not None
+            opens = self.certifier.witnesses.opening_field is not None
+            self.is_proved = opens and bool(self.contacts.is_rectangle.all())
             self.checker = LowerBounds(run.assemblage, self.moments)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
@@ -156,6 +158,7 @@ class BranchAndBound:
         with self.run.clock.phase("solve"):
             root = self.explorer.root(Goal(self.lower, self.tolerance))
         self.solves += self.explorer.solves
+        self.run.solvers.update(self.explorer.solvers)
         if np.isfinite(root.bound):
             self.price = _PRICE * max(abs(root.bound), self.run.scaling.load_factor(1.0))
         self._push(root)
@@ -202,6 +205,7 @@ class BranchAndBound:
         """Put what came of a node into the books."""
         self.nodes += 1
         self.solves += found.solves
+        self.run.solvers.update(found.solvers)
         self.closed = max(self.closed, found.closed)
         for child in found.open:
             if child.bound > self._goal().cut:
@@ -232,7 +236,7 @@ class BranchAndBound:
             with run.clock.phase("certify"):
                 run.best = self.checker.of(self.forces, self.lower).raising(run.best)
         mechanism = (self.open[0].node if self.open else self._last).mechanism
-        run.best = run.best.lowered(self.upper, self.opens, mechanism)
+        run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower
         if run.best is not before and (gap <= _TOLD * self._told or not self.can_go_on):
             self._told = gap

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
+from cvxlimit.methods.interaction.cells import cells
 from cvxlimit.methods.interaction.support import half_extent, rectangle_arm
 from cvxlimit.model.formulations import ForceVariables
 
@@ -46,12 +47,18 @@ class Copies:
         centre +- spread, and the copy is that of eps = abs(centre) + spread.
     signed : (k,) bool
         True where the torsion is taken about ``centre``; spread then costs torsion.
+    arm : (k,)
+        c over the contact's c_T where it is not that of ``centre``; NaN elsewhere.
+    drag : (k, 2)
+        kappa where it is not that of ``centre``; NaN elsewhere.
     """
 
     contact: IntArray
     centre: FloatArray
     spread: FloatArray
     signed: NDArray[np.bool_]
+    arm: FloatArray
+    drag: FloatArray
 
     def __len__(self) -> int:
         return len(self.contact)
@@ -75,7 +82,7 @@ class Copies:
 def pinned_copies(rows: IntArray, centre: FloatArray, around: FloatArray | float = 0.0) -> Copies:
     """Copies of contacts ``rows`` with torsion about ``centre`` (k, 2), up to ``around`` it."""
     spread = np.broadcast_to(around, centre.shape)
-    return Copies(rows, centre, spread, np.ones(len(rows), dtype=bool))
+    return Copies(rows, centre, spread, np.ones(len(rows), dtype=bool), *_as_pressed(rows))
 
 
 def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -> Copies:
@@ -85,7 +92,34 @@ def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -
         np.where(free, 0.0, centre),
         np.where(free, np.abs(centre), 0.0),
         np.zeros(len(rows), dtype=bool),
+        *_as_pressed(rows),
     )
+
+
+def _as_pressed(rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    return np.full(len(rows), np.nan), np.full((len(rows), 2), np.nan)
+
+
+def cell_copies(
+    contacts: Contacts, chosen: NDArray[np.bool_], boxes: FloatArray, signed: bool
+) -> Copies:
+    """Copies at the corners of the cells (:mod:`cells`) of ``chosen`` (n,) polygons in boxes."""
+    half, found = half_extent(contacts), [Copies.none()]
+    for j in np.flatnonzero(chosen).tolist():
+        low, high = (half[j] * boxes[j, :, side] for side in (0, 1))
+        part = cells(contacts.corners_of(j), low, high)
+        k = len(part.arm)
+        found.append(
+            Copies(
+                np.full(k, j),
+                part.place / half[j],
+                np.zeros((k, 2)),
+                np.full(k, signed),
+                part.arm / contacts.torsion_arm[j],
+                part.drag,
+            )
+        )
+    return found[0].joined(*found[1:])
 
 
 def corner_copies(contacts: Contacts, chosen: NDArray[np.bool_]) -> Copies:
@@ -110,7 +144,9 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     """c (k,) of the copies, in the unit of ``contacts``; exactly zero in corners."""
     half = half_extent(contacts)[copies.contact]
     arm = rectangle_arm(half, half * (np.abs(copies.centre) + copies.spread))
-    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact]):
+    given = np.isfinite(copies.arm)
+    arm[given] = (copies.arm * contacts.torsion_arm[copies.contact])[given]
+    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given):
         e = half[k] * copies.centre[k]
         arm[k] = mean_distance(effective_region(contacts.corners_of(copies.contact[k]), e), e)
     return np.where(arm > _POINT * half.min(axis=1), arm, 0.0)
@@ -188,8 +224,10 @@ class _CopyForces:
         fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
         eps = self.half[k] * (fixed + self.copies.spread[k])
         total = cp.Constant(np.zeros(len(k)))
+        free = np.isfinite(self.copies.drag[k]).all(axis=1) & ~self.copies.signed[k]
         for column in (0, 1):
             weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+            weight = np.where(free, self.copies.drag[k, column], weight)
             rows = np.flatnonzero(weight > 0.0)
             if len(rows):
                 size = cp.Variable(len(rows))

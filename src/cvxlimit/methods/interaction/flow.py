@@ -7,10 +7,17 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.support import Support, corner_power, half_extent, whole_boxes
+from cvxlimit.methods.interaction.support import (
+    Support,
+    corner_power,
+    half_extent,
+    shear_support,
+    whole_boxes,
+)
 from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _HALVINGS = 45
 """Rounds of halving at most: pieces are then as short as rounding."""
@@ -30,8 +37,8 @@ class InteractionFlow:
     moments : Moments
     boxes : (n, 2, 2) array, optional
         Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Polygons that are not rectangles always count as a whole. With
-        independent signs a range that contains zero inside is widened to a symmetric one.
+        :func:`half_extent`. Arms of polygons that are not rectangles are sampled where a box
+        does not hold all of one (:mod:`cells`).
     """
 
     def __init__(
@@ -41,7 +48,7 @@ class InteractionFlow:
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._is_other = ~contacts.is_rectangle[contacts.corner_contact]
+        self._polygons = moments.polygon_copies(contacts, self.boxes)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
@@ -70,12 +77,27 @@ class InteractionFlow:
         """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction = self.contacts.friction
-        j = self.contacts.corner_contact[self._is_other]
-        corners = self.contacts.corner_xy[self._is_other]
-        np.maximum.at(power, j, corner_power(w[j], corners, friction[j]))
+        j, found = self._polygon_power(w)
+        np.maximum.at(power, j, found)
         rows = self._rectangles
         if len(rows):
             power[rows], centre[rows] = self.moments.support(
                 w[rows], self.half[rows], friction[rows], self.boxes[rows], halvings
             )
         return power + w[:, COLUMN["N"]], centre
+
+    def _polygon_power(self, w: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Contacts (k,) and powers of the copies that stand for polygons."""
+        copies = self._polygons
+        j, e = copies.contact, self.half[copies.contact] * copies.centre
+        if not len(j):
+            return j, np.zeros(0)
+        arm = np.where(np.isfinite(copies.arm), copies.arm * self.contacts.torsion_arm[j], 0.0)
+        torsion = arm * np.abs(w[j, COLUMN["MT"]])
+        pinned = corner_power(w[j], e, self.contacts.friction[j], torsion)
+        shear = np.abs(w[j][:, [COLUMN["V1"], COLUMN["V2"]]])
+        drag = np.where(np.isfinite(copies.drag), copies.drag, 0.0)
+        slope = shear_support(shear, np.ones(len(j)), drag)
+        moments = w[j, COLUMN["M1"]] * e[:, 1] - w[j, COLUMN["M2"]] * e[:, 0]
+        free = moments + self.contacts.friction[j] * np.maximum(torsion, slope)
+        return j, np.where(copies.signed, pinned, free)

@@ -17,6 +17,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.copies import (
     Copies,
+    cell_copies,
     corner_copies,
     level_places,
     pinned_copies,
@@ -39,6 +40,7 @@ from cvxlimit.methods.interaction.support import (
     Support,
     free_sign,
     independent_support,
+    is_whole,
     mixed_sign,
     signed_support,
     whole_boxes,
@@ -153,6 +155,11 @@ class Moments(ABC):
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
 
     @abstractmethod
+    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """Those of contacts that are not rectangles: friction at their corners, or, where a box
+        holds less than all, the corners of cells."""
+
+    @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
 
@@ -214,7 +221,11 @@ class Independent(Moments):
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
+        return self.polygon_copies(contacts, boxes).joined(*inside)
+
+    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """Torsion with a sign of its own, and shear that drags on it."""
+        return _polygon_copies(contacts, boxes, signed=False)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -269,15 +280,21 @@ class Signed(Moments):
         """Corners of boxes, and their corners at zero; friction at the corners of whole contacts,
         whatever their shape."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
-        whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
+        whole = contacts.is_rectangle & is_whole(boxes)
         mixed = mixed_sign(boxes)
         levels = [
             (boxes[..., 1], np.ones_like(mixed)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
             (np.zeros(mixed.shape), mixed),
         ]
-        inside = (pinned_copies(rows, centre) for rows, centre in level_places(~whole, levels))
-        return corner_copies(contacts, whole).joined(*inside)
+        rectangles = contacts.is_rectangle & ~whole
+        inside = (pinned_copies(rows, centre) for rows, centre in level_places(rectangles, levels))
+        polygons = self.polygon_copies(contacts, boxes)
+        return corner_copies(contacts, whole).joined(polygons, *inside)
+
+    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """Torsion about the pressure centre."""
+        return _polygon_copies(contacts, boxes, signed=True)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
@@ -290,6 +307,12 @@ class Signed(Moments):
     def split(self, low: float, high: float, at: float) -> list[float]:
         """At zero first, where the range has both signs."""
         return [low, 0.0, high] if low < 0.0 < high else _halved(low, high, at)
+
+
+def _polygon_copies(contacts: Contacts, boxes: FloatArray, signed: bool) -> Copies:
+    whole = is_whole(boxes)
+    inside = cell_copies(contacts, ~contacts.is_rectangle & ~whole, boxes, signed)
+    return corner_copies(contacts, ~contacts.is_rectangle & whole).joined(inside)
 
 
 def _halved(low: float, high: float, at: float) -> list[float]:

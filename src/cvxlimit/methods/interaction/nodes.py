@@ -178,9 +178,11 @@ class _Layout:
         k = self.shears
         fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
         eps = self.half[k] * (fixed + self.copies.spread[k])
+        given = np.isfinite(self.copies.drag[k]).all(axis=1) & ~self.copies.signed[k]
         found = []
         for axis, shear in enumerate((self.v1, self.v2)):
             weight = eps[:, 1 - axis] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+            weight = np.where(given, self.copies.drag[k, axis], weight)
             rows = np.flatnonzero(weight > 0.0)
             size = self._new(len(rows))
             for sign in (1.0, -1.0):
