@@ -60,7 +60,7 @@ def prisms(corners: int) -> Contacts:
     return Scene(blocks, ("ground",), Load(acceleration=(1.0, 0.0, 0.0)), friction=0.6).contacts
 
 
-@pytest.mark.parametrize("name", sorted(MOMENTS))
+@pytest.mark.parametrize("name", ["independent", "signed"])
 @pytest.mark.parametrize("corners", [3, 4, 6, 8])
 def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str) -> None:
     """True states pressed anywhere in a box, against the support that certificates use."""

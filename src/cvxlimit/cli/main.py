@@ -150,8 +150,10 @@ def _solve_command(
         str,
         typer.Option(
             metavar="|".join(MOMENTS),
-            help="How the interaction adds moments: every sign on its own (the paper's), or "
-            "static torsion about the pressure centre. Matters with an interaction only.",
+            help="How the interaction adds moments: every sign on its own, the safe reading; "
+            "static torsion about the pressure centre, without or with the paper's Eq. 27; or the "
+            "paper's own reading, which depends on the contacts' axes. Matters with an interaction "
+            "only.",
         ),
     ] = "independent",
     torsion_shear: Annotated[

@@ -19,23 +19,17 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching import BranchAndBound, processes
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import (
-    ACCEPTED,
-    LowerBounds,
-    TrueStrength,
-    central_states,
-)
-from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBounds
+from cvxlimit.methods.interaction.recognition import carrying_forces
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
-from cvxlimit.solvers import SolverSettings, default_ladder, settings_for
+from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
 from cvxlimit.surfaces.cones import Conic
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +44,21 @@ and bound stops at it where no tolerance is asked for."""
 _DEAD_TOLERANCE = 1e-5
 """The same for the question whether the dead load stands, where 1 / 2 decides."""
 
+_NARROW = 0.005
+"""Relative width below which no further start is taken unless a tolerance asks for it: on S12 the
+second one took as long as everything before it, and ended below."""
+
+
+_OPEN = (
+    "no upper bound, and no forces were found that carry the live load alone: whether it does any "
+    "harm is open"
+)
+
+_MAY_FALL = (
+    "neither forces that carry the dead load nor a mechanism that rules them out were found: "
+    "whether it stands is open"
+)
+
 _FEW, _BRANCHING = 6, 60.0
 """Contacts up to which branch and bound follows without being asked for, and its seconds: in these
 it closes nearly all brackets to 1e-4."""
@@ -57,9 +66,6 @@ it closes nearly all brackets to 1e-4."""
 _IDLE_SECONDS = 10.0
 """Branch and bound that was given no time of its own ends when so long, or a third of what it took,
 has gained less than 1 % of the gap."""
-
-_QUICK = settings_for("CLARABEL", 1e-8, "CLARABEL 1e-08")
-"""Enough for a bound that is certified anyway, and an eighth faster."""
 
 
 @dataclass(frozen=True)
@@ -207,6 +213,7 @@ class _Proof:
             yield Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is not None:
             yield from self._bound_from_below(outer)
+            self._stand()
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 yield Status.DEAD_LOAD_UNSTABLE
@@ -239,19 +246,40 @@ class _Proof:
         return True
 
     def _outer_ladder(self) -> tuple[SolverSettings, ...]:
-        """A quick rung and the first regular ones: what they leave is far below the gap."""
-        return self.run.ladder or (_QUICK, *default_ladder()[:2])
+        """Quick rungs and the first regular ones: what they leave is far below the gap."""
+        return self.run.ladder or (*leading_ladder(), *default_ladder()[:2])
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
-        run, method = self.run, InnerMethod(self.run, self.rule.solves)
-        for name in self.rule.starts or run.moments.starts:
-            at = outer.state.forces if name == "relaxation" and outer.state else None
-            for _ in method.iterates(at):
-                if run.best.bracket.width <= (self.rule.tolerance or 0.0):
-                    self.reason = "the tolerance is met"
-                    return
-                yield None
-        self.reason = "no further progress from these starts"
+        run, state = self.run, outer.state
+        method = InnerMethod(run, self.rule.solves)
+        starts = self.rule.starts or run.moments.starts
+        for number, name in enumerate(starts):
+            if number > 0 and self._is_within(_NARROW):
+                break
+            at = state.forces if name == "relaxation" and state else None
+            yield from self._until_met(method.iterates(at))
+        for stricter in run.moments.stricter:
+            if self._is_within(_OUTER_TOLERANCE):
+                break
+            yield from self._until_met(method.borrowed(stricter))
+        self.reason = self.reason or "no further progress from these starts"
+
+    def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
+        """Solves, until the bracket has the width that was asked for."""
+        if self._is_met():
+            return
+        for _ in iterates:
+            if self._is_met():
+                self.reason = "the tolerance is met"
+                return
+            yield None
+
+    def _is_met(self) -> bool:
+        return self.run.best.bracket.width <= (self.rule.tolerance or 0.0)
+
+    def _is_within(self, width: float) -> bool:
+        """True where more solves are not worth their time, unless a tolerance asks for them."""
+        return self.rule.tolerance is None and self.run.best.bracket.width <= width
 
     def _branch(self) -> Iterator[None]:
         """Branch and bound, for the time it has and as long as it gains."""
@@ -311,26 +339,26 @@ class _Proof:
         self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
         return True
 
+    def _stand(self) -> None:
+        """A lower bound of zero, or that it is open whether the dead load stands."""
+        run = self.run
+        if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
+            return
+        forces = carrying_forces(run, run.scene.dead, self._outer_ladder())
+        if forces is None:
+            self.reason = _MAY_FALL
+        else:
+            run.best = run.best.raised(0.0, True, 0.0, forces)
+
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
 
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
-        run, scene = self.run, self.run.scene
-        alone = run.assemblage.under(scene.with_dead(Load()))
-        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-        state, _ = run.climb(problem.solve, self._outer_ladder())
-        if state.forces is None or state.load_factor is None or state.load_factor < 0.5:
-            return False
-        with run.clock.phase("certify"):
-            forces = borne(
-                run.assemblage.under(scene.with_dead(scene.live)),
-                lambda reached: TrueStrength(reached, run.moments),
-                state.forces / state.load_factor,
-                INSIDE,
-                central_states,
-            )
+        run = self.run
+        forces = carrying_forces(run, run.scene.live, self._outer_ladder())
         if forces is None:
+            self.reason = _OPEN
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
         self.note = Status.LIVE_LOAD_HARMLESS.advice

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.exploring import Explored, Explorer, Goal, Node, Task
+from cvxlimit.methods.interaction.inner import InnerMethod
 from cvxlimit.methods.interaction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState, Outcome
@@ -49,6 +50,11 @@ states."""
 _TRIED, _TRIED_NODES = 3, 60
 """Contacts tried for a split, for so many nodes; then the one that carries most of the gap. Four
 contacts at every node: one wall 2.2 % in place of 3.5 % after 15 s, another 1.7 in place of 1.4."""
+
+_CLIMBS, _CLIMB_SOLVES = (1, 30, 300), 16
+"""After so many nodes safe steps begin at the best node's forces, which are nearer to what can be
+carried than those of the first relaxation: one wall of 22 contacts ends at 0.556 from those, and
+at 0.593 from here. Solves of each."""
 
 _RARELY = 64
 """Longest wait for another search for better forces, in nodes."""
@@ -216,6 +222,18 @@ class BranchAndBound:
         best = max(found.open, key=lambda child: child.bound, default=None)
         if best is not None:
             self._sometimes_raise_lower(best)
+            if self.nodes in _CLIMBS:
+                self._climb(best)
+
+    def _climb(self, node: Node) -> None:
+        """Safe steps from a node's forces."""
+        if node.forces is None:
+            return
+        for _ in InnerMethod(self.run, _CLIMB_SOLVES).iterates(node.forces):
+            self.solves += 1
+        known = self.run.best
+        if known.bracket.lower > self.lower and known.forces is not None:
+            self.lower, self.forces = known.bracket.lower, known.forces
 
     def _sometimes_raise_lower(self, node: Node) -> None:
         self._waited += 1

@@ -159,6 +159,11 @@ class Explorer:
         self.solvers: set[str] = set()
         self.closed = -np.inf
 
+    @property
+    def can_split(self) -> NDArray[np.bool_]:
+        """Contacts (n,) whose states in boxes are known."""
+        return np.asarray(self.contacts.is_rectangle | self.moments.splits_polygons)
+
     def root(self, goal: Goal) -> Node:
         """All pressure centres."""
         empty = Node(np.inf, whole_boxes(self.contacts), Copies.none())
@@ -303,7 +308,7 @@ class Explorer:
         speed = speed + _SPEED_AT_REST * float(speed.max())
         excess = np.maximum(self.moments.excess(node.forces, self.contacts), 0.0)
         width = np.ptp(node.boxes, axis=2).max(axis=1)
-        return np.where(width > _NARROW, excess * speed, 0.0)
+        return np.where(self.can_split & (width > _NARROW), excess * speed, 0.0)
 
     def _choices(self, node: Node, tried: int) -> list[tuple[int, int, float]]:
         """Contacts, axes and fractions at which to split, the best first; none if nothing can."""
@@ -323,7 +328,7 @@ class Explorer:
         return contact, axis, float(centre[axis])
 
     def _widest(self, node: Node) -> list[tuple[int, int, float]]:
-        width = np.ptp(node.boxes, axis=2)
+        width = np.ptp(node.boxes, axis=2) * self.can_split[:, None]
         contact, axis = np.unravel_index(int(width.argmax()), width.shape)
         if width[contact, axis] <= _NARROW:
             return []

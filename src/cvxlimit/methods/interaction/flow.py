@@ -6,18 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.copies import cell_copies
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.support import (
     Support,
     corner_power,
     half_extent,
+    is_whole,
     shear_support,
     whole_boxes,
 )
 from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _HALVINGS = 45
 """Rounds of halving at most: pieces are then as short as rounding."""
@@ -48,7 +49,9 @@ class InteractionFlow:
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._polygons = moments.polygon_copies(contacts, self.boxes)
+        boxed = moments.splits_polygons & ~is_whole(self.boxes) & ~contacts.is_rectangle
+        self._cells = cell_copies(contacts, boxed, self.boxes, moments.is_about_centre)
+        self._others = np.flatnonzero(~contacts.is_rectangle & ~boxed)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
@@ -77,8 +80,10 @@ class InteractionFlow:
         """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction = self.contacts.friction
-        j, found = self._polygon_power(w)
-        np.maximum.at(power, j, found)
+        others = self._others
+        if len(others):
+            power[others] = self.moments.polygon_power(w[others], self.contacts, others)
+        np.maximum.at(power, self._cells.contact, self._cell_power(w))
         rows = self._rectangles
         if len(rows):
             power[rows], centre[rows] = self.moments.support(
@@ -86,18 +91,16 @@ class InteractionFlow:
             )
         return power + w[:, COLUMN["N"]], centre
 
-    def _polygon_power(self, w: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Contacts (k,) and powers of the copies that stand for polygons."""
-        copies = self._polygons
+    def _cell_power(self, w: FloatArray) -> FloatArray:
+        """Power (k,) at the corners of cells; see :mod:`cells`."""
+        copies = self._cells
         j, e = copies.contact, self.half[copies.contact] * copies.centre
-        if not len(j):
-            return j, np.zeros(0)
-        arm = np.where(np.isfinite(copies.arm), copies.arm * self.contacts.torsion_arm[j], 0.0)
-        torsion = arm * np.abs(w[j, COLUMN["MT"]])
-        pinned = corner_power(w[j], e, self.contacts.friction[j], torsion)
-        shear = np.abs(w[j][:, [COLUMN["V1"], COLUMN["V2"]]])
-        drag = np.where(np.isfinite(copies.drag), copies.drag, 0.0)
-        slope = shear_support(shear, np.ones(len(j)), drag)
-        moments = w[j, COLUMN["M1"]] * e[:, 1] - w[j, COLUMN["M2"]] * e[:, 0]
-        free = moments + self.contacts.friction[j] * np.maximum(torsion, slope)
-        return j, np.where(copies.signed, pinned, free)
+        friction, rates = self.contacts.friction[j], w[j]
+        torsion = copies.arm * self.contacts.torsion_arm[j] * np.abs(rates[:, COLUMN["MT"]])
+        if self.moments.is_about_centre:
+            return corner_power(rates, e, friction, torsion)
+        shear = np.abs(rates[:, [COLUMN["V1"], COLUMN["V2"]]])
+        slope = shear_support(shear, np.ones(len(j)), copies.drag)
+        moments = rates[:, COLUMN["M1"]] * e[:, 1] - rates[:, COLUMN["M2"]] * e[:, 0]
+        result: FloatArray = moments + friction * np.maximum(torsion, slope)
+        return result

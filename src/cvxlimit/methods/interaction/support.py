@@ -172,6 +172,18 @@ def corner_power(
     return result
 
 
+def corner_support(w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
+    """Power (k,) of friction at the corners of contacts ``rows``, for rates w (k, 6)."""
+    place = np.full(len(contacts), -1)
+    place[rows] = np.arange(len(rows))
+    k = np.flatnonzero(place[contacts.corner_contact] >= 0)
+    j = place[contacts.corner_contact[k]]
+    power = np.full(len(rows), -np.inf)
+    friction = contacts.friction[rows]
+    np.maximum.at(power, j, corner_power(w[j], contacts.corner_xy[k], friction[j]))
+    return power
+
+
 def mixed_sign(boxes: FloatArray) -> NDArray[np.bool_]:
     """True (n, 2) where a box allows both signs of an eccentricity."""
     return np.asarray((boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0))
