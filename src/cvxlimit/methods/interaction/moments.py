@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.copies import (
     Copies,
+    cell_copies,
     corner_copies,
     level_places,
     pinned_copies,
@@ -40,6 +41,7 @@ from cvxlimit.methods.interaction.support import (
     corner_support,
     free_sign,
     independent_support,
+    is_whole,
     mixed_sign,
     signed_support,
     whole_boxes,
@@ -93,6 +95,10 @@ class Moments(ABC):
         Largest power of true states on rectangles (:mod:`support`).
     is_limited : bool
         True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
+    splits_polygons : bool
+        True if bounds are known for contacts of other shapes that press in a box (:mod:`cells`).
+    is_about_centre : bool
+        True if torsion is taken about the pressure centre there.
     balance : float
         k^2 of the product bounds of safe steps, in units of (half side / friction).
     reach : float
@@ -110,6 +116,8 @@ class Moments(ABC):
     inscribed: Callable[[FloatArray], Rectangle]
     support: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], Support]
     is_limited: ClassVar[bool] = False
+    splits_polygons: ClassVar[bool] = False
+    is_about_centre: ClassVar[bool] = True
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
@@ -171,6 +179,13 @@ class Moments(ABC):
     def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
 
+    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """Those of contacts that are not rectangles: friction at their corners, or, where a box
+        holds less than all and this reading splits polygons, the corners of cells."""
+        boxed = ~contacts.is_rectangle & ~is_whole(boxes) & self.splits_polygons
+        inside = cell_copies(contacts, boxed, boxes, self.is_about_centre)
+        return corner_copies(contacts, ~contacts.is_rectangle & ~boxed).joined(inside)
+
     @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
@@ -191,6 +206,8 @@ class Independent(Moments):
     """
 
     name = "independent"
+    splits_polygons = True
+    is_about_centre = False
     starts = ("relaxation", "middle")
     frozen = TorsionShearBending
     fields = staticmethod(forces_with_sizes)
@@ -233,7 +250,7 @@ class Independent(Moments):
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
+        return self.polygon_copies(contacts, boxes).joined(*inside)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -260,6 +277,7 @@ class Signed(Moments):
     """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
 
     name = "signed"
+    splits_polygons = True
     starts: ClassVar[tuple[str, ...]] = ("relaxation",)
     frozen = SignedTorsionShearBending
     fields = staticmethod(plain_forces)
@@ -288,16 +306,17 @@ class Signed(Moments):
         """Corners of boxes, and their corners at zero; friction at the corners of whole contacts,
         whatever their shape."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
-        whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
+        whole = contacts.is_rectangle & is_whole(boxes)
         mixed = mixed_sign(boxes)
         levels = [
             (boxes[..., 1], np.ones_like(mixed)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
             (np.zeros(mixed.shape), mixed),
         ]
-        places = level_places(~whole, levels)
+        rectangles = contacts.is_rectangle & ~whole
+        places = level_places(rectangles, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, whole).joined(*inside)
+        return corner_copies(contacts, whole).joined(self.polygon_copies(contacts, boxes), *inside)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any

@@ -43,6 +43,7 @@ class SignedTorsionBending(Signed):
     """
 
     name = "signed-torsion-bending"
+    splits_polygons = False
     is_limited = True
     frozen = LimitedTorsionShearBending
     fields = staticmethod(plain_forces)
