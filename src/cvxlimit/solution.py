@@ -174,6 +174,8 @@ class Solution:
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
+    quantity : str
+        What ``load_factor`` and the bracket are of: the load factor, or a support's reaction.
     """
 
     scene: str
@@ -195,6 +197,7 @@ class Solution:
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
     model: tuple[str, ...] = ()
+    quantity: str = "load factor"
 
     @property
     def lower(self) -> float:

@@ -108,7 +108,9 @@ def title(solution: Solution) -> str:
     digits = _decimals(solution.load_factor)
     ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
     inside = f" in {', '.join(ends)}" if solution.bracket.has_any else ""
-    return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
+    return (
+        f"{what}: {printable(solution.quantity)} {solution.load_factor:.{digits}f}{inside}{doubt}"
+    )
 
 
 def scene_title(scene: Scene) -> str:
