@@ -105,9 +105,7 @@ class TestWalls:
 class TestAllMembersKnown:
     """Walls of five blocks, for which a mixed-integer search proves the lowest member."""
 
-    @pytest.mark.parametrize(
-        ("height", "friction"), [(0.4, 0.8), (0.6, 0.5)]
-    )
+    @pytest.mark.parametrize(("height", "friction"), [(0.4, 0.8), (0.6, 0.5)])
     def test_lowest_is_found(self, height: float, friction: float) -> None:
         scene = wall(
             running_bond(2, 2),
