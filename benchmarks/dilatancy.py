@@ -44,11 +44,12 @@ def row(scene: Scene, rule: ZeroDilatancy) -> Solution:
     associated, first = seconds_of(lambda: solve(scene, model="full"))
     found, seconds = seconds_of(lambda: solve(scene, interaction=rule))
     residual = max((member.residual for member in found.members), default=float("nan"))
-    span = [
-        f"{m.load_factor:.6f}" for m in (found.members or ())[:: max(len(found.members) - 1, 1)]
-    ]
-    say(scene.name, f"{associated.load_factor:.6f}", found.status, " to ".join(span),
-        len(found.members), f"{residual:.1e}", f"{seconds:.1f}", f"{seconds / first:.0f}")  # fmt: skip
+    members = found.members
+    ends = members[:: max(len(members) - 1, 1)]
+    span = " to ".join(f"{member.load_factor:.6f}" for member in ends)
+    cost = f"{seconds:.1f}", f"{seconds / first:.0f}"
+    factor = f"{associated.load_factor:.6f}"
+    say(scene.name, factor, found.status, span, len(members), f"{residual:.1e}", *cost)
     return found
 
 
