@@ -22,6 +22,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, joint_kinds
 from cvxlimit.plotting.axes import draw_axes
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
+from cvxlimit.plotting.crushing import Overlay, overlay
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
     CULPRIT_COLOUR,
@@ -82,7 +83,8 @@ def figure(
     moving = motion(scene, solution)
     kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
     marking = Marking(scene.contacts, moving.contacts.kind, kinds, KIND_TEXTS)
-    return _drawn(scene, moving, viewer, title(solution), marking, annotated(scene))
+    over = overlay(scene, solution)
+    return _drawn(scene, moving, viewer, title(solution), marking, annotated(scene), over)
 
 
 def scene_figure(
@@ -107,6 +109,7 @@ def _drawn(
     heading: str,
     marking: Marking | None,
     notes: Annotations,
+    over: Overlay | None = None,
 ) -> SceneFigure:
     camera = default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)
     picture = paint(scene, moving, camera, marking=marking, culprits=notes.culprits)
@@ -121,6 +124,8 @@ def _drawn(
         zorder=2.0,
     )
     seen = [frame, draw_axes(axes, scene, camera), _draw_notes(axes, camera, notes)]
+    if over is not None:
+        seen.append(over(axes, camera))
     said = _wrapped(notes.refusal)
     _arrange(result, axes, np.concatenate(seen), LINE * len(said))
     _draw_title(result, heading, said)
