@@ -36,7 +36,7 @@ COLOURS = (
     "#14476f", "#2a8a8c", "#d81e4a", "#f59e0b", "#7a1010", "#5b8c2a", "#7c3aed", "#9aa0ab",
 )  # fmt: skip
 
-LARGEST = 400
+LARGEST = 200
 """Contacts of the largest scene on which the slow models are run: they take minutes beyond."""
 
 SLOW = ("exact", "zero-dilatancy")
@@ -47,8 +47,8 @@ CHARTED = (
 )  # fmt: skip
 """Models of the chart, in its order."""
 
-TORSION_SCENES = ("tuff-wall", "barrel-vault", "ferris-tin-loi-3")
-"""For speed against accuracy of torsion with shear; the last one is planar, where all agree."""
+TORSION_SCENES = ("tuff-wall", "single-block")
+"""For speed against accuracy of torsion with shear: one where it matters, one where it does not."""
 
 
 def draw_curves(axes: Axes, l1: float, l2: float, direction: int) -> None:
@@ -138,10 +138,10 @@ def speed(path: Path) -> None:
     """Seconds of the processor against the distance from the exact limit."""
     figure, axes = plt.subplots(figsize=(8, 5))
     sys.stdout.write("| scene | torsion with shear | load factor | error | s of processor |\n")
-    for scene_name, marker in zip(TORSION_SCENES, "os^", strict=True):
+    for scene_name, marker in zip(TORSION_SCENES, "os", strict=True):
         runs: dict[str, Rule | None] = {"line": None, "parabola": None}
-        runs |= {f"exact to {t:g}": ExactFriction(tolerance=t) for t in (1e-2, 1e-3, 1e-4)}
-        best = solve(builtin_scene(scene_name), torsion_shear="exact", tolerance=1e-5)
+        runs |= {f"exact to {t:g}": ExactFriction(tolerance=t) for t in (1e-2, 1e-3, 3e-4)}
+        best = solve(builtin_scene(scene_name), torsion_shear="exact", tolerance=1e-4)
         for (label, rule), colour in zip(runs.items(), COLOURS, strict=False):
             form = {"line": "linear", "parabola": "parabolic"}.get(label, "exact")
             start = time.process_time()
@@ -153,8 +153,8 @@ def speed(path: Path) -> None:
                              f"{seconds:.2f} |\n")  # fmt: skip
             sys.stdout.flush()
     shapes = [Line2D([], [], ls="", marker=m, color="0.4", label=n)
-              for n, m in zip(TORSION_SCENES, "os^", strict=True)]  # fmt: skip
-    names = ("line", "parabola", "exact to 0.01", "exact to 0.001", "exact to 0.0001")
+              for n, m in zip(TORSION_SCENES, "os", strict=True)]  # fmt: skip
+    names = ("line", "parabola", "exact to 0.01", "exact to 0.001", "exact to 0.0003")
     colours = [Line2D([], [], ls="", marker="o", color=c, label=n)
                for n, c in zip(names, COLOURS, strict=False)]  # fmt: skip
     axes.legend(handles=[*shapes, *colours], fontsize=8, ncols=2)

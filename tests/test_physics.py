@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cvxlimit import Load, Scene, Tie, builtin_scene, settlement, solve
-from cvxlimit.masonry import BUILTIN, running_bond, wall
+from cvxlimit.masonry import BUILTIN, running_bond, single_block, wall
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import corner_compressions, vertex_forces
 from cvxlimit.surfaces import Rocking
@@ -105,3 +105,11 @@ def test_linear_below_parabolic(name: str) -> None:
     found = [solve(scene, torsion_shear=form) for form in forms]
     for lesser, larger in pairwise(found):
         assert lesser.lower <= larger.upper
+
+
+def test_vertex_forces_with_cohesion() -> None:
+    """A squat block slides at mu + c A / W, however the corners share it."""
+    scene = single_block((1.0, 1.0, 0.5), friction=0.3)
+    cohesive = scene.with_cohesion(0.1 * scene.total_weight)
+    found = solve(cohesive, [Rocking()], formulation=vertex_forces).load_factor
+    assert found == pytest.approx(0.4, rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from cvxlimit import Block, Load, Scene, Status, builtin_scene, settlement
+from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, settlement
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_result
@@ -128,6 +129,12 @@ def test_refusals() -> None:
             settlement(scene, *arguments)
     with pytest.raises(ModelError, match="knows no strength"):
         settlement(scene.with_strength(compressive=1e3), "p1", DOWN)
+
+
+def test_no_ties() -> None:
+    tie = Tie("p0", "beam", (0, 0.5, 0), (0, 0.5, 0.1), 1.0)
+    with pytest.raises(ModelError, match="settlement knows no ties"):
+        settlement(replace(beam_on_three(), ties=(tie,)), "p1", DOWN)
 
 
 class TestCommandLine:

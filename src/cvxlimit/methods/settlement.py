@@ -107,6 +107,8 @@ def settlement(
         raise InputError("direction of the settlement must not be zero")
     along = vector / np.linalg.norm(vector)
     contacts = scene.contacts
+    if scene.ties:
+        raise ModelError("settlement knows no ties yet: leave ties out")
     if np.isfinite(contacts.compressive_strength).any() or np.any(contacts.tensile_strength):
         raise ModelError(
             "settlement knows no strength of stone or mortar yet: leave compressive_strength and "
