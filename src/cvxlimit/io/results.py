@@ -145,10 +145,10 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["bracket"] = _bracket_to_dict(solution.bracket)
         if solution.torsion_shear != "linear":
             document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
-        if solution.flow != "associated":
-            document["flow"] = text(solution.flow, "flow")
         if solution.quantity != "load factor":
             document["quantity"] = text(solution.quantity, "quantity")
+        if solution.flow != "associated":
+            document["flow"] = text(solution.flow, "flow")
             document["members"] = [_member_to_dict(member) for member in solution.members]
         if solution.versions:
             document["versions"] = _versions(solution.versions)
