@@ -184,7 +184,7 @@ def chart(path: Path, found: dict[str, dict[str, Measurement]]) -> None:
         above.bar(at, ratio, width, color=colour, label=model, hatch=hatch)
         below.bar(at, [row.total if row else np.nan for row in rows], width, color=colour)
     above.set_ylabel("load factor / that of the line")
-    above.set_ylim(0.6, 1.2)
+    above.set_ylim(0.35, 1.25)
     above.axhline(1.0, color="0.4", lw=0.8)
     above.legend(ncol=len(CHARTED), fontsize=8, loc="upper left")
     note = (

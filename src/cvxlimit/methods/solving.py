@@ -16,6 +16,7 @@ from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.gilbert import Gilbert
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
@@ -31,7 +32,7 @@ INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, Fixe
 
 
 def solve(
-    scene: Scene,
+    scene: Scene | Assemblage,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     *,
     interaction: str | Rule | None = "none",
@@ -49,6 +50,8 @@ def solve(
     Parameters
     ----------
     scene : Scene
+        Or the mechanics of one, as an :class:`~cvxlimit.model.assemblage.Assemblage`: what scenes
+        of the same geometry share is then computed once (:func:`cvxlimit.sweep` does that).
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
@@ -57,9 +60,12 @@ def solve(
         the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
         as :class:`FixedPoint` or :class:`Certified`; or an outer loop of your own, as a
         :class:`~cvxlimit.methods.driver.Rule`.
-    moments : {"independent", "signed"} or Moments
-        How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
-        centre. Without interaction it makes no difference.
+    moments : {"independent", "signed", "signed-torsion-bending", "paper"} or Moments
+        How Eq. 30 adds moments: every sign on its own, the safe reading; static torsion about the
+        pressure centre, without or with Eq. 27 beside it; or tied signs with absolute
+        eccentricities and Eq. 27, with which the paper's figures are met, and which depends on the
+        choice of the contacts' axes (:class:`~cvxlimit.methods.interaction.moments.Paper` takes
+        the others). Without interaction it makes no difference.
     torsion_shear : {"linear", "parabolic", "exact"}
         How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
         it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of

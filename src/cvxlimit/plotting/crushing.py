@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.plotting.camera import Camera
-from cvxlimit.plotting.movement import contact_forces, motion, velocity_of
+from cvxlimit.plotting.movement import Motion, contact_forces, velocity_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -90,7 +90,7 @@ def yielding(scene: Scene, forces: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(tension >= (1.0 - _AT_STRENGTH) * strength)
 
 
-def overlay(scene: Scene, solution: Solution) -> Overlay | None:
+def overlay(scene: Scene, solution: Solution, moving: Motion) -> Overlay | None:
     """What draws zones and ties where the mechanism has moved them; None if there are none."""
     forces = contact_forces(scene, solution)
     if forces is None:
@@ -98,7 +98,6 @@ def overlay(scene: Scene, solution: Solution) -> Overlay | None:
     zones = crushed_zones(scene, forces)
     if not (zones or scene.ties):
         return None
-    moving = motion(scene, solution)
 
     def moved(points: FloatArray, block: int) -> FloatArray:
         at = np.full(len(points), block)
