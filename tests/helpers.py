@@ -7,7 +7,7 @@ block by block in a loop, conditions are the paper's equations written out once 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -380,16 +380,7 @@ def partly_pressed(seed: int) -> Scene:
 def renumbered(scene: Scene, seed: int) -> Scene:
     """The same scene with its blocks in another order: contacts turn round with them."""
     order = np.random.default_rng(seed).permutation(len(scene.blocks))
-    return Scene(
-        tuple(scene.blocks[i] for i in order),
-        scene.supports,
-        scene.live,
-        scene.dead,
-        scene.friction,
-        scene.contact_friction,
-        scene.units,
-        scene.name,
-    )
+    return replace(scene, blocks=tuple(scene.blocks[i] for i in order))
 
 
 # Users' own surfaces, and single contacts of any shape.
