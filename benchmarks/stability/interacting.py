@@ -86,7 +86,11 @@ def closed_form(scene: Scene, moments: str) -> float | None:
     if not len(inside):
         return None
     k = int(inside[-1])
-    return float(grid[k]) if k == len(grid) - 1 else _bisected(good, float(grid[k]), float(grid[k + 1]))
+    return (
+        float(grid[k])
+        if k == len(grid) - 1
+        else _bisected(good, float(grid[k]), float(grid[k + 1]))
+    )
 
 
 def _bisected(good: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
