@@ -18,6 +18,7 @@ from cvxlimit.compare.runs import Failure, Limits
 GROWTH = (
     "cvxlimit",
     "cvxlimit/1e-6",
+    "cvxlimit/full/1e-6",
     "conic/resultants/clarabel-qdldl/1e-8",
     "conic/corners/clarabel-qdldl/1e-8",
     "conic/corners/qoco/1e-8",

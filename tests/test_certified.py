@@ -222,7 +222,7 @@ def running_bond(push: tuple[float, float, float]) -> Scene:
 def test_walls_where_projections_find_no_dead_state(moments: str) -> None:
     """Pushed along, its courses slide at the friction coefficient."""
     scene = running_bond((1, 0, 0))
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, interaction="certified", moments=moments, model="full")
     assert solution.status is Status.CERTIFIED
     assert_bracket(scene, solution)
     assert solution.lower == pytest.approx(0.6, rel=1e-5)

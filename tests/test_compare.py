@@ -366,7 +366,9 @@ def test_the_registry_has_every_axis():
     polygons = {f"{n}{s}" for n in ("octagon", "16-gon", "32-gon", "64-gon")
                 for s in ("", "-inscribed")}  # fmt: skip
     assert surfaces == {"conic", *polygons}
-    assert {a["formulation"] for a in axes} == {"corner compressions", "resultants"}
+    assert {a["formulation"] for a in axes} == {
+        "corner compressions", "corner compressions, full model", "resultants"
+    }  # fmt: skip
     assert {a.get("parameters") for a in axes} == {None, *FrozenModel.CHOICES}
     solvers = {a["solver"] for a in axes}
     assert {"Clarabel qdldl", "Clarabel faer", "HiGHS ipm", "HiGHS simplex", "SCS", "ECOS", "QOCO",

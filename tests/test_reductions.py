@@ -32,7 +32,7 @@ SEEDS = st.integers(0, 2**16)
 
 def both(scene: Scene, surface: str | Sequence[YieldSurface] = "conic") -> Solution:
     """The reduced answer, after comparison with the full one."""
-    lean, full = (solve(scene, surface, model=m, tolerance=1e-7) for m in ("auto", "full"))
+    lean, full = (solve(scene, surface, model=m, tolerance=1e-7) for m in ("least", "full"))
     assert full.model == ()
     assert lean.status == full.status
     if lean.load_factor is not None and full.load_factor is not None:
@@ -253,6 +253,13 @@ class TestChoice:
         assert_certified(solution, scene)
         assert solution.load_factor == pytest.approx(right.load_factor, rel=1e-6)
 
+    def test_what_does_not_pay_is_left(self) -> None:
+        """Half of a small scene is found on request only; larger ones are halved anyway."""
+        small = barrel_vault(rows=4, embrace=120.0, thickness_ratio=0.2)
+        assert solve(small).model == ()
+        assert both(small).model == ("symmetry",)
+        assert solve(builtin_scene("dome")).model == ("symmetry",)
+
     def test_full_is_the_limit_problem(self) -> None:
         scene = builtin_scene("tuff-wall")
         assemblage, surfaces = Assemblage.of(scene), surfaces_of("octagon")[0]
@@ -265,13 +272,35 @@ class TestChoice:
 
     def test_models_by_name(self) -> None:
         for call in (solve, explain):
-            with pytest.raises(ModelError, match="model must be one of auto, full, got 'half'"):
+            with pytest.raises(ModelError, match="one of auto, full, least, got 'half'"):
                 call(single_block(), model="half")
-        assert choice.MODELS == ("auto", "full")
+        assert choice.MODELS == ("auto", "full", "least")
 
     def test_with_interaction_it_is_the_full_model(self) -> None:
         """Eq. 30 is not convex: the mean of two states need not be admissible."""
         solution = solve(stack(2), interaction="fixed-point")
+        assert solution.model == ()
+
+    @pytest.mark.parametrize("moments", ["independent", "signed"])
+    def test_forces_in_a_plane_have_no_torsion_to_interact_with(self, moments: str) -> None:
+        """With interaction a planar scene collapses where it does without: both brackets, each by
+        its own checker, hold the same factor, and so does the full model's."""
+        for scene in (builtin_scene("arch"), turned(wall(running_bond(2, 3)), 5)):
+            plain = solve(scene, tolerance=1e-7)
+            lean, full = (
+                solve(scene, interaction="certified", moments=moments, model=m)
+                for m in ("auto", "full")
+            )
+            assert (lean.model, full.model, len(lean.history)) == (("planar",), (), 1)
+            assert plain.load_factor == pytest.approx(lean.load_factor, rel=SAME)
+            unit = SAME * abs(plain.load_factor)
+            assert full.lower <= lean.upper + unit
+            assert lean.lower <= full.upper + unit
+            assert lean.gap < 1e-5
+
+    def test_out_of_the_plane_the_bracket_is_the_climbs(self) -> None:
+        twist = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
+        solution = solve(stack(2, live=twist), interaction="certified")
         assert solution.model == ()
 
     def test_result_files_name_reductions(self, tmp_path: object) -> None:

@@ -189,8 +189,9 @@ def _solve_command(
         str,
         typer.Option(
             metavar="|".join(MODELS),
-            help="How much model: no more than the scene needs, or all of it. The bounds are those "
-            "of the full scene either way; cvxlimit explain SCENE says what is left out.",
+            help="How much model: no more than the scene needs, all of it, or the least that is "
+            "valid whether it pays or not. The bounds are those of the full scene in any case; "
+            "cvxlimit explain SCENE says what is left out.",
         ),
     ] = "auto",
 ) -> Job:

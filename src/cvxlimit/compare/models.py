@@ -17,7 +17,7 @@ import numpy as np
 from cvxlimit.bracket import known
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.analysis import TOLERANCE, analyse
-from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MOMENTS, check_choice, solve
+from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, check_choice, solve
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
@@ -132,6 +132,8 @@ class Model(Method):
     interaction, moments, torsion_shear, flow : str
         As for :func:`cvxlimit.solve`; with any but the first of each, the ladder is always the
         package's own.
+    model : str
+        How much model, as for :func:`cvxlimit.solve`; one run of one solver has the full one.
 
     Raises
     ------
@@ -157,6 +159,7 @@ class Model(Method):
     moments: str = "independent"
     torsion_shear: str = "linear"
     flow: str = "associated"
+    model: str = "auto"
 
     def __post_init__(self) -> None:
         for what in ("name", "line"):
@@ -185,6 +188,7 @@ class Model(Method):
             )
         check_choice("interaction", self.interaction, INTERACTIONS)
         check_choice("moments", self.moments, MOMENTS)
+        check_choice("model", self.model, MODELS)
         if not self.line:
             object.__setattr__(self, "line", self.name)
 
@@ -192,7 +196,7 @@ class Model(Method):
         """See :class:`Method`."""
         return {
             "surface": surfaces_of(self.surface)[1],
-            "formulation": self.formulation.__name__.replace("_", " "),
+            "formulation": self._stated,
             "solver": "ladder" if self.solver is None else str(self.solver),
             "tolerance": "" if self.solver and self.tolerance is None else f"{self._asked:g}",
             **super().axes(),
@@ -203,6 +207,12 @@ class Model(Method):
         """True for what only :func:`cvxlimit.solve` knows how to do."""
         usual = ("none", "linear", "associated")
         return (self.interaction, self.torsion_shear, self.flow) != usual
+
+    @property
+    def _stated(self) -> str:
+        """The formulation, and how much of it where that is not the scene's choice."""
+        name = self.formulation.__name__.replace("_", " ")
+        return name if self.model == "auto" else f"{name}, {self.model} model"
 
     @property
     def _asked(self) -> float:
@@ -218,13 +228,15 @@ class Model(Method):
 
     def _solved(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        names = ("interaction", "moments", "torsion_shear", "flow")
+        names = ("interaction", "moments", "torsion_shear", "flow", "model")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
         return _measured(solve(scene, self.surface, tolerance=self._asked, **options), start)
 
     def _analysed(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        options: dict[str, Any] = {"tolerance": self._asked, "formulation": self.formulation}
+        options: dict[str, Any] = {
+            "tolerance": self._asked, "formulation": self.formulation, "model": self.model,
+        }  # fmt: skip
         return _measured(analyse(scene, self.surface, **options), start)
 
     def _run_once(self, scene: Scene, settings: SolverSettings) -> Measurement:

@@ -54,9 +54,11 @@ def registry() -> dict[str, Method]:
     ['octagon-inscribed/corners/clarabel-qdldl/1e-8']
     """
     made = _Registry()
-    made.add(Model("cvxlimit", "cvxlimit, default settings"))
-    made.add(Model("cvxlimit/1e-6", "cvxlimit, default settings", tolerance=1e-6))
-    made.add(Model("cvxlimit/1e-8", "cvxlimit, default settings", tolerance=1e-8))
+    for asked in (None, 1e-6, 1e-8):
+        name = "cvxlimit" if asked is None else f"cvxlimit/{_short(asked)}"
+        full = f"cvxlimit/full{name.removeprefix('cvxlimit')}"
+        made.add(Model(name, "cvxlimit, default settings (auto)", tolerance=asked))
+        made.add(Model(full, "cvxlimit, full model", tolerance=asked, model="full"))
     made.add(Model("cvxlimit/octagon", "cvxlimit, octagon", surface="octagon"))
     _add_tolerances(made)
     _add_surfaces(made)
@@ -177,7 +179,7 @@ def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
     Example
     -------
     >>> [m.name for m in choose(["cvxlimit*"], list(registry().values()))][:2]
-    ['cvxlimit', 'cvxlimit/1e-6']
+    ['cvxlimit', 'cvxlimit/full']
     """
     patterns = list(names)
     for pattern in patterns:

@@ -22,8 +22,15 @@ from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching import BranchAndBound
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import ACCEPTED, TrueStrength, central_states
+from cvxlimit.methods.interaction.lower_bound import (
+    ACCEPTED,
+    LowerBounds,
+    TrueStrength,
+    central_states,
+)
 from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder, settings_for
@@ -143,6 +150,8 @@ class _Proof:
     def _all(self) -> Iterator[Status | None]:
         run = self.run
         outer = UpperBound(run)
+        if self._is_planar(outer):
+            yield Status.CERTIFIED
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(_OUTER_TOLERANCE, 0.5 * (self.rule.tolerance or 0.0))
         outer.search(tolerance, self._outer_ladder())
@@ -160,6 +169,31 @@ class _Proof:
                 yield Status.DEAD_LOAD_UNSTABLE
         good = run.best.bracket.is_within(self.rule.tolerance or GOOD)
         yield Status.CERTIFIED if good else Status.NOT_CERTIFIED
+
+    def _is_planar(self, outer: UpperBound) -> bool:
+        """True if the scene is planar and forces in its plane close the bracket.
+
+        Torsion is zero there, so that Eq. 30 asks for little more than friction. Bounds are checked
+        as all others are; nothing rests on the scene being planar.
+        """
+        run = self.run
+        with run.clock.phase("compile"):
+            found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
+            if found.plane is None:
+                return False
+            problem = ReducedProblem(found.assemblage, run.surfaces, found.whole)
+        state, settings = run.climb(problem.solve, run.ladder or problem.ladder())
+        if state.forces is None or state.mechanism is None or state.load_factor is None:
+            return False
+        outer.offer(state.mechanism)
+        with run.clock.phase("certify"):
+            bounds = LowerBounds(run.assemblage, run.moments)
+            run.best = bounds.of(state.forces, state.load_factor).raising(run.best)
+        run.note(state, settings, **run.bounds)
+        if not run.best.bracket.is_within(self.rule.tolerance or _OUTER_TOLERANCE):
+            return False
+        run.reductions, self.reason = found.whole.names, "planar, without torsion"
+        return True
 
     def _outer_ladder(self) -> tuple[SolverSettings, ...]:
         """A quick rung and the first regular ones: what they leave is far below the gap."""

@@ -81,10 +81,11 @@ def solve(
         the tested order.
     progress : callable or None
         Called with one line of text at every step of long work.
-    model : {"auto", "full"}
+    model : {"auto", "full", "least"}
         How much model: no more than the scene needs (planar, half of a symmetric scene, parts
-        with live load only; :func:`cvxlimit.explain` says which), or all of it. Bounds are those of
-        the full scene either way. With interaction it is the full model.
+        with live load only; :func:`cvxlimit.explain` says which), or all of it; ``"least"`` takes
+        reductions that do not pay as well. Bounds are those of the full scene in any case. With
+        interaction only planar scenes have less, and only by the certified method.
 
     Returns
     -------

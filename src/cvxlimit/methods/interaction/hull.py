@@ -163,6 +163,13 @@ class UpperBound:
             if self._claims_no_optimum:
                 return
 
+    def offer(self, mechanism: FloatArray) -> None:
+        """Certify rates (free, 6) from elsewhere."""
+        with self.run.clock.phase("certify"):
+            bound = self.certifier.certificate(None, None, mechanism)
+            run = self.run
+            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, mechanism)
+
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
         """Solve, certify, price; False if another round with this solver would not help."""
         run, copies = self.run, self.first.joined(self.added)
