@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.stability import charts
+from benchmarks.stability import charts, peers
 from benchmarks.stability.families import FAMILIES
 from benchmarks.stability.outcomes import RIGHT, WRONG, Outcome
 from benchmarks.stability.records import Record, Table
@@ -239,9 +239,11 @@ def of_orders(rows: Sequence[Record]) -> dict[str, object]:
 def peer_table(rows: Sequence[Record]) -> str:
     """compas_cra beside ours."""
     lines = [
-        [r["key"], r["contacts"], r["ours"], r["peer"], r["said"], f"{r['seconds_ours']:.2f}",
-         f"{r['seconds_peer']:.2f}"]
+        [r["key"], r["contacts"], f"{r['ours']:.6f}",
+         *[p if isinstance(p, str) else f"{p:.1e}" for p in r["tension"]],
+         "yes" if peers.agrees(r) else "no", f"{r['seconds']:.2f}", f"{r['seconds_peer']:.2f}"]
         for r in rows
     ]  # fmt: skip
-    return table(["scene", "contacts", "ours, vertex forces", "RBE by bisection", "remark",
-                  "s, ours", "s, peer"], lines)  # fmt: skip
+    shares = [f"tension at {share:g}" for share in peers.SHARES]
+    return table(["scene", "contacts", "our load factor", *shares, "agree", "s, ours",
+                  "s per tilt, RBE"], lines)  # fmt: skip

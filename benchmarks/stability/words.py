@@ -124,8 +124,11 @@ eccentricities are made of them.
 PEER = """
 ## Beside compas_cra
 
-compas_cra (0.8, in an environment of its own) answers whether a structure stands under its own
-weight, by rigid-block equilibrium (RBE) with forces at vertices. Tilting the structure until it no
-longer stands gives a load factor, by bisection; ours with `vertex_forces` is the same model with
-round friction cones in place of its eight facets.
+compas_cra (0.8.0, in an environment of its own: `run --study peer --peer PYTHON`) says whether a
+structure stands under its own weight. Its rigid-block equilibrium (RBE) has a force with friction at
+every vertex, eight facets, and allows tension at a high price: where much is needed, the structure
+falls. Our `vertex_forces` is the same model with a round cone. Tilting the structure turns weight into
+a push, so RBE should need no tension below our load factor and some above it; the table has the
+tension over the weight, at tilts of 0.9 to 1.1 of our load factor. It does the same job where loads are
+weights; it has no load factor, no bound, and no interaction.
 """
