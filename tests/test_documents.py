@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import tomllib
 from importlib import import_module
@@ -105,24 +106,64 @@ def test_the_paper_is_cited_in_full_and_alike() -> None:
         assert fact in " ".join(README.replace("\n> ", " ").split())
 
 
-def as_on_an_index() -> str:
-    """The README after the substitutions that pyproject.toml asks for."""
-    text = README
-    hook = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
-    for step in hook["substitutions"]:
-        text = re.sub(step["pattern"], step["replacement"], text)
-    return text
+RELATIVE = r"\]\((?!https?:|#)[^)]+\)"
 
 
-def test_nothing_on_a_package_index_points_nowhere() -> None:
-    """Relative links do not work there; pictures become their captions, code is not touched."""
-    relative = r"\]\((?!https?:|#)[^)]+\)"
-    assert re.search(relative, README)
-    shown = as_on_an_index()
-    assert not re.search(relative, shown)
-    assert shown.count("of the source distribution") == len(re.findall(relative, README))
+def on_an_index(address: str = "") -> str:
+    """The README as Hatchling puts it into packages."""
+    pytest.importorskip("hatchling")
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return str(module.on_an_index(README, address))
+
+
+def rendered(text: str) -> str:
+    """The HTML that package indexes make of it, cleaned as they do."""
+    markdown = pytest.importorskip("readme_renderer.markdown")
+    html = markdown.render(text)
+    assert html
+    return str(html)
+
+
+@pytest.mark.parametrize("address", ["", "https://example.org/cvxlimit/v1"])
+def test_nothing_on_a_package_index_points_nowhere(address: str) -> None:
+    """Relative links do not work there; code is not touched."""
+    assert re.search(RELATIVE, README)
+    shown = on_an_index(address)
+    assert not re.search(RELATIVE, shown)
+    assert shown.count(address or "of the source distribution") == len(re.findall(RELATIVE, README))
     for language in ("sh", "python"):
         assert fenced(shown, language) == fenced(README, language)
+    addresses = re.findall(r'(?:src|href)="([^"#]*)', rendered(shown))
+    assert all(found.startswith("https://") for found in addresses if found)
+
+
+def test_a_package_index_shows_every_picture_that_has_an_address() -> None:
+    address = "https://example.org/cvxlimit/v1"
+    pictures = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README)
+    assert pictures
+    assert all((ROOT / picture).exists() for picture in pictures)
+    shown = re.findall(r'<img[^>]* src="([^"]+)"', rendered(on_an_index(address)))
+    assert shown == [f"{address}/{picture}" for picture in pictures]
+
+
+def test_pictures_without_an_address_become_captions() -> None:
+    assert "<img" not in rendered(on_an_index())
+    for caption in re.findall(r"!\[([^\]]*)\]", README):
+        assert f"{caption}: picture" in on_an_index()
+
+
+def test_an_index_takes_out_pictures_written_into_the_text() -> None:
+    """Why they are not: if that changes, they could be."""
+    assert "data:" not in rendered("![x](data:image/png;base64,iVBORw0KGgo=)")
+
+
+def test_an_address_that_no_index_shows_is_refused() -> None:
+    with pytest.raises(ValueError, match="must begin with https://"):
+        on_an_index("ftp://example.org")
 
 
 def test_the_version_stands_in_one_place() -> None:

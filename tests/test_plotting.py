@@ -423,8 +423,8 @@ def test_plotting_imports_nothing_heavy():
 
 
 def test_missing_matplotlib_is_one_clear_error(wall, solved, tmp_path, monkeypatch):
-    monkeypatch.delattr(plotting, "drawing", raising=False)
-    for name in ("drawing", "axes"):
+    for name in ("drawing", "axes", "results", "charts", "animating"):
+        monkeypatch.delattr(plotting, name, raising=False)
         monkeypatch.delitem(sys.modules, f"cvxlimit.plotting.{name}", raising=False)
     for name in [n for n in sys.modules if n.startswith("matplotlib")]:
         monkeypatch.delitem(sys.modules, name)

@@ -40,6 +40,14 @@ def test_two_commands_for_a_fresh_machine_and_both_are_in_ci() -> None:
     assert script[-1] == COMMANDS[1]
 
 
+def test_the_site_is_built_in_ci_by_the_command_given() -> None:
+    (command,) = [
+        line for block in fenced("sh") for line in block.splitlines() if "sphinx-build" in line
+    ]
+    assert "-W" in command  # warnings are errors
+    assert command in (ROOT / ".ci" / "run").read_text("utf-8").splitlines()
+
+
 def test_files_and_folders_named_in_the_readme_exist() -> None:
     named = re.findall(r"`((?:src|tests|\.ci|docs)/[^`]*)`", README)
     named += re.findall(r"\]\(([^)#:]+)\)", README)

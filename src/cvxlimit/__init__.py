@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cvxlimit import scene as scene
     from cvxlimit import solution as solution
     from cvxlimit import solvers as solvers
+    from cvxlimit import studies as studies
     from cvxlimit import surfaces as surfaces
     from cvxlimit.geometry.blocks import Block as Block
     from cvxlimit.geometry.contacts import COMPONENTS as COMPONENTS
@@ -52,11 +53,13 @@ if TYPE_CHECKING:
     from cvxlimit.solution import Member as Member
     from cvxlimit.solution import Solution as Solution
     from cvxlimit.solution import Status as Status
+    from cvxlimit.studies.fragility import fragility as fragility
+    from cvxlimit.studies.sweeping import sweep as sweep
     from cvxlimit.ties import Tie as Tie
 
 _MODULES = (
     "compare", "errors", "geometry", "io", "loads", "masonry", "methods", "model",
-    "plotting", "proof", "reductions", "scene", "solution", "solvers", "surfaces",
+    "plotting", "proof", "reductions", "scene", "solution", "solvers", "studies", "surfaces",
 )  # fmt: skip
 
 _HOME = {
@@ -83,8 +86,10 @@ _HOME = {
     "analyse": "methods.analysis",
     "builtin_scene": "masonry",
     "explain": "reductions.explaining",
+    "fragility": "studies.fragility",
     "settlement": "methods.settlement",
     "solve": "methods.solving",
+    "sweep": "studies.sweeping",
 }
 """The module of every public name; above once more, for type checkers."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -133,6 +134,17 @@ class Scene:
         _check_ids(self)
         _check_loads(self)
 
+    def __repr__(self) -> str:
+        """One line: name, numbers of blocks, friction."""
+        free, fixed = len(self.free), len(self.blocks) - len(self.free)
+        blocks = f"{free} free block{'s' * (free != 1)}, {fixed} support{'s' * (fixed != 1)}"
+        return f"Scene({self.name!r}: {blocks}, friction {self.friction:g})"
+
+    def _repr_html_(self) -> str:
+        from cvxlimit.plotting.notebook import scene_html  # pictures see scenes, not they them
+
+        return scene_html(self)
+
     def __reduce__(self) -> tuple[object, ...]:
         fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
         own = dict(self.contact_friction), self.units, self.name
@@ -217,6 +229,14 @@ class Scene:
         changes = {"compressive_strength": compressive, "tensile_strength": tensile}
         return self._copy(**{k: value for k, value in changes.items() if value is not None})
 
+    def with_density(self, factor: float) -> Scene:
+        """The same scene with all densities times a factor; contacts are kept."""
+        times = positive(factor, "factor on all densities")
+        blocks = tuple(
+            b if b.density is None else replace(b, density=times * b.density) for b in self.blocks
+        )
+        return self._copy(blocks=blocks)
+
     def with_name(self, name: str) -> Scene:
         """The same scene under another name."""
         return self._copy(name=name)
@@ -294,6 +314,50 @@ class Scene:
         for kept in ("_detection", "_given_contacts"):
             if kept in self.__dict__:
                 copy.__dict__[kept] = self.__dict__[kept]
+        return copy
+
+    @cached_property
+    def geometry(self) -> str:
+        """What contacts follow from, as a short text: alike for scenes with the same contacts.
+
+        Shapes and ids of blocks, supports, joint tolerance; not density, friction or loads.
+        """
+        digest = hashlib.blake2b(digest_size=16)
+        digest.update(repr((self.supports, self.joint_tolerance)).encode())
+        for block in self.blocks:
+            digest.update(repr((block.id, block.faces)).encode())
+            digest.update(block.vertices.tobytes())
+        return digest.hexdigest()
+
+    def sharing_contacts_of(self, other: Scene) -> Scene:
+        """The same scene with the contacts found in ``other``, which are not sought again.
+
+        Raises
+        ------
+        InputError
+            If the two do not have the same blocks, supports and joint tolerance.
+
+        Example
+        -------
+        >>> ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+        >>> slab = Block.box("slab", (0, 0, 0), (1, 1, 1), density=20.0)
+        >>> rough, smooth = (
+        ...     Scene([ground, slab], ["ground"], Load(acceleration=(1, 0, 0)), friction=mu)
+        ...     for mu in (0.7, 0.3)
+        ... )
+        >>> smooth.sharing_contacts_of(rough).contacts.friction.tolist()
+        [0.3]
+        """
+        same = self.blocks is other.blocks and (
+            (self.supports, self.joint_tolerance) == (other.supports, other.joint_tolerance)
+        )
+        if not same and self.geometry != other.geometry:
+            raise InputError(
+                f"scenes {self.name!r} and {other.name!r} differ in their blocks, supports or "
+                "joint tolerance, and so in their contacts"
+            )
+        copy = self._copy()
+        copy.__dict__["_detection"] = other._detection
         return copy
 
     def with_contacts(self, contacts: Contacts) -> Scene:

@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.bracket import Bracket
+from cvxlimit.bracket import Bracket, rounded
+from cvxlimit.errors import InputError
+from cvxlimit.scene import Scene, check_scene
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FloatArray = NDArray[np.float64]
+
+Table = Literal["contacts", "blocks", "history"]
+"""Tables of :meth:`Solution.to_dataframe`."""
+
+Picture = Literal[
+    "mechanism", "forces", "thrust", "utilisation", "cracks", "exploded", "animation", "page"
+]
+"""Pictures of :meth:`Solution.plot`."""
 
 
 class Status(StrEnum):
@@ -49,10 +64,11 @@ _ADVICE = {
         "the bracket is wider than the tolerance: use its bounds, ask for a wider tolerance, "
         "or try another surface or solver"
     ),
-    Status.CONVERGED: "the iteration met its tolerance (Eq. 43)",
+    Status.CONVERGED: "the iteration met its tolerance",
     Status.NOT_CONVERGED: (
-        "the fixed point did not settle; its last load factor is not an answer: "
-        "use the certified interaction, or another old-value weight"
+        "the iteration did not settle and its last load factor is not an answer: allow more of it "
+        "or a wider tolerance; for interaction with bending use the certified one, or another "
+        "old-value weight"
     ),
     Status.CYCLING: (
         "the fixed point returns to earlier load factors; none of them is an answer: "
@@ -132,7 +148,9 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of an analysis. Plain numbers and NumPy arrays only: pickles, and goes to JSON.
+    """Result of an analysis: plain numbers and NumPy arrays, and the scene that was solved.
+
+    Pickles, and goes to JSON (without the scene). Notebooks show it with a picture and its bracket.
 
     Attributes
     ----------
@@ -143,7 +161,7 @@ class Solution:
     interaction : str
         ``"none"``, ``"fixed-point"`` or ``"certified"``.
     moments : str
-        ``"independent"`` or ``"signed"``; matters with interaction only.
+        Name of the reading of Eq. 30, ``"independent"`` for example; matters with interaction only.
     blocks, contacts : int
         Numbers of free blocks and of contacts.
     load_factor : float or None
@@ -167,12 +185,14 @@ class Solution:
     torsion_shear : str
         ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     flow : str
-        ``"associated"`` or ``"zero-dilatancy"``.
+        ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
+    solved_scene : Scene or None
+        What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     """
 
     scene: str
@@ -194,6 +214,17 @@ class Solution:
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
     model: tuple[str, ...] = ()
+    solved_scene: Scene | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """One line: what was solved, the load factor, its bracket, how it ended."""
+        what = f"{self.scene!r}, {self.surface}"
+        if self.interaction != "none":
+            what += f", {self.interaction} interaction, {self.moments} moments"
+        if self.load_factor is None:
+            return f"Solution({what}: {self.status})"
+        inside = f" in {self.bracket}" if self.bracket.has_any else ""
+        return f"Solution({what}: load factor {rounded(self.load_factor)}{inside}, {self.status})"
 
     @property
     def lower(self) -> float:
@@ -214,3 +245,120 @@ class Solution:
     def is_proved(self) -> bool:
         """True if neither bound rests on an assumption about the size of forces or rates."""
         return self.bracket.is_proved
+
+    def of(self, scene: Scene) -> Solution:
+        """The same with the scene that was solved: what tables and pictures ask for.
+
+        Raises
+        ------
+        InputError
+            If the scene has another number of free blocks or contacts, or other blocks.
+        """
+        check_scene(scene)
+        free = [scene.blocks[i].id for i in scene.free]
+        found = {"free blocks": len(free), "contacts": len(scene.contacts)}
+        own = {"free blocks": self.blocks, "contacts": self.contacts}
+        for what, number in own.items():
+            if number != found[what]:
+                raise InputError(
+                    f"the solution of {self.scene!r} has {number} {what}, but scene "
+                    f"{scene.name!r} has {found[what]}: it does not belong to it"
+                )
+        missing = sorted(set(free) - set(free if self.mechanism is None else self.mechanism))
+        if missing:
+            raise InputError(
+                f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene!r} does "
+                f"not belong to scene {scene.name!r}"
+            )
+        return replace(self, solved_scene=scene)
+
+    @property
+    def drawn_scene(self) -> Scene:
+        """The scene that was solved.
+
+        Raises
+        ------
+        InputError
+            If the solution has lost it, as one read from a file.
+        """
+        if self.solved_scene is None:
+            raise InputError(
+                f"the solution of {self.scene!r} comes without its scene: "
+                "solution.of(scene) gives it back"
+            )
+        return self.solved_scene
+
+    def to_dataframe(self, what: Table = "contacts") -> DataFrame:
+        """What was found as a table: a row per contact, per block, or per solve.
+
+        ``"contacts"``: both blocks, forces V1 ... MT on the second, pressure centre, utilisation by
+        surface, opening, slip and twist rates for live power 1. ``"blocks"``: weight, centroid,
+        rates. ``"history"``: what every solver gave. ``table.attrs["units"]`` and
+        ``table.attrs["description"]`` say what each column is.
+
+        Raises
+        ------
+        InputError
+            For another table, or a solution without its scene.
+        ModelError
+            If pandas is not installed.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> contacts = solve(builtin_scene("single-block")).to_dataframe()
+        >>> round(float(contacts["utilisation_rocking"].iloc[0]), 4), contacts["state"].iloc[0]
+        (1.0, 'opens')
+        """
+        from cvxlimit.frames import table_of  # tables see solutions, not they them
+
+        return table_of(self, what)
+
+    def plot(
+        self,
+        kind: Picture = "mechanism",
+        path: str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> Any:
+        """Draw what was found; nothing is shown by itself, but notebooks show what ends a cell.
+
+        ================= =======================================================================
+        ``"mechanism"``   how it falls, and which joints open, slide and twist
+        ``"forces"``      what each joint transmits, at its pressure centre
+        ``"thrust"``      thrust lines through the pressure centres
+        ``"utilisation"`` how much of its strength each joint uses
+        ``"cracks"``      where joints open and slide, on the undeformed structure
+        ``"exploded"``    blocks drawn apart: joints with their pressure centres
+        ``"animation"``   the mechanism in motion: GIF or MP4
+        ``"page"``        an interactive page: turn, zoom, animate, point at things
+        ================= =======================================================================
+
+        Parameters
+        ----------
+        kind : str
+        path : path or None
+            With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``;
+            ``.html`` for pages.
+        options
+            Of the function of that name in :mod:`cvxlimit.plotting`: ``viewer=(1, -1, 0.5)`` and
+            others.
+
+        Returns
+        -------
+        SceneFigure, Animation or Page; with a path, the file's path
+
+        Raises
+        ------
+        InputError
+            For another kind or suffix, or a solution without its scene.
+        ModelError
+            If Matplotlib is not installed.
+        """
+        from cvxlimit.plotting import picture_of  # pictures see solutions, not they them
+
+        return picture_of(self, kind, path, **options)
+
+    def _repr_html_(self) -> str:
+        from cvxlimit.plotting.notebook import solution_html
+
+        return solution_html(self)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import Method, Model
@@ -20,12 +17,15 @@ from cvxlimit.compare.registry import choose, interaction_registry, registry
 from cvxlimit.compare.rows import Interrupted, Row, number_of_steps, side_by_side
 from cvxlimit.compare.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
+from cvxlimit.extras import needed
 from cvxlimit.files import write_file
+from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene, check_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 __all__ = ["DEFAULT_MODELS", "Comparison", "Limits", "Model", "Row", "compare"]
 
@@ -81,6 +81,25 @@ class Comparison:
         if self.is_interrupted:
             notes.append("interrupted: the models above had run by then")
         return "\n".join([*_aligned(lines), *notes])
+
+    def to_dataframe(self) -> DataFrame:
+        """All columns of :class:`Row` with the model as index, and whether it is on the front.
+
+        Raises
+        ------
+        ModelError
+            If pandas is not installed.
+        """
+        pandas = needed("pandas", "frames", "tables")
+        names = [column.name for column in fields(Row)]
+        table = pandas.DataFrame([asdict(row) for row in self.rows], columns=names)
+        table["is_on_front"] = table["method"].isin(self.front)
+        result: DataFrame = table.set_index("method")
+        result.attrs = {"scene": self.scene, "is_interrupted": self.is_interrupted}
+        return result
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.table())}</pre>"
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Time against true error with the Pareto front, into ``ax`` or a figure of its own.
@@ -182,7 +201,8 @@ def compare(
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
     is_interrupted = False
-    with _bar(progress, number_of_steps(methods, repeat)) as advance:
+    steps = number_of_steps(methods, repeat)
+    with progress_bar("comparing", steps, progress) as advance:
         try:
             rows = side_by_side(methods, scene, repeat, limits or Limits(), advance)
         except Interrupted as interrupt:
@@ -210,15 +230,6 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     if not result:
         raise ModelError("there is nothing to compare: give at least one model")
     return list(result.values())
-
-
-@contextmanager
-def _bar(shown: bool, steps: int) -> Iterator[Callable[[str], None]]:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not shown) as bar:
-        task = bar.add_task("comparing", total=steps)
-        yield lambda done: bar.update(task, advance=1, description=f"done: {done:.40}")
 
 
 def _reference_note(row: Row) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,15 +219,23 @@ class Contacts(ReadOnlyArrays):
 
     def with_friction(self, friction: FloatArray) -> Contacts:
         """The same contacts with friction coefficients (n,)."""
-        return replace(self, friction=friction)
+        return self._with(friction=friction)
 
     def with_cohesion(self, cohesion: FloatArray) -> Contacts:
         """The same contacts with cohesion (n,), force per area."""
-        return replace(self, cohesion=cohesion)
+        return self._with(cohesion=cohesion)
 
     def with_strength(self, compressive: FloatArray, tensile: FloatArray) -> Contacts:
         """The same contacts with compressive and tensile strengths (n,), forces per area."""
-        return replace(self, compressive_strength=compressive, tensile_strength=tensile)
+        return self._with(compressive_strength=compressive, tensile_strength=tensile)
+
+    def _with(self, **strengths: Any) -> Contacts:
+        """The same geometry; what was computed from it is kept."""
+        result = replace(self, **strengths)
+        for name in ("corner_contact", "corner_points", "is_rectangle", "torsion_arm", "edges"):
+            if name in self.__dict__:
+                result.__dict__[name] = self.__dict__[name]
+        return result
 
     def corner_sums(self, values: FloatArray) -> FloatArray:
         """Sum of corner values (m, ...) over each contact, (n, ...)."""

@@ -120,6 +120,8 @@ class Run:
     ----------
     assemblage : Assemblage
         Of the scene, computed once.
+    given : Scene
+        The scene as it was given; mortar may have become loads in :attr:`scene`.
     surfaces : tuple of YieldSurface, surface : str
         Asked for, and their name.
     moments : Moments
@@ -173,6 +175,7 @@ class Run:
         self.tell("finding contacts")
         if not isinstance(scene, Assemblage):
             check_scene(scene)
+        self.given = scene.scene if isinstance(scene, Assemblage) else scene
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
         with self.clock.phase("compile"):
@@ -355,6 +358,7 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         flow=run.flow,
         members=answer.members,
         model=run.reductions,
+        solved_scene=run.given,
     )
 
 

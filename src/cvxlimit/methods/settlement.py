@@ -113,7 +113,7 @@ def settlement(
         )
     sign = 1.0 if which == _LEAST else -1.0
     guided, possible = _guided(scene, support, along, sign, surface)
-    solution = drive(Convex(tolerance), Run(guided, surface))
+    solution = replace(drive(Convex(tolerance), Run(guided, surface)), solved_scene=scene)
     return _reaction(solution, guided, support, along, possible, sign)
 
 

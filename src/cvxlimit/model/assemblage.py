@@ -63,6 +63,16 @@ class Assemblage:
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         return Assemblage(scene, self.statics.under(dead, live), Scaling.of(scene), self.balance)
 
+    def like(self, scene: Scene) -> Assemblage:
+        """The mechanics of a scene of the same geometry: other strengths, densities and loads.
+
+        Equilibrium and its factorisation are kept.
+        """
+        dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
+        statics = replace(self.statics.under(dead, live), contacts=scene.contacts)
+        statics.__dict__["matrix"] = self.statics.matrix
+        return Assemblage(scene, statics, Scaling.of(scene), self.balance)
+
     def balanced_by(self, balance: Balance) -> Assemblage:
         """The same with another way to restore equilibrium."""
         return replace(self, balance=balance)

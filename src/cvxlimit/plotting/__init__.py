@@ -1,21 +1,25 @@
-"""Pictures of mechanisms: PNG, an interactive page, and files for ParaView.
+"""Pictures of scenes, mechanisms and results: one function each, none of which shows by itself.
 
-Only the PNG needs Matplotlib (the extra ``plot``); it is imported when it is used. Nothing here
-needs a display, OpenGL or a network.
+``mechanism``, ``cracks``, ``forces``, ``thrust``, ``utilisation`` and ``exploded`` return a
+Matplotlib figure, ``animation`` frames that go into a GIF or MP4, ``page`` an interactive page,
+``to_pyvista`` meshes. Figures need Matplotlib (the extra ``plot``), which is imported when it is
+used. Nothing here needs a display, OpenGL or a network.
 """
 
 from __future__ import annotations
 
 import os
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.files import write_file
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.look import title
+from cvxlimit.plotting.meshes import to_pyvista
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
 from cvxlimit.plotting.vtu import vtu_files
 from cvxlimit.plotting.webpage import Page, page, scene_page
@@ -23,19 +27,101 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
 if TYPE_CHECKING:
-    from cvxlimit.plotting.drawing import SceneFigure
+    from cvxlimit.plotting.animating import Animation as Animation
+    from cvxlimit.plotting.animating import animation as animation
+    from cvxlimit.plotting.charts import draw_fragility as draw_fragility
+    from cvxlimit.plotting.drawing import SceneFigure as SceneFigure
+    from cvxlimit.plotting.results import cracks as cracks
+    from cvxlimit.plotting.results import exploded as exploded
+    from cvxlimit.plotting.results import forces as forces
+    from cvxlimit.plotting.results import mechanism as mechanism
+    from cvxlimit.plotting.results import thrust as thrust
+    from cvxlimit.plotting.results import utilisation as utilisation
+
+_DRAWN = {
+    "Animation": "animating",
+    "SceneFigure": "drawing",
+    "animation": "animating",
+    "cracks": "results",
+    "draw_fragility": "charts",
+    "exploded": "results",
+    "forces": "results",
+    "mechanism": "results",
+    "thrust": "results",
+    "utilisation": "results",
+}
+"""The module of every name that needs Matplotlib; above once more, for type checkers."""
 
 __all__ = [
-    "ContactKind", "ContactMotion", "Motion", "Page", "figure", "motion", "page", "plot",
-    "plot_scene", "refused", "scene_figure", "scene_page", "title",
+    "Animation", "ContactKind", "ContactMotion", "Motion", "Page", "SceneFigure", "animation",
+    "cracks", "draw_fragility", "exploded", "figure", "forces", "mechanism", "motion", "page",
+    "picture_of", "plot", "plot_scene", "refused", "scene_figure", "scene_page", "thrust", "title",
+    "to_pyvista", "utilisation",
 ]  # fmt: skip
+
+IMAGES = (".png", ".svg", ".pdf")
+"""Files of figures. In SVG and PDF the painted blocks are an image; everything else is lines."""
+
+
+if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
+
+    def __getattr__(name: str) -> Any:
+        if name not in _DRAWN:
+            raise AttributeError(f"module 'cvxlimit.plotting' has no attribute {name!r}")
+        return getattr(_module(_DRAWN[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def picture_of(
+    solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
+) -> Any:
+    """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`.
+
+    Raises
+    ------
+    InputError
+        For another kind, or a suffix that does not go with it.
+    """
+    kinds = ("mechanism", "forces", "thrust", "utilisation", "cracks", "exploded", "animation")
+    if kind == "page":
+        made: Any = page(solution.drawn_scene, solution)
+    elif kind in kinds:
+        if path is not None and Path(path).suffix.lower() in (".html", ".vtu") and not options:
+            return plot(solution.drawn_scene, solution, path)[0]
+        made = getattr(_module(_DRAWN[kind]), kind)(solution, **options)
+    else:
+        raise InputError(f"there is no picture {kind!r}: choose one of {', '.join(kinds)}, page")
+    if path is None:
+        return made
+    if kind == "animation":
+        return made.save(path)
+    return _written(made, Path(path), (".html",) if kind == "page" else IMAGES)
+
+
+def _written(made: Any, target: Path, suffixes: tuple[str, ...]) -> Path:
+    suffix = target.suffix.lower()
+    if suffix not in suffixes:
+        raise InputError(
+            f"cannot tell what to draw from {target.name!r}: give a name that ends in "
+            f"{' or '.join(suffixes)}"
+        )
+    if suffix == ".html":
+        write_file(target, made.encode("utf-8"))
+    else:
+        write_file(target, made.file(suffix.removeprefix(".")))
+    return target
 
 
 def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Draw the mechanism of ``solution`` into a file; the suffix of ``path`` says which kind.
 
     ==========  ================================================================================
-    ``.png``    picture: deformed blocks by speed, contacts that open, slide or twist
+    ``.png``    picture: deformed blocks by speed, contacts that open, slide or twist; also
+                ``.svg`` and ``.pdf``
+    ``.gif``    the same in motion; also ``.mp4``
     ``.html``   interactive page in one file, for any browser, works offline
     ``.vtu``    blocks for ParaView, and beside them ``<name>-contacts.vtu`` with the contacts
     ==========  ================================================================================
@@ -72,8 +158,10 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     """
     target = Path(of_type(path, (str, os.PathLike), "path must name a file", "write 'wall.png'"))
     suffix = target.suffix.lower()
-    if suffix == ".png":
-        files = {target: _png(scene, solution)}
+    if suffix in IMAGES:
+        files = {target: figure(scene, solution).file(suffix.removeprefix("."))}
+    elif suffix in (".gif", ".mp4"):
+        return (_module("animating").animation(solution.of(scene)).save(target),)
     elif suffix == ".html":
         files = {target: page(scene, solution).encode("utf-8")}
     elif suffix == ".vtu":
@@ -82,7 +170,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     else:
         raise InputError(
             f"cannot tell what to plot from {target.name!r}: give a name that ends in "
-            ".png, .html or .vtu"
+            ".png, .html or .vtu (also .svg, .pdf, .gif, .mp4)"
         )
     for name, content in files.items():
         write_file(name, content)
@@ -138,7 +226,8 @@ def scene_figure(
     refusal: InputError | None = None,
 ) -> SceneFigure:
     """The picture of a scene as a Matplotlib figure; see :func:`plot_scene` and :func:`figure`."""
-    return _drawing().scene_figure(scene, viewer, refusal or refused(scene))
+    found: SceneFigure = _module("drawing").scene_figure(scene, viewer, refusal or refused(scene))
+    return found
 
 
 def figure(
@@ -156,19 +245,15 @@ def figure(
     ModelError
         If Matplotlib is not installed.
     """
-    return _drawing().figure(scene, solution, viewer)
+    found: SceneFigure = _module("results").mechanism_of(scene, solution, viewer=viewer)
+    return found
 
 
-def _drawing() -> ModuleType:
+def _module(name: str) -> ModuleType:
     try:
-        from cvxlimit.plotting import drawing
+        return import_module(f"cvxlimit.plotting.{name}")
     except ImportError as error:
         raise ModelError(
             'pictures need Matplotlib: pip install "cvxlimit[plot]" '
             "(.html and .vtu work without it)"
         ) from error
-    return drawing
-
-
-def _png(scene: Scene, solution: Solution) -> bytes:
-    return figure(scene, solution)._repr_png_()

@@ -39,13 +39,25 @@ class JointKind(IntEnum):
 class Marking:
     """Contacts to be outlined: what each is, by code; codes without a colour stay unmarked.
 
-    ``colours`` and ``texts`` are by code.
+    ``colours`` and ``texts`` are by code; ``width`` (n,) is each line's share of the widest, one
+    for all if None.
     """
 
     contacts: Contacts
     kind: IntArray
     colours: Mapping[Any, str]
     texts: Mapping[Any, str]
+    width: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Decal:
+    """A flat convex shape (k, 3) that lies on a block (index in the scene) and moves with it."""
+
+    points: FloatArray
+    block: int
+    colour: str
+    lift: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,11 @@ def upright(scene: Scene) -> FloatArray:
     return np.eye(3)[axis] * np.sign(result[axis])
 
 
+def thin_axis(scene: Scene) -> FloatArray:
+    """Unit vector along the thinner horizontal extent of the free blocks."""
+    return _horizontal_axes(scene, upright(scene))[0]
+
+
 def _horizontal_axes(scene: Scene, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit vectors along the thinner and the wider horizontal extent of the free blocks."""
     extent = np.ptp(free_bounds(scene), axis=0)

@@ -5,41 +5,39 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage, imsave
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.plotting.annotations import Annotations, Marking, annotated, joint_kinds
-from cvxlimit.plotting.axes import draw_axes
+from cvxlimit.plotting.annotations import Annotations, Decal, Marking, annotated, joint_kinds
+from cvxlimit.plotting.axes import INK, draw_axes
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
     CULPRIT_COLOUR,
     JOINT_COLOURS,
     JOINT_TEXTS,
-    KIND_COLOURS,
-    KIND_TEXTS,
     MARK_COLOUR,
-    SPEED_STOPS,
-    SPEED_TEXT,
     STONE_COLOUR,
     SUPPORT_COLOUR,
     printable,
     scene_title,
-    title,
 )  # fmt: skip
 from cvxlimit.plotting.movement import Motion, motion, still
-from cvxlimit.plotting.picture import paint
+from cvxlimit.plotting.picture import Picture, paint
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -64,25 +62,71 @@ class SceneFigure(Figure):
     """A Matplotlib figure that notebooks show without any set-up."""
 
     def _repr_png_(self) -> bytes:
-        return png(self)
+        return self.file("png")
+
+    def file(self, kind: str) -> bytes:
+        """The figure as a ``png``, ``svg`` or ``pdf``; a character that the font lacks is a box.
+
+        The same figure gives the same bytes.
+        """
+        buffer = io.BytesIO()
+        dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
+            warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+            self.savefig(buffer, format=kind, dpi=DPI, metadata=dated)
+        return buffer.getvalue()
 
 
-def figure(
-    scene: Scene, solution: Solution, viewer: tuple[float, float, float] | None = None
-) -> SceneFigure:
-    """The mechanism as a Matplotlib figure.
+Overlay = Callable[[Axes, Camera], FloatArray]
+"""Draws over the painted scene, and returns the points (n, 2) that must be in view."""
 
-    Parameters
+
+@dataclass(frozen=True)
+class Bar:
+    """A colour bar: colours from its lower to its upper end, and what it measures."""
+
+    stops: Sequence[str]
+    label: str
+    ends: tuple[float, float] = (0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What a figure consists of besides the scene.
+
+    Attributes
     ----------
-    scene, solution
-        What was solved, and the result.
-    viewer : (3,) or None
-        Direction from the scene towards the viewer; chosen from the movement if None.
+    heading, caption : str
+        First line, and a second one in smaller letters.
+    marking : Marking or None
+        Joints to outline, which are also in the legend if ``has_key``.
+    notes : Annotations
+        Arrows of loads, near misses, a refusal.
+    colours : (n_blocks, 3) array or None
+        Of blocks, in place of those of their speed.
+    decals : sequence of Decal
+    bar : Bar or None
+    handles : sequence of Artist
+        Further entries of the legend.
+    overlay : callable or None
+    blocks : str
+        What the legend calls blocks that do not move.
+    has_axes : bool
+        False where places are not those of the scene.
     """
-    moving = motion(scene, solution)
-    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
-    marking = Marking(scene.contacts, moving.contacts.kind, kinds, KIND_TEXTS)
-    return _drawn(scene, moving, viewer, title(solution), marking, annotated(scene))
+
+    heading: str
+    caption: str = ""
+    marking: Marking | None = None
+    has_key: bool = True
+    notes: Annotations = field(default_factory=Annotations)
+    colours: FloatArray | None = None
+    decals: Sequence[Decal] = ()
+    bar: Bar | None = None
+    handles: Sequence[Artist] = ()
+    overlay: Overlay | None = None
+    blocks: str = "block"
+    has_axes: bool = True
 
 
 def scene_figure(
@@ -91,43 +135,84 @@ def scene_figure(
     refusal: InputError | None = None,
 ) -> SceneFigure:
     """A scene that is not solved: joints by how they lie, loads, near misses, or the culprits."""
-    marking = None
-    if refusal is None:
-        kind = joint_kinds(scene, scene.contacts)
-        marking = Marking(scene.contacts, kind, JOINT_COLOURS, JOINT_TEXTS)
-    return _drawn(
-        scene, still(scene), viewer, scene_title(scene), marking, annotated(scene, refusal)
-    )
+    moving = still(scene)
+    notes = annotated(scene, refusal)
+    drawing = Drawing(scene_title(scene), marking=_joints(scene, refusal), notes=notes)
+    return drawn(scene, moving, camera_for(scene, moving, viewer), drawing)
 
 
-def _drawn(
-    scene: Scene,
-    moving: Motion,
-    viewer: tuple[float, float, float] | None,
-    heading: str,
-    marking: Marking | None,
-    notes: Annotations,
+def _joints(scene: Scene, refusal: InputError | None) -> Marking | None:
+    if refusal is not None:
+        return None
+    kind = joint_kinds(scene, scene.contacts)
+    return Marking(scene.contacts, kind, JOINT_COLOURS, JOINT_TEXTS)
+
+
+def camera_for(scene: Scene, moving: Motion, viewer: tuple[float, float, float] | None) -> Camera:
+    """The camera in direction ``viewer``, or the one that shows the movement."""
+    return default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)
+
+
+def drawn(
+    scene: Scene, moving: Motion, camera: Camera, drawing: Drawing, pixels: int = 1500
 ) -> SceneFigure:
-    camera = default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)
-    picture = paint(scene, moving, camera, marking=marking, culprits=notes.culprits)
+    """The figure: painted scene, axes, title, legend, colour bar, and what lies over them."""
+    notes = drawing.notes
+    picture = paint(
+        scene, moving, camera, pixels, drawing.marking, notes.culprits, drawing.colours,
+        drawing.decals,
+    )  # fmt: skip
+    return assembled(scene, moving, camera, drawing, picture)[0]
+
+
+def assembled(
+    scene: Scene, moving: Motion, camera: Camera, drawing: Drawing, picture: Picture
+) -> tuple[SceneFigure, AxesImage]:
+    """A figure around a painted scene, and the artist that holds the image."""
+    notes = drawing.notes
     result = SceneFigure(dpi=DPI, facecolor="white")
     axes = result.add_axes((0.0, 0.0, 1.0, 1.0))
     frame = np.stack([picture.frame.low[:2], picture.frame.high[:2]])
-    axes.imshow(
+    image = axes.imshow(
         picture.image,
         extent=(frame[0, 0], frame[1, 0], frame[0, 1], frame[1, 1]),
         interpolation="lanczos",
         interpolation_stage="rgba",
         zorder=2.0,
     )
-    seen = [frame, draw_axes(axes, scene, camera), _draw_notes(axes, camera, notes)]
-    said = _wrapped(notes.refusal)
+    seen = [frame, _draw_notes(axes, camera, notes)]
+    if drawing.has_axes:
+        seen.append(draw_axes(axes, scene, camera))
+    if drawing.overlay is not None:
+        seen.append(drawing.overlay(axes, camera))
+    said = _wrapped(f"refused: {notes.refusal}" if notes.refusal else drawing.caption)
     _arrange(result, axes, np.concatenate(seen), LINE * len(said))
-    _draw_title(result, heading, said)
-    if moving.moves:
-        _draw_colour_bar(result, axes)
-    _draw_legend(result, moving, marking, notes)
-    return result
+    _draw_title(result, drawing.heading, said, MARK_COLOUR if notes.refusal else INK)
+    if drawing.bar is not None:
+        _draw_colour_bar(result, axes, drawing.bar)
+    _draw_legend(result, moving, drawing)
+    return result, image
+
+
+def thumbnail(scene: Scene, solution: Solution, pixels: int = 420) -> bytes:
+    """A small PNG of the mechanism: no axes, no title."""
+    moving = motion(scene, solution)
+    picture = paint(scene, moving, default_camera(scene, moving), pixels)
+    return _plain_png(picture.image)
+
+
+def scene_thumbnail(scene: Scene, refusal: InputError | None, pixels: int = 420) -> bytes:
+    """A small PNG of a scene that is not solved."""
+    moving = still(scene)
+    culprits = annotated(scene, refusal).culprits
+    camera = default_camera(scene, moving)
+    return _plain_png(paint(scene, moving, camera, pixels, culprits=culprits).image)
+
+
+def _plain_png(image: FloatArray) -> bytes:
+    buffer = io.BytesIO()
+    imsave(buffer, np.clip(image, 0.0, 1.0), format="png")
+    return buffer.getvalue()
 
 
 def _draw_notes(axes: Axes, camera: Camera, notes: Annotations) -> FloatArray:
@@ -153,17 +238,8 @@ def _draw_notes(axes: Axes, camera: Camera, notes: Annotations) -> FloatArray:
     return np.concatenate(taken)
 
 
-def png(drawn: Figure) -> bytes:
-    """The PNG file of a figure; a character that the font lacks shows as a box."""
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        FigureCanvasAgg(drawn).print_figure(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()
-
-
-def _wrapped(refusal: str) -> list[str]:
-    return textwrap.wrap(printable(f"refused: {refusal}"), LETTERS) if refusal else []
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(printable(text), LETTERS)
 
 
 def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
@@ -181,43 +257,42 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
     axes.set_axis_off()
 
 
-def _draw_title(result: Figure, heading: str, refusal: list[str]) -> None:
+def _draw_title(result: Figure, heading: str, said: list[str], colour: str) -> None:
     result.text(
         0.5, 1.0 - 0.32 / result.get_figheight(), heading,
         ha="center", va="center", fontsize=11, parse_math=False, wrap=True,
     )  # fmt: skip
     result.text(
-        0.5, 1.0 - 0.48 / result.get_figheight(), "\n".join(refusal),
-        ha="center", va="top", fontsize=8.5, color=MARK_COLOUR, parse_math=False,
+        0.5, 1.0 - 0.48 / result.get_figheight(), "\n".join(said),
+        ha="center", va="top", fontsize=8.5, color=colour, parse_math=False,
     )  # fmt: skip
 
 
-def _draw_colour_bar(result: Figure, axes: Axes) -> None:
-    colours = LinearSegmentedColormap.from_list("speed", SPEED_STOPS)
+def _draw_colour_bar(result: Figure, axes: Axes, bar_of: Bar) -> None:
+    colours = LinearSegmentedColormap.from_list("bar", list(bar_of.stops))
     box = axes.get_position()
     width = result.get_figwidth()
     bar = result.add_axes(
         (box.x1 + 0.25 / width, box.y0 + 0.28 * box.height, 0.16 / width, 0.68 * box.height)
     )
-    drawn = result.colorbar(ScalarMappable(Normalize(0.0, 1.0), colours), cax=bar)
-    drawn.set_label(SPEED_TEXT, fontsize=8)
+    drawn = result.colorbar(ScalarMappable(Normalize(*bar_of.ends), colours), cax=bar)
+    drawn.set_label(bar_of.label, fontsize=8)
     drawn.ax.tick_params(labelsize=8)
 
 
-def _draw_legend(
-    result: Figure, moving: Motion, marking: Marking | None, notes: Annotations
-) -> None:
+def _draw_legend(result: Figure, moving: Motion, drawing: Drawing) -> None:
     handles: list[Artist] = []
-    if marking is not None:
+    marking, notes = drawing.marking, drawing.notes
+    if marking is not None and drawing.has_key:
         for kind, colour in marking.colours.items():
             count = int((marking.kind == kind).sum())
             if count or moving.moves:
                 handles.append(Patch(color=colour, label=f"{marking.texts[kind]} ({count})"))
+    handles += drawing.handles
     if moving.moves:
         handles.append(Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed"))
     else:
-        label = "block (no mechanism)" if moving.is_solved else "block"
-        handles.append(Patch(color=STONE_COLOUR, label=label))
+        handles.append(Patch(color=STONE_COLOUR, label=drawing.blocks))
     handles.append(Patch(color=SUPPORT_COLOUR, label="support"))
     if notes.culprits:
         handles.append(Patch(color=CULPRIT_COLOUR, label="refused"))

@@ -58,6 +58,19 @@ CULPRIT_COLOUR = "#ee6c5b"
 SPEED_TEXT = "largest corner speed of the block / largest of all"
 
 
+USE_STOPS = ("#f7e8c8", "#f0b56b", "#d9743f", "#9e3251", "#4a1a5c")
+"""Share of strength in use, from none to all: light to dark, so that it also reads in grey and to
+colour-blind eyes."""
+
+
+def used_colour(share: float) -> str:
+    """Colour ``"#rrggbb"`` of a share of strength in 0..1."""
+    stops = np.array([rgb(c) for c in USE_STOPS])
+    at = np.linspace(0.0, 1.0, len(stops))
+    mixed = [np.interp(min(max(share, 0.0), 1.0), at, stops[:, i]) for i in range(3)]
+    return "#" + "".join(f"{round(255 * float(c)):02x}" for c in mixed)
+
+
 def rgb(colour: str) -> FloatArray:
     """Red, green, blue in 0..1 of ``"#rrggbb"``."""
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
@@ -106,9 +119,15 @@ def title(solution: Solution) -> str:
         return f"{what}: {solution.status}"
     doubt = "" if solution.status.is_good else f" ({solution.status})"
     digits = _decimals(solution.load_factor)
-    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
-    inside = f" in {', '.join(ends)}" if solution.bracket.has_any else ""
+    inside = f" in {outward_bracket(solution)}" if solution.bracket.has_any else ""
     return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
+
+
+def outward_bracket(solution: Solution) -> str:
+    """The bracket with its ends rounded outwards to the load factor's five digits."""
+    digits = _decimals(solution.load_factor or solution.upper)
+    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
+    return ", ".join(ends)
 
 
 def scene_title(scene: Scene) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.plotting.annotations import Marking
+from cvxlimit.plotting.annotations import Decal, Marking
 from cvxlimit.plotting.camera import Camera
 from cvxlimit.plotting.look import block_colours, rgb
 from cvxlimit.plotting.mesh import Mesh, drawn_mesh
@@ -77,18 +78,23 @@ def paint(
     pixels: int = 1500,
     marking: Marking | None = None,
     culprits: frozenset[str] = frozenset(),
+    colours: FloatArray | None = None,
+    decals: Sequence[Decal] = (),
+    frame: Frame | None = None,
 ) -> Picture:
     """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels.
 
     ``marking`` says which contacts are outlined; None outlines nothing. Blocks that are
-    ``culprits`` are red.
+    ``culprits`` are red. ``colours`` (n_blocks, 3) replace those of the blocks, ``frame`` that
+    which holds what is painted.
     """
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
     shift = motion.scale * velocity_of(scene, motion.rates, mesh.points, mesh.point_block)
     moved = camera.project(mesh.points + shift)
     marks = None if marking is None else _marks(scene, motion, camera, marking)
-    frame = _frame(np.concatenate([still, moved]), pixels)
+    if frame is None:
+        frame = frame_of(np.concatenate([still, moved]) if motion.moves else moved, pixels)
     image = np.zeros((frame.height * OVERSAMPLING, frame.width * OVERSAMPLING, 4))
     if motion.moves:
         ghost = _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
@@ -96,13 +102,21 @@ def paint(
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.3, 0.33, 0.4]), 0.45)
     points = frame.pixels(moved, OVERSAMPLING)
     canvas = _draw_blocks(mesh, points, frame)
-    colours = block_colours(scene, motion, culprits)[mesh.face_block]
-    colours = colours * _shades(mesh, points)[:, None]
+    own = block_colours(scene, motion, culprits) if colours is None else colours
+    inks = [own[mesh.face_block] * _shades(mesh, points)[:, None]]
+    lift = MARK_LIFT * free_size(scene)
     if marks is not None and marking is not None:
-        _draw_marks(canvas, marks, frame, len(mesh.face_block), MARK_LIFT * free_size(scene))
-        kinds = np.array([rgb(marking.colours[k]) for k in marks.kind.tolist()]).reshape(-1, 3)
-        colours = np.concatenate([colours, kinds])
-    _ink(image, canvas, colours, mesh)
+        _draw_marks(canvas, marks, frame, len(mesh.face_block), lift)
+        kinds = [rgb(marking.colours[k]) for k in marks.kind.tolist()]
+        inks.append(np.array(kinds).reshape(-1, 3))
+    first = sum(len(ink) for ink in inks)
+    for number, decal in enumerate(decals, first):
+        carried = np.full(len(decal.points), decal.block)
+        at = decal.points + motion.scale * velocity_of(scene, motion.rates, decal.points, carried)
+        raised = camera.project(at) + np.array([0.0, 0.0, decal.lift * lift])
+        canvas.draw(frame.pixels(raised, OVERSAMPLING), number)
+    inks.append(np.array([rgb(decal.colour) for decal in decals]).reshape(-1, 3))
+    _ink(image, canvas, np.concatenate(inks), mesh)
     if motion.moves:
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.15, 0.15, 0.2]), 0.14)
     return Picture(_reduced(image), frame)
@@ -110,10 +124,12 @@ def paint(
 
 @dataclass(frozen=True, eq=False)
 class _Marks:
-    """Edges of the contacts that move: ends (n, 2 sides, 2 ends, 3) projected, and kind (n,)."""
+    """Edges of the contacts that move: ends (n, 2 sides, 2 ends, 3) projected, kind (n,), and
+    width (n,) as a share of :data:`MARK_WIDTH`."""
 
     ends: FloatArray
     kind: NDArray[np.int64]
+    width: FloatArray
 
 
 def _marks(scene: Scene, motion: Motion, camera: Camera, marking: Marking) -> _Marks:
@@ -131,10 +147,12 @@ def _marks(scene: Scene, motion: Motion, camera: Camera, marking: Marking) -> _M
     ends = np.stack([np.stack([s, s[following]], axis=1) for s in sides], axis=1)
     kind = marking.kind[c.corner_contact]
     marked = np.isin(kind, list(marking.colours))
-    return _Marks(ends[marked], kind[marked])
+    width = np.ones(len(c)) if marking.width is None else marking.width
+    return _Marks(ends[marked], kind[marked], width[c.corner_contact][marked])
 
 
-def _frame(projected: FloatArray, pixels: int) -> Frame:
+def frame_of(projected: FloatArray, pixels: int) -> Frame:
+    """The frame around projected points (n, 3); its longer side has ``pixels`` pixels."""
     low, high = projected.min(axis=0), projected.max(axis=0)
     pad = 0.01 * (high - low)[:2].max()
     low, high = low - pad, high + pad
@@ -176,13 +194,13 @@ def _draw_marks(canvas: Canvas, marks: _Marks, frame: Frame, first: int, lift: f
     """Fill the gap between the two sides of every contact edge, and line both sides."""
     points = frame.pixels(marks.ends.reshape(-1, 3), OVERSAMPLING).reshape(-1, 2, 2, 3)
     raised = lift * OVERSAMPLING * frame.width / (frame.high[0] - frame.low[0])
-    half = 0.5 * MARK_WIDTH * OVERSAMPLING
+    half = 0.5 * MARK_WIDTH * OVERSAMPLING * marks.width
     sunk = np.array([0.0, 0.0, raised])
     for number, (a, b) in enumerate(points, start=first):
         canvas.draw(np.array([a[0], a[1], b[1]]) - sunk, number)
         canvas.draw(np.array([a[0], b[1], b[0]]) - sunk, number)
         for line in (a, b):
-            canvas.draw(_ribbon(line, half, raised), number)
+            canvas.draw(_ribbon(line, float(half[number - first]), raised), number)
 
 
 def _ribbon(line: FloatArray, half: float, raised: float) -> FloatArray:

@@ -4,6 +4,7 @@ from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, parse_cone
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 from cvxlimit.surfaces.torsion_shear import Parabola, ParabolicTorsionShear
+from cvxlimit.surfaces.utilisation import utilisation
 
 __all__ = [
     "Condition",
@@ -19,4 +20,5 @@ __all__ = [
     "TorsionShear",
     "YieldSurface",
     "parse_cone",
+    "utilisation",
 ]

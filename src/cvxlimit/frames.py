@@ -1,0 +1,177 @@
+"""Solutions as pandas tables: contacts, blocks and history, each column with its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import InputError
+from cvxlimit.extras import needed
+from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
+from cvxlimit.plotting.strength import pressure_centres, utilisations
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Iterate, Solution
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+FloatArray = NDArray[np.float64]
+Columns = dict[str, tuple[Any, str, str]]
+"""Values, unit and description by column."""
+
+STATES = {
+    ContactKind.CLOSED: "closed",
+    ContactKind.OPENS: "opens",
+    ContactKind.SLIDES: "slides",
+    ContactKind.TWISTS: "twists",
+}
+"""What a contact does in the mechanism."""
+
+
+def table_of(solution: Solution, what: str) -> DataFrame:
+    """See :meth:`cvxlimit.solution.Solution.to_dataframe`."""
+    if what not in _TABLES:
+        raise InputError(f"there is no table {what!r}: choose one of {', '.join(_TABLES)}")
+    pandas = needed("pandas", "frames", "tables")
+    if what == "history":
+        return _history(solution, pandas)
+    scene = solution.drawn_scene
+    index, columns = _TABLES[what](solution, scene)
+    table = pandas.DataFrame(
+        {name: values for name, (values, _, _) in columns.items()},
+        index=pandas.Index(index, name=what.removesuffix("s")),
+    )
+    table.attrs = {
+        **_facts(solution),
+        "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
+        "description": {name: text for name, (_, _, text) in columns.items()},
+    }
+    return table
+
+
+def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
+    contacts, length, force = scene.contacts, scene.units.length, scene.units.force
+    ids = np.array([block.id for block in scene.blocks], dtype=object)
+    columns: Columns = {
+        "a": (ids[contacts.a], "", "block out of which the normal points"),
+        "b": (ids[contacts.b], "", "block into which it points, and on which the forces act"),
+        "friction": (contacts.friction, "", "Coulomb coefficient"),
+        "area": (contacts.area, f"{length}\u00b2", "of the contact"),
+    }
+    found = contact_forces(scene, solution)
+    forces = np.full((len(contacts), 6), np.nan) if found is None else found
+    for name, values in zip(COMPONENTS, forces.T, strict=True):
+        is_moment = name.startswith("M")
+        columns[name] = (
+            values,
+            f"{force}\u00b7{length}" if is_moment else force,
+            f"{_COMPONENTS[name]}, on block b",
+        )
+    columns["shear"] = (np.hypot(forces[:, 0], forces[:, 1]), force, "size of (V1, V2)")
+    centre, place = pressure_centres(contacts, forces)
+    columns |= {
+        f"e{i + 1}": (centre[:, i], length, f"pressure centre from the contact's, along t{i + 1}")
+        for i in range(2)
+    }
+    columns |= {
+        f"p{axis}": (place[:, i], length, f"{axis} of the pressure centre")
+        for i, axis in enumerate("xyz")
+    }
+    for name, used in utilisations(solution, scene).items():
+        columns[name] = (used, "", _USED.get(name, "share of the strength of that surface in use"))
+    return list(contacts.names), columns | _rates(solution, scene)
+
+
+_COMPONENTS = {
+    "V1": "shear along t1",
+    "V2": "shear along t2",
+    "N": "normal force, compression positive",
+    "M1": "moment about t1",
+    "M2": "moment about t2",
+    "MT": "torsion about the normal",
+}
+
+_USED = {
+    "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
+    "1 is at the limit",
+    "utilisation_rocking": "pressure centre's distance from the centre over the edge's",
+    "utilisation_sliding": "shear over friction",
+    "utilisation_torsion": "torsion over the torsional strength without shear",
+    "utilisation_torsion_shear": "torsion and shear together, on the paper's line (Eq. 24)",
+}
+
+
+def _rates(solution: Solution, scene: Scene) -> Columns:
+    length = scene.units.length
+    rate, turn = f"{length}\u00b7rate", "rad\u00b7rate"
+    moving = motion(scene, solution)
+    what, nothing = moving.contacts, np.full(len(scene.contacts), np.nan)
+    opening = -scene.contacts.corner_minimum(-what.opening)
+    columns: Columns = {
+        "opening": (opening, rate, "largest opening rate over the corners, live power 1"),
+        "slip": (what.slip, rate, "largest sliding rate over the corners, live power 1"),
+        "twist": (what.twist, turn, "relative rotation rate about the normal, live power 1"),
+    }
+    if not moving.moves:
+        columns = {name: (nothing, unit, text) for name, (_, unit, text) in columns.items()}
+    states = [STATES[ContactKind(k)] if moving.moves else "" for k in what.kind.tolist()]
+    return columns | {"state": (states, "", "closed, opens, slides or twists in the mechanism")}
+
+
+def _blocks(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
+    length, force = scene.units.length, scene.units.force
+    moving = motion(scene, solution)
+    fixed = set(scene.supports)
+    rates = moving.rates if moving.moves else np.full((len(scene.blocks), 6), np.nan)
+    columns: Columns = {
+        "weight": (
+            np.array([np.nan if b.density is None else b.weight for b in scene.blocks]),
+            force,
+            "density times volume",
+        ),
+        "volume": (np.array([b.volume for b in scene.blocks]), f"{length}\u00b3", "of the block"),
+    }
+    centroids = np.array([b.centroid for b in scene.blocks])
+    columns |= {x: (centroids[:, i], length, f"{x} of the centroid") for i, x in enumerate("xyz")}
+    for i, x in enumerate("xyz"):
+        columns[f"u{x}"] = (rates[:, i], f"{length}\u00b7rate", f"velocity along {x}, live power 1")
+    for i, x in enumerate("xyz"):
+        columns[f"r{x}"] = (rates[:, 3 + i], "rad\u00b7rate", f"rotation about {x}, live power 1")
+    speed = moving.speed if moving.moves else rates[:, 0]
+    columns["speed"] = (speed, "", "largest corner speed over the largest of all")
+    support = np.array([b.id in fixed for b in scene.blocks])
+    columns["is_support"] = (support, "", "fixed block")
+    return [b.id for b in scene.blocks], columns
+
+
+def _history(solution: Solution, pandas: Any) -> DataFrame:
+    table = pandas.DataFrame(
+        [asdict(iterate) for iterate in solution.history],
+        columns=[each.name for each in fields(Iterate)],
+    )
+    table.index.name = "solve"
+    table.attrs = {**_facts(solution), "units": {"seconds": "s"}}
+    return table
+
+
+def _facts(solution: Solution) -> dict[str, Any]:
+    return {
+        "scene": solution.scene,
+        "surface": solution.surface,
+        "load_factor": solution.load_factor,
+        "lower": solution.lower,
+        "upper": solution.upper,
+        "status": str(solution.status),
+    }
+
+
+_TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {
+    "contacts": _contacts,
+    "blocks": _blocks,
+    "history": lambda solution, scene: ([], {}),
+}

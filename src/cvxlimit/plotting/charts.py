@@ -1,0 +1,80 @@
+"""Charts of studies."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cvxlimit.plotting.drawing import SceneFigure
+
+FloatArray = NDArray[np.float64]
+
+_CURVE, _MARK = "#134b73", "#c2571a"
+
+
+class Curve(Protocol):
+    """What is drawn of a fragility curve."""
+
+    @property
+    def demand(self) -> FloatArray:
+        """Load factors (k,)."""
+
+    @property
+    def probability(self) -> FloatArray:
+        """Of collapse, (k,)."""
+
+    @property
+    def lower(self) -> FloatArray:
+        """Lower end of the band, (k,)."""
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper end of the band, (k,)."""
+
+    @property
+    def draws(self) -> int:
+        """How many."""
+
+    @property
+    def confidence(self) -> float:
+        """Of the band."""
+
+    @property
+    def name(self) -> str:
+        """Of the structure."""
+
+
+def draw_fragility(curve: Curve, ax: Axes | None = None, reference: float | None = None) -> Figure:
+    """Probability of collapse against load factor, with its band; into ``ax`` or a new figure.
+
+    ``reference`` is a load factor to mark.
+    """
+    if ax is None:
+        figure: Figure = SceneFigure(figsize=(6.4, 4.2), layout="constrained", facecolor="white")
+        axes = figure.add_subplot()
+    else:
+        axes = ax
+        figure = ax.get_figure(root=True)  # type: ignore[assignment]
+    band = f"{100 * curve.confidence:g} % confidence"
+    axes.fill_between(
+        curve.demand, curve.lower, curve.upper, color=_CURVE, alpha=0.18, lw=0, label=band
+    )
+    axes.plot(
+        curve.demand, curve.probability, color=_CURVE, lw=1.8, label=f"{curve.draws} random draws"
+    )
+    if reference is not None:
+        axes.axvline(reference, color=_MARK, lw=1.4, ls="--", label=f"reference {reference:g}")
+    axes.set(
+        xlabel="load factor demanded",
+        ylabel="probability of collapse",
+        ylim=(0.0, 1.0),
+        xlim=(curve.demand[0], curve.demand[-1]),
+        title=f"{curve.name}: fragility" if curve.name else "fragility",
+    )
+    axes.grid(alpha=0.3, lw=0.5)
+    axes.legend(frameon=False, fontsize=9)
+    return figure

@@ -1,0 +1,105 @@
+"""What notebooks show of scenes and solutions: a small picture and the figures that matter."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from html import escape
+
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.plotting.annotations import refused
+from cvxlimit.plotting.look import outward_bracket, printable
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+
+_MOST_BLOCKS = 3000
+"""Blocks beyond which no picture is drawn unasked: it would take more than two seconds."""
+
+Rows = Iterator[tuple[str, str]]
+
+
+def scene_html(scene: Scene) -> str:
+    """Name, counts, loads and what is wrong with a scene, beside a picture of it."""
+    refusal = refused(scene)
+    return _card(printable(scene.name), _scene_rows(scene, refusal), _scene_image(scene, refusal))
+
+
+def solution_html(solution: Solution) -> str:
+    """Load factor, bracket and status of a solution, beside its mechanism."""
+    return _card(printable(solution.scene), _solution_rows(solution), _solution_image(solution))
+
+
+def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
+    yield "free blocks", f"{len(scene.free)}, weight {scene.total_weight:.5g} {scene.units.force}"
+    yield "supports", ", ".join(scene.supports[:4]) + (" \u2026" if len(scene.supports) > 4 else "")
+    if refusal is not None:
+        yield "refused", str(refusal)
+        return
+    yield "contacts", f"{len(scene.contacts)}, friction {scene.friction:g}"
+    if scene.live.acceleration is not None:
+        push = ", ".join(f"{a:g}" for a in scene.live.acceleration)
+        yield "live load", f"weight times ({push})"
+    if scene.near_miss_note:
+        yield "look at", scene.near_miss_note
+
+
+def _solution_rows(solution: Solution) -> Rows:
+    factor = "none" if solution.load_factor is None else f"<b>{solution.load_factor:.6g}</b>"
+    yield "load factor", factor
+    if solution.bracket.has_any:
+        yield "bracket", outward_bracket(solution)
+    yield "status", str(solution.status)
+    surface = solution.surface
+    if solution.interaction != "none":
+        surface += f", {solution.interaction} interaction, {solution.moments} moments"
+    yield "surface", surface
+    yield "size", f"{solution.blocks} blocks, {solution.contacts} contacts"
+    if "total" in solution.seconds:
+        yield "time", f"{solution.seconds['total']:.2f} s"
+    if not solution.status.is_good:
+        yield "note", solution.note or solution.status.advice
+
+
+def _card(title: str, rows: Rows, image: bytes | None) -> str:
+    """A table, and the picture on its left; texts from the scene are data, never markup."""
+    cells = "".join(
+        f'<tr><td style="text-align:left;opacity:.7">{escape(name)}</td>'
+        f'<td style="text-align:left">{_text(value)}</td></tr>'
+        for name, value in rows
+    )
+    picture = ""
+    if image is not None:
+        data = base64.b64encode(image).decode("ascii")
+        picture = (
+            f'<img alt="{escape(title)}" style="max-width:340px;max-height:280px;background:#fff"'
+            f' src="data:image/png;base64,{data}">'
+        )
+    return (
+        '<div style="display:flex;gap:18px;align-items:center">'
+        f"{picture}<div><b>{escape(title)}</b><table>{cells}</table></div></div>"
+    )
+
+
+def _text(value: str) -> str:
+    bold = value.startswith("<b>") and value.endswith("</b>")
+    return f"<b>{escape(value[3:-4])}</b>" if bold else escape(printable(value))
+
+
+def _scene_image(scene: Scene, refusal: InputError | None) -> bytes | None:
+    try:
+        from cvxlimit.plotting.drawing import scene_thumbnail
+    except ImportError:
+        return None
+    return None if len(scene.blocks) > _MOST_BLOCKS else scene_thumbnail(scene, refusal)
+
+
+def _solution_image(solution: Solution) -> bytes | None:
+    scene = solution.solved_scene
+    if scene is None or len(scene.blocks) > _MOST_BLOCKS:
+        return None
+    try:
+        from cvxlimit.plotting.drawing import thumbnail
+
+        return thumbnail(scene, solution)
+    except (ImportError, InputError, ModelError):  # a picture is not worth losing the figures
+        return None

@@ -1,0 +1,219 @@
+"""Sweeps: all variations of a structure in one call, here, over processes, or on a cluster."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import TYPE_CHECKING, Any
+
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.extras import needed
+from cvxlimit.io.scenes import scene_to_dict
+from cvxlimit.progressbar import progress_bar
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.studies.rows import OPTIONS, RESULTS, Row, Structures, Study, packed, work
+from cvxlimit.studies.store import KEY, Store, key_of
+from cvxlimit.studies.variations import Grid, variations_of
+from cvxlimit.versions import __version__
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Keyed = tuple[str, Row]
+
+_TASKS = 100
+"""Tasks into which a sweep is cut at least: variations of small scenes go together, so that what a
+task costs by itself (1 ms in a process pool, some 5 ms on a cluster) does not count."""
+
+_LARGEST_TASK = 20
+_IN_FLIGHT = 256
+"""Tasks that are under way or waiting for a worker: enough for a large cluster, and few enough for
+the memory of whoever hands them out."""
+
+
+def sweep(
+    scenes: Callable[..., Scene] | Scene,
+    grid: Grid,
+    *,
+    executor: Any = None,
+    path: str | os.PathLike[str] | None = None,
+    measure: Callable[[Solution], Mapping[str, Any]] | None = None,
+    progress: bool = True,
+    **options: Any,
+) -> DataFrame:
+    """Solve all variations of a structure, and return a table with one row for each.
+
+    Scenes of the same geometry share their contacts, equilibrium and its factorisation. Every row
+    has a bracket of its own, recomputed outside the solver; a variation that cannot be built or
+    solved is a row that says why.
+
+    Parameters
+    ----------
+    scenes : callable or Scene
+        A function from parameters to a scene; or a scene, which is then varied by the parameters
+        of :func:`~cvxlimit.studies.varied`: friction, density, size, tilt, direction ...
+    grid : mapping, sequence of mappings, or DataFrame
+        Values by parameter, of which all combinations are solved; or one variation per row, as
+        :func:`~cvxlimit.studies.draws` makes them at random. Options of :func:`cvxlimit.solve`
+        may be among them: ``"surface": ["conic", "octagon"]``.
+    executor : concurrent.futures.Executor, dask.distributed.Client, or None
+        Who solves: this process (None), other processes (``ProcessPoolExecutor()``), or a cluster.
+        What the dead worker of a cluster had to do is done by another.
+    path : path or None
+        A folder in which rows are stored as Parquet files as they come. The same call again takes
+        up where the last one ended: what is stored is not solved again.
+    measure : callable or None
+        From a solution to further columns: ``lambda s: {"moving": len(s.mechanism)}``.
+    progress : bool
+        Show a bar on stderr.
+    options
+        Of :func:`cvxlimit.solve`, for all variations.
+
+    Returns
+    -------
+    DataFrame
+        In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``;
+        ``status``, ``note``, ``solver``; ``error``, empty where all went well; ``seconds``. After
+        Ctrl-C those rows that were done, and ``table.attrs["is_interrupted"]``.
+
+    Raises
+    ------
+    InputError
+        For parameters that the factory does not have, and a folder that holds another sweep.
+    ModelError
+        For options that :func:`cvxlimit.solve` does not have, if pandas is not installed, or if
+        a process dies (which a cluster survives).
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> table = sweep(builtin_scene("stack"), {"tilt": [0, 5, 10]}, progress=False)
+    >>> table["load_factor"].round(3).tolist()
+    [0.4, 0.311, 0.22]
+    """
+    _check(scenes, options, measure)
+    pandas = needed("pandas", "frames", "sweeps")
+    study, table = Study(scenes, options, measure), variations_of(grid)
+    clash = sorted(set(table.columns) & {*RESULTS, KEY})
+    if clash:
+        raise InputError(f"a parameter must not be called {clash[0]!r}: a result is called so")
+    records: list[Row] = table.to_dict("records")
+    study.check(records[0])
+    store = None if path is None else Store(path, _about(study))
+    names = [str(i) if store is None else key_of(row) for i, row in enumerate(records)]
+    done: dict[str, Row] = {}
+    if store is not None:
+        done = {row[KEY]: row for row in store.rows().to_dict("records") if row[KEY] in set(names)}
+    todo = {name: row for name, row in zip(names, records, strict=True) if name not in done}
+    is_interrupted = False
+    with progress_bar("sweep", len(set(names)), progress, len(done)) as advance:
+        try:
+            for name, row in _solved(study, todo, executor):
+                done[name] = row
+                if store is not None:
+                    store.add([{KEY: name, **todo[name], **row}])
+                advance(row["error"] or f"{row['load_factor']:.6g}")
+        except KeyboardInterrupt:
+            is_interrupted = True
+        finally:
+            if store is not None:
+                store.flush()
+    kept = [i for i, name in enumerate(names) if name in done]
+    found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
+    result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
+    result.attrs = {**_about(study), "version": __version__, "is_interrupted": is_interrupted}
+    return result
+
+
+def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
+    """Results in their order, and whatever was measured besides."""
+    others = [name for row in done.values() for name in row]
+    measured = dict.fromkeys(o for o in others if o not in {*RESULTS, *table.columns, KEY})
+    return [*RESULTS, *measured]
+
+
+def _check(scenes: Any, options: Mapping[str, Any], measure: Any) -> None:
+    if not (isinstance(scenes, Scene) or callable(scenes)):
+        raise InputError(
+            f"scenes must be a Scene or a function that returns one, got {scenes!r:.60}"
+        )
+    for name in options:
+        if name not in OPTIONS:
+            raise ModelError(
+                f"solve has no option {name!r}: it has {', '.join(OPTIONS)}; parameters of the "
+                "scene go into the grid"
+            )
+    if measure is not None and not callable(measure):
+        raise ModelError(f"measure must be a function of a solution, got {measure!r:.60}")
+
+
+def _about(study: Study) -> dict[str, str]:
+    """What a sweep is of: rows of one with another scene or other options must not be mixed."""
+    given = study.scenes
+    if isinstance(given, Scene):
+        text = json.dumps(scene_to_dict(given), sort_keys=True)
+        scene = f"{given.name} {hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}"
+    else:
+        name = getattr(given, "__qualname__", type(given).__qualname__)
+        scene = f"{getattr(given, '__module__', '')}.{name}"
+    options = ", ".join(f"{name}={value!r}" for name, value in sorted(study.options.items()))
+    return {"scene": scene, "options": re.sub(r" at 0x[0-9a-f]+", "", options)}
+
+
+def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
+    """Rows by name as they come."""
+    if not todo:
+        return
+    if executor is None:
+        known = Structures()
+        for name, variation in todo.items():
+            yield name, study.row(variation, known)
+        return
+    blob = packed(study)
+    token = hashlib.blake2b(blob, digest_size=12).hexdigest()
+    waiting = iter(_tasks(list(todo)))
+    pool, running = _pool(executor), dict[Future[list[Row]], Sequence[str]]()
+    try:
+        while True:
+            for names in waiting:
+                task = pool.submit(work, token, blob, [todo[name] for name in names])
+                running[task] = names
+                if len(running) >= _IN_FLIGHT:
+                    break
+            if not running:
+                return
+            done = wait(running, return_when=FIRST_COMPLETED).done
+            for task in sorted(done, key=lambda task: task.exception() is not None):
+                yield from zip(running.pop(task), task.result(), strict=True)
+    except BrokenProcessPool as error:
+        raise ModelError(
+            "a process of the pool died (out of memory?): rows stored in a path are kept, and the "
+            "same call with a new executor goes on from there"
+        ) from error
+    finally:
+        for task in running:
+            task.cancel()
+
+
+def _tasks(names: Sequence[str]) -> list[Sequence[str]]:
+    size = min(max(1, len(names) // _TASKS), _LARGEST_TASK)
+    return [names[i : i + size] for i in range(0, len(names), size)]
+
+
+def _pool(executor: Any) -> Executor:
+    """Dask's client hands out an executor as :mod:`concurrent.futures` has them."""
+    if isinstance(executor, Executor):
+        return executor
+    if hasattr(executor, "get_executor"):
+        pool: Executor = executor.get_executor(pure=False)
+        return pool
+    raise InputError(
+        "executor must be a concurrent.futures executor or a Dask client, got "
+        f"{executor!r:.60}: write ProcessPoolExecutor(), or Client(cluster)"
+    )

@@ -1,0 +1,226 @@
+"""Pictures of results: what they show is where mechanics puts it, and nothing is shown unasked."""
+
+from __future__ import annotations
+
+import io
+from functools import partial
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cvxlimit import Solution, builtin_scene, plotting, solve
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.plotting import results
+from cvxlimit.plotting.drawing import Drawing, SceneFigure
+from cvxlimit.plotting.look import used_colour
+from cvxlimit.plotting.mesh import drawn_mesh
+from cvxlimit.plotting.movement import ContactKind, motion
+
+KINDS = ("mechanism", "forces", "thrust", "utilisation", "cracks", "exploded")
+
+
+@pytest.fixture(scope="module")
+def arch() -> Solution:
+    return solve(builtin_scene("arch"))
+
+
+@pytest.fixture(scope="module")
+def tuff() -> Solution:
+    return solve(builtin_scene("tuff-wall"))
+
+
+@pytest.fixture
+def drawings(monkeypatch) -> list[Drawing]:
+    """What would be drawn, without the painting."""
+    seen: list[Drawing] = []
+    monkeypatch.setattr(results, "drawn", lambda *given: seen.append(given[3]) or given)
+    return seen
+
+
+class TestThrust:
+    def test_it_runs_inside_the_arch(self, arch: Solution) -> None:
+        """Without tension no pressure centre leaves the ring: 0.15 thick about radius 1."""
+        ends, _ = results.thrust_lines(arch.drawn_scene, arch.forces)
+        radius = np.linalg.norm(ends[..., [0, 2]], axis=2)
+        assert len(ends) == len(arch.drawn_scene.free)  # one line in every voussoir
+        assert radius.min() >= 1 - 0.075 - 1e-6
+        assert radius.max() <= (1 + 0.075) / np.cos(np.pi / 40) + 1e-6
+
+    def test_it_touches_the_edges_at_four_hinges(self, arch: Solution) -> None:
+        table = arch.to_dataframe()
+        opening = table[table["state"] == "opens"]
+        assert len(opening) == 4
+        assert opening["utilisation_rocking"].to_list() == pytest.approx([1.0] * 4, abs=1e-4)
+        closed = table[table["state"] == "closed"]["utilisation_rocking"]
+        assert closed.max() < 1.0 - 1e-4
+
+    def test_the_thrust_of_a_line_is_the_joints(self, arch: Solution) -> None:
+        _, size = results.thrust_lines(arch.drawn_scene, arch.forces)
+        normal = arch.to_dataframe()["N"]
+        assert normal.min() <= size.min() <= size.max() <= normal.max()
+
+
+class TestMechanism:
+    def test_lines_are_as_wide_as_joints_move(self, tuff: Solution, drawings) -> None:
+        """114 joints of the tuff wall slide: those that hardly do must not hide the others."""
+        results.mechanism(tuff)
+        marking = drawings[0].marking
+        table = tuff.to_dataframe()
+        slides = (table["state"] == "slides").to_numpy()
+        assert slides.sum() > 100
+        width, slip = marking.width[slides], table["slip"].to_numpy()[slides]
+        order = np.argsort(slip)
+        assert (np.diff(width[order]) >= 0).all()
+        assert width.max() == pytest.approx(1.0)
+        assert np.median(width) < 0.35
+
+    def test_the_displacement_that_is_drawn_is_stated(self, tuff: Solution, drawings) -> None:
+        for times in (1.0, 2.0):
+            results.mechanism(tuff, magnification=times)
+            moving = motion(tuff.drawn_scene, tuff)
+            stated = f"largest displacement drawn {times * moving.scale * moving.largest:.3g} m"
+            assert stated in drawings[-1].caption
+
+    def test_cracks_are_drawn_on_what_has_not_moved(self, arch: Solution, monkeypatch) -> None:
+        shown = []
+        monkeypatch.setattr(results, "drawn", lambda *given: shown.append(given))
+        results.cracks(arch)
+        _, moving, _, drawing = shown[0]
+        assert moving.scale == 0.0
+        assert (drawing.marking.kind == ContactKind.OPENS).sum() == 4
+
+    @pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), "2"])
+    def test_a_magnification_is_a_number_above_zero(self, tuff: Solution, wrong) -> None:
+        with pytest.raises(InputError, match="magnification"):
+            results.mechanism(tuff, magnification=wrong)
+
+
+class TestUtilisation:
+    def test_colours_go_from_light_to_dark(self) -> None:
+        shares = np.linspace(0, 1, 20)
+        codes = [used_colour(float(s)) for s in shares]
+        grey = [sum(int(c[i : i + 2], 16) for i in (1, 3, 5)) for c in codes]
+        assert (np.diff(grey) < 0).all()
+
+    def test_joints_have_the_colour_of_their_share(self, tuff: Solution, drawings) -> None:
+        results.utilisation(tuff, surface="torsion")
+        marking = drawings[0].marking
+        used = tuff.to_dataframe()["utilisation_torsion"].to_numpy()
+        for code, share in zip(marking.kind.tolist(), used.tolist(), strict=True):
+            if code == 0:
+                assert np.isnan(share)
+            else:
+                assert abs((code - 0.5) / len(marking.colours) - min(share, 1.0)) < 0.02
+
+    def test_an_unknown_surface_is_refused(self, tuff: Solution) -> None:
+        with pytest.raises(InputError, match="choose one of rocking, sliding, torsion"):
+            results.utilisation(tuff, surface="friction")
+
+
+def test_an_exploded_view_moves_blocks_apart(tuff: Solution, monkeypatch) -> None:
+    """All distances between the drawn parts of blocks grow by the same share."""
+    shown = []
+    monkeypatch.setattr(results, "drawn", lambda *given: shown.append(given))
+    results.exploded(tuff, gap=0.5)
+    scene, moving, _, _ = shown[0]
+    mesh = drawn_mesh(scene)
+    middle = [mesh.points[mesh.point_block == i] for i in range(len(scene.blocks))]
+    centre = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for p in middle])
+    moved = centre + moving.scale * moving.rates[:, :3]
+    assert np.allclose(moved[5:] - moved[4], 1.5 * (centre[5:] - centre[4]))
+    assert not moving.rates[:, 3:].any()
+
+
+def test_every_picture_is_a_figure(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(results, "drawn", partial(results.drawn, pixels=200))  # for speed
+    solution = solve(builtin_scene("single-block"))
+    for kind in KINDS:
+        assert isinstance(solution.plot(kind), SceneFigure)
+    for suffix, start in ((".svg", b"<?xml"), (".pdf", b"%PDF"), (".png", b"\x89PNG")):
+        path = solution.plot("thrust", tmp_path / f"block{suffix}")
+        assert path.read_bytes().startswith(start)
+
+
+def test_a_scene_can_be_exploded_before_it_is_solved() -> None:
+    assert isinstance(plotting.exploded(builtin_scene("single-block")), SceneFigure)
+
+
+@pytest.fixture(scope="module")
+def moving() -> plotting.Animation:
+    return solve(builtin_scene("single-block")).plot("animation", frames=6)
+
+
+class TestAnimation:
+    def test_forth_and_back(self, moving: plotting.Animation) -> None:
+        first, *others = moving.frames
+        assert len(moving.frames) == 6
+        assert all((a == b).all() for a, b in zip(others, others[::-1], strict=True))
+        changed = [int((frame != first).any(axis=2).sum()) for frame in others[:3]]
+        assert changed[0] > 0
+        assert changed == sorted(changed)
+
+    def test_a_gif_with_all_frames(self, moving: plotting.Animation, tmp_path) -> None:
+        with Image.open(moving.save(tmp_path / "block.gif")) as image:
+            assert image.n_frames == 6
+            assert image.size == moving.frames[0].shape[1::-1]
+        assert "data:image/gif;base64," in moving._repr_html_()
+
+    def test_an_mp4(self, moving: plotting.Animation, tmp_path) -> None:
+        assert moving.save(tmp_path / "block.mp4").read_bytes()[4:8] == b"ftyp"
+
+    def test_without_ffmpeg_the_cure_is_named(self, moving, monkeypatch, tmp_path) -> None:
+        monkeypatch.setattr("shutil.which", lambda name: None)
+        monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+        with pytest.raises(ModelError, match=r'pip install "cvxlimit\[video\]", or write a .gif'):
+            moving.save(tmp_path / "block.mp4")
+        assert not list(tmp_path.iterdir())
+
+    def test_what_cannot_be_animated(self, moving, tmp_path) -> None:
+        with pytest.raises(InputError, match=r"written as .gif or .mp4, got 'block.avi'"):
+            moving.save(tmp_path / "block.avi")
+        solution = solve(builtin_scene("single-block"))
+        with pytest.raises(ModelError, match="must be even, got 5"):
+            solution.plot("animation", frames=5)
+        still = plotting.animation
+        with pytest.raises(InputError, match="has no mechanism"):
+            still(Solution(**{**vars(solution), "mechanism": None}))
+
+
+def test_pictures_by_name(arch: Solution, tmp_path) -> None:
+    assert arch.plot("page")._repr_html_().startswith("<iframe")
+    assert arch.plot("page", tmp_path / "arch.html").stat().st_size > 10_000
+    with pytest.raises(InputError, match="there is no picture 'thrusts': choose one of mechanism"):
+        arch.plot("thrusts")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"'arch.doc': give a name that ends in .png or .svg"):
+        arch.plot("forces", tmp_path / "arch.doc")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_its_scene_a_solution_says_how_to_get_it(kind: str, arch: Solution) -> None:
+    lost = Solution(**{**vars(arch), "solved_scene": None})
+    with pytest.raises(InputError, match=r"solution.of\(scene\) gives it back"):
+        lost.plot(kind)  # type: ignore[arg-type]
+
+
+def test_names_complete() -> None:
+    assert set(KINDS) <= set(dir(plotting))
+    assert all(hasattr(plotting, name) for name in plotting.__all__)
+    with pytest.raises(AttributeError, match="'mechanisms'"):
+        plotting.mechanisms  # noqa: B018
+
+
+def test_pyvista_meshes_are_the_blocks(arch: Solution) -> None:
+    meshes = plotting.to_pyvista(arch)
+    scene = arch.drawn_scene
+    assert meshes["blocks"].n_cells == len(scene.blocks)
+    assert meshes["contacts"].n_cells == len(scene.contacts)
+    volume = meshes["blocks"].compute_cell_sizes()["Volume"]
+    assert volume == pytest.approx([b.volume for b in scene.blocks], rel=1e-6)
+
+
+def test_a_thumbnail_is_small(arch: Solution) -> None:
+    from cvxlimit.plotting.drawing import thumbnail
+
+    image = Image.open(io.BytesIO(thumbnail(arch.drawn_scene, arch)))
+    assert max(image.size) <= 420

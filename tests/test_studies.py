@@ -1,0 +1,424 @@
+"""Sweeps, random draws and fragility curves: closed forms, and nothing lost on the way."""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from cvxlimit import Block, Load, Scene, builtin_scene, fragility, solve, sweep
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.studies import draws, read_sweep, varied
+from cvxlimit.studies.rows import Structures
+
+LENGTH, HEIGHT = 1.0, 2.0
+
+
+def stone(friction: float = 0.9, height: float = HEIGHT, **more) -> Scene:
+    """A block on the ground, pushed along x: rocks at length / height, slides at friction."""
+    ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    block = Block.box("stone", (0, 0, 0), (LENGTH, 0.5, height), density=20.0)
+    push = Load(acceleration=(1, 0, 0))
+    return Scene([ground, block], ["ground"], push, friction=friction, name="stone", **more)
+
+
+def plain(friction: float) -> Scene:
+    return stone(friction)
+
+
+def quiet(*given, **options) -> pd.DataFrame:
+    return sweep(*given, progress=False, **options)
+
+
+def without_times(table: pd.DataFrame) -> pd.DataFrame:
+    return table.drop(columns="seconds")
+
+
+class TestVaried:
+    def test_friction_and_rocking(self) -> None:
+        table = quiet(stone(), {"friction": [0.2, 0.4, 0.6, 0.8]})
+        assert table["load_factor"].to_list() == pytest.approx([0.2, 0.4, 0.5, 0.5], rel=1e-5)
+        assert (table["lower"] <= table["load_factor"]).all()
+        assert (table["gap"] < 1e-5).all()
+        assert set(table["status"]) == {"certified"}
+
+    def test_tilt(self) -> None:
+        """About the foot: (L cos t - H sin t) = alpha H, the live load staying with the ground."""
+        degrees = [0.0, 5.0, 10.0]
+        t = np.radians(degrees)
+        expected = (LENGTH * np.cos(t) - HEIGHT * np.sin(t)) / HEIGHT
+        found = quiet(stone(), {"tilt": degrees})["load_factor"]
+        assert found.to_list() == pytest.approx(expected.tolist(), rel=1e-5)
+
+    def test_direction(self) -> None:
+        """Pushed across its width of 0.5 it rocks at 0.25; the other way round at 0.5."""
+        found = quiet(stone(), {"direction": [0, 90, 180, -90]})["load_factor"]
+        assert found.to_list() == pytest.approx([0.5, 0.25, 0.5, 0.25], rel=1e-5)
+
+    def test_size_matters_with_cohesion(self) -> None:
+        """Sliding at friction + cohesion x area / weight, and weight per area grows with size."""
+        scene = stone(friction=0.1, height=0.5, cohesion=1.0)
+        found = quiet(scene, {"size": [1.0, 2.0, 4.0]})["load_factor"]
+        expected = [0.1 + 1.0 / (20.0 * 0.5 * size) for size in (1.0, 2.0, 4.0)]
+        assert found.to_list() == pytest.approx(expected, rel=1e-5)
+
+    def test_density_scales_forces_not_factors(self) -> None:
+        heavy = varied(stone(), density=2.0)
+        assert heavy.total_weight == pytest.approx(2 * stone().total_weight)
+        assert solve(heavy).load_factor == pytest.approx(0.5, rel=1e-5)
+
+    def test_contacts_are_kept_unless_the_size_changes(self) -> None:
+        scene = stone()
+        len(scene.contacts)
+        for changes in ({"friction": 0.3}, {"density": 2.0}, {"tilt": 3.0}, {"direction": 5.0}):
+            assert "_detection" in vars(varied(scene, **changes))
+        assert "_detection" not in vars(varied(scene, size=2.0))
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"friction": -0.1}, "friction of the scene must be finite and not negative"),
+            ({"density": 0.0}, "factor on all densities must be above 0"),
+            ({"size": -1.0}, "size, a factor on all lengths, must be finite and not negative"),
+            ({"tilt": float("nan")}, "tilt must be finite"),
+            ({"direction": "x"}, "direction must be 1 numbers"),
+        ],
+    )
+    def test_what_cannot_be(self, changes: dict, message: str) -> None:
+        with pytest.raises(InputError, match=message):
+            varied(stone(), **changes)
+
+    def test_nothing_to_tilt_or_turn(self) -> None:
+        pulled = stone().with_live(Load(forces={"stone": (1, 0, 0, 0, 0, 0)}))
+        with pytest.raises(InputError, match="no horizontal acceleration in its live load"):
+            varied(pulled, tilt=1.0)
+        with pytest.raises(InputError, match="direction turns the live load's acceleration"):
+            varied(pulled, direction=1.0)
+
+
+class TestTable:
+    def test_it_is_what_single_calls_give(self) -> None:
+        frictions = [0.35, 0.5, 0.65]
+        table = quiet(builtin_scene("tuff-wall"), {"friction": frictions})
+        for row, friction in zip(table.itertuples(), frictions, strict=True):
+            solution = solve(builtin_scene("tuff-wall").with_friction(friction))
+            assert (row.load_factor, row.lower, row.upper) == (
+                solution.load_factor, solution.lower, solution.upper,
+            )  # fmt: skip
+            assert row.note == solution.note == "both bounds are proved, up to rounding"
+
+    def test_geometries_are_searched_once(self, monkeypatch) -> None:
+        from cvxlimit import scene as module
+
+        calls = []
+        detect = module.detect
+        monkeypatch.setattr(module, "detect", lambda *given: calls.append(1) or detect(*given))
+        quiet(stone, {"height": [1.0, 2.0], "friction": [0.3, 0.4, 0.5]})
+        assert len(calls) == 2
+
+    def test_shared_mechanics_are_those_of_the_scene(self) -> None:
+        known = Structures()
+        known.mechanics(stone(0.9))
+        shared = known.mechanics(stone(0.3))
+        assert shared.contacts.friction.tolist() == [0.3]
+        assert shared.scene.friction == 0.3
+        assert known.mechanics(stone(0.3, height=1.0)).contacts.area[0] == pytest.approx(0.5)
+
+    def test_scenes_of_another_geometry_do_not_share(self) -> None:
+        with pytest.raises(InputError, match="differ in their blocks, supports"):
+            stone(height=1.0).sharing_contacts_of(stone())
+
+    def test_failures_are_rows_and_the_others_go_on(self) -> None:
+        def odd(friction: float, height: float) -> Scene:
+            if height > 5.0:
+                raise ZeroDivisionError("no such stone")
+            return stone(friction, height)
+
+        table = quiet(odd, {"friction": [-0.1, 0.3], "height": [2.0, 9.0]})
+        assert table["error"].tolist() == [
+            "friction of the scene must be finite and not negative, got -0.1",
+            "ZeroDivisionError: no such stone",
+            "",
+            "ZeroDivisionError: no such stone",
+        ]
+        assert table["load_factor"].isna().tolist() == [True, True, False, True]
+        assert table["load_factor"][2] == pytest.approx(0.3, rel=1e-5)
+
+    def test_no_answer_is_a_status_not_an_error(self) -> None:
+        table = quiet(stone(), {"tilt": [0.0, 40.0]})
+        assert table["status"].tolist() == ["certified", "dead load cannot stand"]
+        assert table["error"].tolist() == ["", ""]
+
+    def test_options_for_all_and_options_in_the_grid(self) -> None:
+        table = quiet(
+            builtin_scene("tuff-wall"),
+            {"surface": ["conic", "octagon", "octagon-inscribed"]},
+            tolerance=1e-4,
+        )
+        conic, outside, inside = table["load_factor"]
+        assert inside < conic < outside
+        assert table.attrs["options"] == "tolerance=0.0001"
+
+    def test_measures_are_columns(self) -> None:
+        table = quiet(
+            stone(),
+            {"friction": [0.3, 0.9]},
+            measure=lambda s: {"state": s.to_dataframe()["state"].iloc[0]},
+        )
+        assert table["state"].tolist() == ["slides", "opens"]
+
+    def test_grids_of_every_kind(self) -> None:
+        rows = [{"friction": 0.3, "tilt": 0}, {"friction": 0.4, "tilt": 0}]
+        grids = [rows, pd.DataFrame(rows, index=[7, 8]), {"friction": (0.3, 0.4), "tilt": 0}]
+        tables = [quiet(stone(), grid) for grid in grids]
+        assert all(without_times(t).equals(without_times(tables[0])) for t in tables)
+
+    def test_a_variation_that_comes_twice_is_there_twice(self) -> None:
+        assert len(quiet(stone(), {"friction": [0.3, 0.3]})) == 2
+
+    @pytest.mark.parametrize(
+        ("scenes", "grid", "options", "kind", "message"),
+        [
+            (stone(), {"frction": [1]}, {}, InputError, "its parameters are friction, cohesion"),
+            (plain, {"mu": [1]}, {}, InputError, "plain cannot be called with mu.*are friction"),
+            (stone(), {"friction": []}, {}, InputError, "'friction' has no values"),
+            (stone(), {}, {}, InputError, "the grid has no variation"),
+            (stone(), 5, {}, InputError, "grid must be a mapping"),
+            (stone(), [{"tilt": 1}, {"size": 1}], {}, InputError, "the same parameters"),
+            (stone(), {"tilt": [1]}, {"surfce": 1}, ModelError, "solve has no option 'surfce'"),
+            (stone(), {"tilt": [1]}, {"executor": 2}, InputError, "executor must be a concurrent"),
+            (stone(), {"tilt": [1]}, {"measure": 2}, ModelError, "measure must be a function"),
+            ("arch", {"tilt": [1]}, {}, InputError, "scenes must be a Scene or a function"),
+            (lambda seconds: stone(), {"seconds": [1]}, {}, InputError, "must not be called 'sec"),
+        ],
+    )
+    def test_refusals(self, scenes, grid, options, kind, message) -> None:
+        with pytest.raises(kind, match=message):
+            quiet(scenes, grid, **options)
+
+
+class TestStore:
+    GRID = {"friction": [0.2, 0.3, 0.4], "height": [1.0, 2.0]}  # noqa: RUF012
+
+    def test_what_is_stored_is_not_solved_again(self, tmp_path: Path) -> None:
+        calls = []
+
+        def counted(friction: float, height: float) -> Scene:
+            calls.append((friction, height))
+            return stone(friction, height)
+
+        first = quiet(counted, self.GRID, path=tmp_path / "s")
+        assert len(calls) == 6
+        assert quiet(counted, self.GRID, path=tmp_path / "s").equals(first)
+        assert len(calls) == 6
+        larger = {"friction": [0.2, 0.3, 0.4, 0.5], "height": [1, 2]}
+        assert len(quiet(counted, larger, path=tmp_path / "s")) == 8
+        assert calls[6:] == [(0.5, 1), (0.5, 2)]
+        assert len(read_sweep(tmp_path / "s")) == 8
+
+    def test_interrupted_it_keeps_what_was_done(self, tmp_path: Path) -> None:
+        broken = [True]
+
+        def interrupted(friction: float, height: float) -> Scene:
+            if friction == 0.4 and broken[0]:
+                raise KeyboardInterrupt
+            return stone(friction, height)
+
+        table = quiet(interrupted, self.GRID, path=tmp_path / "s")
+        assert table.attrs["is_interrupted"]
+        assert table["friction"].tolist() == [0.2, 0.2, 0.3, 0.3]
+        assert read_sweep(tmp_path / "s")["load_factor"].equals(table["load_factor"])
+        broken[0] = False
+        whole = quiet(interrupted, self.GRID, path=tmp_path / "s")
+        assert not whole.attrs["is_interrupted"]
+        assert whole.iloc[:4].equals(table)
+        assert len(whole) == 6
+
+    def test_another_sweep_is_not_mixed_in(self, tmp_path: Path) -> None:
+        quiet(stone(), {"friction": [0.2]}, path=tmp_path / "s")
+        with pytest.raises(InputError, match="holds a sweep of another scene"):
+            quiet(stone(height=1.5), {"friction": [0.2]}, path=tmp_path / "s")
+        with pytest.raises(InputError, match="holds a sweep of another options"):
+            quiet(stone(), {"friction": [0.2]}, path=tmp_path / "s", surface="octagon")
+        (tmp_path / "t").mkdir()
+        (tmp_path / "t" / "thesis.txt").write_text("mine")
+        with pytest.raises(InputError, match="holds something else than a sweep"):
+            quiet(stone(), {"friction": [0.2]}, path=tmp_path / "t")
+        with pytest.raises(InputError, match="holds no sweep"):
+            read_sweep(tmp_path / "t")
+
+    def test_what_parquet_cannot_hold_is_refused_before_solving(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="only numbers and texts can be stored"):
+            quiet(stone(), {"live": [Load(acceleration=(1, 0, 0))]}, path=tmp_path / "s")
+        assert len(quiet(stone(), {"live": [Load(acceleration=(1, 0, 0))]})) == 1
+
+    def test_missing_pyarrow_names_the_command(self, tmp_path: Path, monkeypatch) -> None:
+        monkeypatch.setitem(sys.modules, "pyarrow", None)
+        with pytest.raises(ModelError, match=r'need pyarrow: pip install "cvxlimit\[frames\]"'):
+            quiet(stone(), {"friction": [0.2]}, path=tmp_path / "s")
+
+
+class TestProcesses:
+    def test_the_same_table_with_a_function_of_this_test(self) -> None:
+        """By value: the function below exists nowhere but in this call."""
+        grid = {"friction": [0.2, 0.3, 0.4, -1.0], "height": [1.0, 2.0]}
+        scenes = lambda friction, height: stone(friction, height)  # noqa: E731
+        here = without_times(quiet(scenes, grid))
+        with ProcessPoolExecutor(2) as pool:
+            assert without_times(quiet(scenes, grid, executor=pool)).equals(here)
+
+    @pytest.mark.filterwarnings("ignore")  # of distributed, tornado and asyncio, about themselves
+    def test_the_same_table_from_a_cluster(self) -> None:
+        """Workers are threads here; processes, one of them killed: tests/heavy/killed_worker.py."""
+        distributed = pytest.importorskip("distributed")
+        grid = {"friction": [0.2, 0.3, -1.0], "tilt": [0.0, 5.0]}
+        here = without_times(quiet(stone(), grid))
+        local = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        )
+        with local, distributed.Client(local) as client:
+            assert without_times(quiet(stone(), grid, executor=client)).equals(here)
+
+    def test_a_process_that_dies_leaves_what_was_stored(self, tmp_path: Path) -> None:
+        class Dying(Executor):
+            """Solves two tasks, then breaks like a pool whose process was killed."""
+
+            done = 0
+
+            def submit(self, work, /, *given, **more):
+                future: Future = Future()
+                self.done += 1
+                if self.done > 2:
+                    future.set_exception(BrokenProcessPool("a process was killed"))
+                else:
+                    future.set_result(work(*given))
+                return future
+
+        grid = {"friction": [0.2, 0.3, 0.4, 0.5]}
+        with pytest.raises(ModelError, match="rows stored in a path are kept"):
+            quiet(stone(), grid, executor=Dying(), path=tmp_path / "s")
+        assert len(read_sweep(tmp_path / "s")) == 2
+        assert len(quiet(stone(), grid, path=tmp_path / "s")) == 4
+
+    def test_what_cannot_travel_is_said(self) -> None:
+        import threading
+
+        lock = threading.Lock()
+        with ProcessPoolExecutor(1) as pool, pytest.raises(ModelError, match="cannot be sent"):
+            quiet(lambda friction: lock and stone(friction), {"friction": [0.2]}, executor=pool)
+
+
+class TestDraws:
+    def test_the_same_for_the_same_seed_whatever_else_is_drawn(self) -> None:
+        normal = stats.norm(0.7, 0.05)
+        one = draws({"friction": normal}, 50, seed=3)
+        two = draws({"density": stats.uniform(0.9, 0.2), "friction": normal}, 50, seed=3)
+        assert one["friction"].equals(two["friction"])
+        assert not one["friction"].equals(draws({"friction": normal}, 50, seed=4)["friction"])
+
+    def test_they_follow_the_distribution(self) -> None:
+        drawn = draws({"friction": stats.norm(0.7, 0.05)}, 2000, seed=1)["friction"]
+        assert stats.kstest(drawn, stats.norm(0.7, 0.05).cdf).pvalue > 1e-3
+
+    def test_functions_and_lists(self) -> None:
+        table = draws({"seed": lambda rng, n: rng.integers(9, size=n), "bond": ["a", "b"]}, 40, 1)
+        assert set(table["bond"]) == {"a", "b"}
+        assert table["seed"].between(0, 8).all()
+
+    @pytest.mark.parametrize("wrong", [0.7, "normal", lambda rng, n: [1.0], None])
+    def test_no_distribution(self, wrong) -> None:
+        with pytest.raises(InputError, match="'friction'"):
+            draws({"friction": wrong}, 10, seed=1)
+
+
+class TestFragility:
+    def test_clopper_and_pearson(self) -> None:
+        """Ten draws, none and half of them below the demand: the textbook's intervals."""
+        factors = np.arange(1, 11) / 10
+        curve = fragility(factors)
+        assert curve.at(0.05) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
+        assert curve.at(0.55) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
+        assert curve.at(2.0) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
+
+    def test_the_band_holds_the_truth_as_often_as_it_says(self) -> None:
+        truth, held = stats.norm(0.5, 0.1), 0
+        for seed in range(300):
+            drawn = truth.rvs(size=40, random_state=np.random.default_rng(seed))
+            _, low, high = fragility(drawn, confidence=0.9).at(0.45)
+            held += low <= truth.cdf(0.45) <= high
+        assert held >= 300 * 0.9 - 3 * np.sqrt(300 * 0.9 * 0.1)
+
+    def test_a_closed_form_from_draws_to_curve(self) -> None:
+        """A stone that slides: the load factor is the friction, its curve the distribution's."""
+        friction = stats.uniform(0.2, 0.2)
+        table = quiet(stone(), draws({"friction": friction}, 60, seed=2))
+        curve = fragility(table, [0.25, 0.3, 0.35])
+        assert (curve.lower <= friction.cdf(curve.demand)).all()
+        assert (friction.cdf(curve.demand) <= curve.upper).all()
+        assert (curve.lower <= curve.probability).all()
+        assert (curve.probability <= curve.upper).all()
+        assert curve.name == "stone"
+
+    def test_what_is_not_known_widens_the_band(self) -> None:
+        table = quiet(stone(), {"friction": [0.2, 0.3, 0.4, -1.0]})
+        known, some = fragility(table.iloc[:3]), fragility(table)
+        assert some.draws == 4
+        assert some.at(0.45)[0] == known.at(0.45)[0] == 1.0
+        assert some.at(0.45)[1] < known.at(0.45)[1]
+
+    def test_what_falls_by_itself_has_no_capacity(self) -> None:
+        table = quiet(stone(), {"tilt": [0.0, 40.0]})
+        assert fragility(table).at(1e-9)[0] == 0.5
+
+    def test_median_dispersion_and_table(self) -> None:
+        drawn = stats.lognorm(0.2, scale=0.15).rvs(size=4000, random_state=1)
+        curve = fragility(drawn)
+        assert curve.median == pytest.approx(0.15, rel=0.02)
+        assert curve.dispersion == pytest.approx(0.2, rel=0.05)
+        table = curve.to_dataframe()
+        assert list(table.columns) == ["demand", "probability", "lower", "upper"]
+        assert table["probability"].is_monotonic_increasing
+
+    def test_a_chart_that_does_not_show_itself(self) -> None:
+        curve = fragility([0.1, 0.2, 0.3])
+        figure = curve.plot(reference=0.129)
+        labels = figure.axes[0].get_legend_handles_labels()[1]
+        assert labels == ["95 % confidence", "3 random draws", "reference 0.129"]
+
+    @pytest.mark.parametrize(
+        ("results", "options", "kind", "message"),
+        [
+            ([], {}, InputError, "no results"),
+            ([np.nan], {}, InputError, "no result has a finite load factor"),
+            (pd.DataFrame({"x": [1]}), {}, InputError, "lack column 'load_factor'"),
+            ([0.1], {"confidence": 95}, ModelError, "confidence of the band must be between"),
+            ([0.1], {"demand": [np.inf]}, InputError, "demand must be finite"),
+        ],
+    )
+    def test_refusals(self, results, options, kind, message) -> None:
+        with pytest.raises(kind, match=message):
+            fragility(results, **options)
+
+
+def test_a_wall_of_ones_own_in_eight_lines(tmp_path: Path, monkeypatch) -> None:
+    """From import to a certified factor and a mechanism to turn."""
+    script = """\
+import cvxlimit
+from cvxlimit.masonry import running_bond, wall
+mine = wall(running_bond(3, 4), unit=(0.4, 0.2, 0.2), density=20.0, friction=0.6)
+solution = cvxlimit.solve(mine)
+solution.plot("page", "wall.html")
+"""
+    assert len(script.splitlines()) <= 8
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(script, names)  # as a user would run it
+    assert names["solution"].status == "certified"
+    assert names["solution"].note == "both bounds are proved, up to rounding"
+    assert "requestAnimationFrame" in (tmp_path / "wall.html").read_text("utf-8")
