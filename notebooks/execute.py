@@ -41,10 +41,16 @@ def pictures(notebook: nbformat.NotebookNode) -> Iterator[dict[str, str]]:
 
 
 def smaller(picture: str) -> str:
-    """A picture (PNG in base64) in 128 colours: a quarter of the bytes, and looks the same."""
+    """A picture (PNG in base64) in its 256 commonest colours: a third of the bytes.
+
+    Areas and lines keep their colours exactly; only the soft edges of letters change a little.
+    """
     image = Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB")
+    found = sorted(image.getcolors(image.width * image.height), reverse=True)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for _, colour in found[:256] for value in colour])
     file = io.BytesIO()
-    image.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    image.quantize(palette=palette, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
     return base64.b64encode(file.getvalue()).decode()
 
 
