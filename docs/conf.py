@@ -44,7 +44,6 @@ html_show_sphinx = False
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 myst_dmath_double_inline = True
-suppress_warnings = ["toc.empty_glob"]
 nb_execution_mode = "off"
 nb_execution_timeout = 300
 nb_merge_streams = True
