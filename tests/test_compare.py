@@ -376,7 +376,8 @@ def test_the_registry_has_every_axis():
     qdldl = [a["tolerance"] for a in axes if a["solver"] == "Clarabel qdldl"]
     assert len(set(qdldl)) >= 5
     kinds = {(m.interaction, m.moments) for m in interaction_registry().values()}
-    expected = {(k, m) for k in ("fixed-point", "certified") for m in ("independent", "signed")}
+    readings = ("independent", "signed", "paper")
+    expected = {(k, m) for k in ("fixed-point", "certified") for m in readings}
     assert kinds == expected
 
 

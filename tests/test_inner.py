@@ -209,7 +209,7 @@ def tuff_iterates(moments: str) -> tuple[InnerIterate, ...]:
 def test_accepted_iterates_pass_the_checker(moments: str) -> None:
     scene = builtin_scene("tuff-wall")
     accepted = [i for i in tuff_iterates(moments) if i.is_safe]
-    assert len(accepted) >= 4
+    assert len(accepted) >= 3
     for iterate in accepted:
         assert iterate.bound is not None
         assert iterate.bound.excess <= 1e-9

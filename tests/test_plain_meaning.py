@@ -154,7 +154,7 @@ NOT_A_NUMBER: dict[str, Callable[[], Any]] = {
     "most": lambda: FixedPoint(most=NAN),  # type: ignore[arg-type]
     "certified": lambda: Certified(tolerance=NAN),
     "solves": lambda: Certified(solves=NAN),  # type: ignore[arg-type]
-    "branching": lambda: Certified(branching_contacts=NAN),  # type: ignore[arg-type]
+    "workers": lambda: Certified(workers=NAN),  # type: ignore[arg-type]
     "seconds": lambda: Certified(branching_seconds=NAN),
 }
 

@@ -75,17 +75,17 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
 @pytest.mark.parametrize("name", PUBLISHED)
 class TestWalls:
     def test_within_what_is_known(self, name: str) -> None:
-        """All starts converge; nothing is above the associated factor, nothing much below what an
-        exhaustive search found, and the lowest is within the published range."""
+        """All starts converge; nothing is above the associated factor, nothing below what an
+        exhaustive search found, and that lowest one is found again."""
         solution = solved(name)
-        lowest, highest = PUBLISHED[name]
+        lowest, _ = PUBLISHED[name]
         assert solution.status is Status.CONVERGED
         assert "2 of 2 starts" in solution.note
         factors = [member.load_factor for member in solution.members]
         assert factors == sorted(factors)
         assert factors[-1] <= ASSOCIATED[name] * (1 + 1e-5)
-        assert factors[0] >= lowest * (1 - 1e-5)
-        assert factors[0] <= highest
+        assert factors[0] == pytest.approx(lowest, rel=1e-5)  # found on purpose, from two starts
+        assert factors[-1] > lowest * (1 + 1e-3)
         assert solution.load_factor == factors[0]
         assert max(member.residual for member in solution.members) <= 1e-6
 
@@ -132,7 +132,7 @@ class TestSmall:
             assert found.load_factor == pytest.approx(0.6, rel=1e-5)
 
     def test_given_up(self) -> None:
-        rule = ZeroDilatancy(starts=1, most=2)
+        rule = ZeroDilatancy(starts=1, most=2)  # no polish so early
         solution = solve(builtin_scene("ferris-tin-loi-3"), interaction=rule)
         assert solution.status is Status.NOT_CONVERGED
         assert "no zero-dilatancy solution was found from 0 of 1 starts" in solution.note

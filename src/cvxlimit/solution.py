@@ -64,10 +64,11 @@ _ADVICE = {
         "the bracket is wider than the tolerance: use its bounds, ask for a wider tolerance, "
         "or try another surface or solver"
     ),
-    Status.CONVERGED: "the iteration met its tolerance (Eq. 43)",
+    Status.CONVERGED: "the iteration met its tolerance",
     Status.NOT_CONVERGED: (
-        "the fixed point did not settle; its last load factor is not an answer: "
-        "use the certified interaction, or another old-value weight"
+        "the iteration did not settle and its last load factor is not an answer: allow more of it "
+        "or a wider tolerance; for interaction with bending use the certified one, or another "
+        "old-value weight"
     ),
     Status.CYCLING: (
         "the fixed point returns to earlier load factors; none of them is an answer: "
@@ -160,7 +161,7 @@ class Solution:
     interaction : str
         ``"none"``, ``"fixed-point"`` or ``"certified"``.
     moments : str
-        ``"independent"`` or ``"signed"``; matters with interaction only.
+        Name of the reading of Eq. 30, ``"independent"`` for example; matters with interaction only.
     blocks, contacts : int
         Numbers of free blocks and of contacts.
     load_factor : float or None
@@ -184,7 +185,7 @@ class Solution:
     torsion_shear : str
         ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     flow : str
-        ``"associated"`` or ``"zero-dilatancy"``.
+        ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
     model : tuple of str

@@ -44,6 +44,7 @@ from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry import EXPORTS
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, solve
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
@@ -70,6 +71,20 @@ class Order:
     plot: Path | None
     export: Path | None
     model: str
+    branching_seconds: float | None = None
+    workers: int = 1
+
+    @property
+    def rule(self) -> str | Certified:
+        """The interaction by name, or with what was asked for it."""
+        if self.branching_seconds is None and self.workers == 1:
+            return self.interaction
+        if self.interaction != Certified.name:
+            raise ModelError(
+                "--branching-seconds and --workers go with --interaction certified, got "
+                f"{self.interaction!r}"
+            )
+        return Certified(branching_seconds=self.branching_seconds, workers=self.workers)
 
 
 app = typer.Typer(
@@ -135,8 +150,10 @@ def _solve_command(
         str,
         typer.Option(
             metavar="|".join(MOMENTS),
-            help="How the interaction adds moments: every sign on its own (the paper's), or "
-            "static torsion about the pressure centre. Matters with an interaction only.",
+            help="How the interaction adds moments: every sign on its own, the safe reading; "
+            "static torsion about the pressure centre, without or with the paper's Eq. 27; or the "
+            "paper's own reading, which depends on the contacts' axes. Matters with an interaction "
+            "only.",
         ),
     ] = "independent",
     torsion_shear: Annotated[
@@ -194,11 +211,23 @@ def _solve_command(
             "cvxlimit explain SCENE says what is left out.",
         ),
     ] = "auto",
+    branching_seconds: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Time for branch and bound, which narrows the certified interaction's bracket. "
+            "Unless given: 60 where a tolerance is asked for, or a scene has few contacts.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="Processes that branch and bound uses.")
+    ] = 1,
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     order = Order(
         scene, surface, interaction, moments, torsion_shear, flow, tolerance, json, plot, export,
-        model,
+        model, branching_seconds, workers,
     )  # fmt: skip
     return partial(_solve_job, order)
 
@@ -319,7 +348,7 @@ def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
     return solve(
         scene,
         order.surface,
-        interaction=order.interaction,
+        interaction=order.rule,
         moments=order.moments,
         torsion_shear=order.torsion_shear,
         flow=order.flow,

@@ -76,7 +76,7 @@ def interaction_registry() -> dict[str, Method]:
     """All methods for torsion-shear-bending interaction, by name."""
     made = _Registry()
     for kind, surfaces in (("fixed-point", ("conic", "octagon")), ("certified", ("conic",))):
-        for moments in ("independent", "signed"):
+        for moments in ("independent", "signed", "paper"):
             for surface in surfaces:
                 name = f"{kind}/{moments}/{surface}"
                 line = f"{kind}, {moments} moments"

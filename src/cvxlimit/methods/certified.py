@@ -2,13 +2,15 @@
 
 The condition of Eq. 30 is not convex, so no single convex problem gives the collapse load factor.
 Forces that satisfy it exactly bound the factor from below (:mod:`inner`), a mechanism checked
-against the convex hull of every contact's true states bounds it from above (:mod:`hull`), and on
-scenes of a few contacts branch and bound closes what is left (:mod:`branching`).
+against the convex hull of every contact's true states bounds it from above (:mod:`hull`), and
+branch and bound closes what is left (:mod:`branching`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,23 +19,17 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Answer, Rule, Run, fallen
-from cvxlimit.methods.interaction.branching import BranchAndBound
+from cvxlimit.methods.interaction.branching import BranchAndBound, processes
 from cvxlimit.methods.interaction.hull import UpperBound
 from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import (
-    ACCEPTED,
-    LowerBounds,
-    TrueStrength,
-    central_states,
-)
-from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBounds
+from cvxlimit.methods.interaction.recognition import carrying_forces
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Load
 from cvxlimit.solution import Status
-from cvxlimit.solvers import SolverSettings, default_ladder, settings_for
+from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
 from cvxlimit.surfaces.cones import Conic
 
 FloatArray = NDArray[np.float64]
@@ -48,8 +44,28 @@ and bound stops at it where no tolerance is asked for."""
 _DEAD_TOLERANCE = 1e-5
 """The same for the question whether the dead load stands, where 1 / 2 decides."""
 
-_QUICK = settings_for("CLARABEL", 1e-8, "CLARABEL 1e-08")
-"""Enough for a bound that is certified anyway, and an eighth faster."""
+_NARROW = 0.005
+"""Relative width below which no further start is taken unless a tolerance asks for it: on S12 the
+second one took as long as everything before it, and ended below."""
+
+
+_OPEN = (
+    "no upper bound, and no forces were found that carry the live load alone: whether it does any "
+    "harm is open"
+)
+
+_MAY_FALL = (
+    "neither forces that carry the dead load nor a mechanism that rules them out were found: "
+    "whether it stands is open"
+)
+
+_FEW, _BRANCHING = 6, 60.0
+"""Contacts up to which branch and bound follows without being asked for, and its seconds: in these
+it closes nearly all brackets to 1e-4."""
+
+_IDLE_SECONDS = 10.0
+"""Branch and bound ends when so long, or a third of its time, has gained less than 1 % of the gap:
+on walls that close, the longest such wait was shorter."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +88,15 @@ class Certified(Rule):
         relaxation, which was better on all built-in panels (tuff 0.3628 against 0.3602).
     solves : int
         Convex problems per start, at most.
-    branching_contacts : int
-        Scenes with no more contacts than this go on to branch and bound.
-    branching_seconds : float
-        Time for that.
+    branching_seconds : float or None
+        Time for branch and bound, on any number of contacts; it ends before where the tolerance is
+        met (1e-4 unless one is asked for) or nothing more is gained. None is 60 s where a tolerance
+        is asked for and on scenes of up to 6 contacts, and none otherwise.
+    workers : int
+        Processes that branch and bound uses.
+    executor : Executor or None
+        Of :mod:`concurrent.futures`, in place of processes of its own (a Dask client's
+        ``get_executor()``, for instance); ``workers`` nodes at a time.
 
     Example
     -------
@@ -88,8 +109,9 @@ class Certified(Rule):
     tolerance: float | None = None
     starts: tuple[str, ...] | None = None
     solves: int = 24
-    branching_contacts: int = 6
-    branching_seconds: float = 60.0
+    branching_seconds: float | None = None
+    workers: int = 1
+    executor: Executor | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.starts, str):
@@ -106,8 +128,9 @@ class Certified(Rule):
         if self.tolerance is not None:
             ratio(self.tolerance, "tolerance")
         count(self.solves, 1, "solves")
-        count(self.branching_contacts, 0, "branching_contacts")
-        not_negative(self.branching_seconds, "branching_seconds")
+        if self.branching_seconds is not None:
+            not_negative(self.branching_seconds, "branching_seconds")
+        count(self.workers, 1, "workers")
 
     def start(self, run: Run) -> _Proof:
         """Refuses faceted surfaces: the bounds are for the true condition, whose cone is circular.
@@ -138,6 +161,32 @@ class Certified(Rule):
         return replace(run.best, note=state.basis() if has_answer else state.note)
 
 
+@dataclass
+class Stall:
+    """Notices that a gap no longer shrinks.
+
+    Example
+    -------
+    >>> stall = Stall(idle=10.0)
+    >>> [stall.is_over(seconds, gap) for seconds, gap in ((0, 1.0), (9, 0.5), (18, 0.5), (20, 0.5))]
+    [False, False, False, True]
+    """
+
+    idle: float
+    seconds: float = 0.0
+    gap: float = np.inf
+
+    def is_over(self, seconds: float, gap: float) -> bool:
+        """True if the gap has hardly shrunk for ``idle`` seconds and a third of all."""
+        if gap < 0.99 * self.gap or not np.isfinite(self.gap):
+            self.seconds, self.gap = seconds, gap
+        return seconds - self.seconds > max(self.idle, seconds / 3.0)
+
+
+def _percent(width: float) -> str:
+    return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
+
+
 class _Proof:
     """A certified run under way: its solves one by one, and how it ended."""
 
@@ -164,6 +213,7 @@ class _Proof:
             yield Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is not None:
             yield from self._bound_from_below(outer)
+            self._stand()
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 yield Status.DEAD_LOAD_UNSTABLE
@@ -196,35 +246,72 @@ class _Proof:
         return True
 
     def _outer_ladder(self) -> tuple[SolverSettings, ...]:
-        """A quick rung and the first regular ones: what they leave is far below the gap."""
-        return self.run.ladder or (_QUICK, *default_ladder()[:2])
+        """Quick rungs and the first regular ones: what they leave is far below the gap."""
+        return self.run.ladder or (*leading_ladder(), *default_ladder()[:2])
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
-        run, method = self.run, InnerMethod(self.run, self.rule.solves)
-        for name in self.rule.starts or run.moments.starts:
-            at = outer.state.forces if name == "relaxation" and outer.state else None
-            for _ in method.iterates(at):
-                if run.best.bracket.width <= (self.rule.tolerance or 0.0):
-                    self.reason = "the tolerance is met"
-                    return
-                yield None
-        self.reason = "no further progress from these starts"
+        run, state = self.run, outer.state
+        method = InnerMethod(run, self.rule.solves)
+        starts = self.rule.starts or run.moments.starts
+        for number, name in enumerate(starts):
+            if number > 0 and self._is_within(_NARROW):
+                break
+            at = state.forces if name == "relaxation" and state else None
+            yield from self._until_met(method.iterates(at))
+        for stricter in run.moments.stricter:
+            if self._is_within(_OUTER_TOLERANCE):
+                break
+            yield from self._until_met(method.borrowed(stricter))
+        self.reason = self.reason or "no further progress from these starts"
 
-    def _branch(self) -> Iterator[None]:
-        """Branch and bound on small scenes, where it closes the bracket."""
-        run, asked = self.run, self.rule.tolerance or _OUTER_TOLERANCE
-        is_small = len(run.contacts) <= self.rule.branching_contacts
-        if not is_small or run.best.bracket.width <= asked:
+    def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
+        """Solves, until the bracket has the width that was asked for."""
+        if self._is_met():
             return
-        end = run.clock.elapsed + self.rule.branching_seconds
-        search = BranchAndBound(run, asked)
-        while True:
-            self.reason = f"branch and bound, {search.solves} problems"
-            is_out_of_time = run.clock.elapsed > end
-            if is_out_of_time or not search.can_go_on or run.best.bracket.is_below_zero:
+        for _ in iterates:
+            if self._is_met():
+                self.reason = "the tolerance is met"
                 return
             yield None
-            search.step()
+
+    def _is_met(self) -> bool:
+        return self.run.best.bracket.width <= (self.rule.tolerance or 0.0)
+
+    def _is_within(self, width: float) -> bool:
+        """True where more solves are not worth their time, unless a tolerance asks for them."""
+        return self.rule.tolerance is None and self.run.best.bracket.width <= width
+
+    def _branch(self) -> Iterator[None]:
+        """Branch and bound, for the time it has and as long as it gains."""
+        run, asked = self.run, self.rule.tolerance or _OUTER_TOLERANCE
+        seconds = self._branching_seconds()
+        if not seconds or run.best.bracket.width <= asked:
+            return
+        start, before = run.clock.elapsed, run.best.bracket.width
+        pool = (
+            nullcontext(self.rule.executor) if self.rule.executor else processes(self.rule.workers)
+        )
+        with pool as executor:
+            search = BranchAndBound(run, asked, executor, self.rule.workers)
+            stall = Stall(_IDLE_SECONDS)
+            while True:
+                spent = run.clock.elapsed - start
+                self.reason = (
+                    f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
+                    f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
+                )
+                is_over = spent > seconds or stall.is_over(spent, search.upper - search.lower)
+                if is_over or not search.can_go_on or run.best.bracket.is_below_zero:
+                    return
+                yield None
+                search.step()
+
+    def _branching_seconds(self) -> float:
+        asked = self.rule.branching_seconds
+        if asked is not None:
+            return asked
+        is_wanted = self.rule.tolerance is not None or len(self.run.contacts) <= _FEW
+        return _BRANCHING if is_wanted else 0.0
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load, with a mechanism that shows it.
@@ -251,26 +338,26 @@ class _Proof:
         self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
         return True
 
+    def _stand(self) -> None:
+        """A lower bound of zero, or that it is open whether the dead load stands."""
+        run = self.run
+        if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
+            return
+        forces = carrying_forces(run, run.scene.dead, self._outer_ladder())
+        if forces is None:
+            self.reason = _MAY_FALL
+        else:
+            run.best = run.best.raised(0.0, True, 0.0, forces)
+
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
 
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
-        run, scene = self.run, self.run.scene
-        alone = run.assemblage.under(scene.with_dead(Load()))
-        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-        state, _ = run.climb(problem.solve, self._outer_ladder())
-        if state.forces is None or state.load_factor is None or state.load_factor < 0.5:
-            return False
-        with run.clock.phase("certify"):
-            forces = borne(
-                run.assemblage.under(scene.with_dead(scene.live)),
-                lambda reached: TrueStrength(reached, run.moments),
-                state.forces / state.load_factor,
-                INSIDE,
-                central_states,
-            )
+        run = self.run
+        forces = carrying_forces(run, run.scene.live, self._outer_ladder())
         if forces is None:
+            self.reason = _OPEN
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
         self.note = Status.LIVE_LOAD_HARMLESS.advice

@@ -13,6 +13,7 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Progress, Rule, Run, drive
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.gilbert import Gilbert
 from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.assemblage import Assemblage
@@ -25,7 +26,7 @@ from cvxlimit.surfaces import Cone, YieldSurface
 
 __all__ = ["FLOWS", "INTERACTIONS", "MODELS", "MOMENTS", "check_choice", "solve"]
 
-FLOWS = ("associated", "zero-dilatancy")
+FLOWS = ("associated", "zero-dilatancy", "gilbert")
 
 INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, FixedPoint, Certified)}
 
@@ -59,17 +60,22 @@ def solve(
         the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
         as :class:`FixedPoint` or :class:`Certified`; or an outer loop of your own, as a
         :class:`~cvxlimit.methods.driver.Rule`.
-    moments : {"independent", "signed"} or Moments
-        How Eq. 30 adds moments: every sign on its own, or static torsion about the pressure
-        centre. Without interaction it makes no difference.
+    moments : {"independent", "signed", "signed-torsion-bending", "paper"} or Moments
+        How Eq. 30 adds moments: every sign on its own, the safe reading; static torsion about the
+        pressure centre, without or with Eq. 27 beside it; or tied signs with absolute
+        eccentricities and Eq. 27, with which the paper's figures are met, and which depends on the
+        choice of the contacts' axes (:class:`~cvxlimit.methods.interaction.moments.Paper` takes
+        the others). Without interaction it makes no difference.
     torsion_shear : {"linear", "parabolic", "exact"}
         How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
         it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of
         1e-3 (:class:`~cvxlimit.methods.exact_friction.ExactFriction`). Without interaction only.
-    flow : {"associated", "zero-dilatancy"}
+    flow : {"associated", "zero-dilatancy", "gilbert"}
         Whether sliding opens contacts (the associated rule, which has one load factor) or not: then
         the answer is a set of solutions without a bracket, ``solution.members``, and the load
-        factor is the lowest found (:class:`~cvxlimit.methods.zero_dilatancy.ZeroDilatancy`).
+        factor is the lowest found (:class:`~cvxlimit.methods.zero_dilatancy.ZeroDilatancy`);
+        ``"gilbert"`` is the usual scheme for one of them, with what its answer is worth
+        (:class:`~cvxlimit.methods.gilbert.Gilbert`).
         Without interaction only.
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
@@ -129,6 +135,12 @@ def solve(
 
 def _default_rule(torsion_shear: str, flow: str) -> Rule:
     """Without interaction: one convex problem, unless flow or torsion-shear take several."""
+    if flow == "gilbert":
+        if torsion_shear != "linear":
+            raise ModelError(
+                f"Gilbert's scheme goes with torsion_shear 'linear', got {torsion_shear!r}"
+            )
+        return Gilbert()
     if flow == "zero-dilatancy":
         if torsion_shear == "exact":
             raise ModelError(

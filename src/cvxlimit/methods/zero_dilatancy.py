@@ -1,4 +1,4 @@
-"""Friction that slides without opening: De Saxce's fixed point, and what is checked of it.
+"""Friction that slides without opening: De Saxce's fixed point, and the members of its set.
 
 With zero dilatancy there is no single load factor: a solution is a load factor with forces in
 equilibrium that yield nowhere, and a mechanism that opens nowhere by sliding, on which friction
@@ -9,7 +9,7 @@ that none lower was found.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cvxpy as cp
 import numpy as np
@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.driver import Answer, Rule, Run
+from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.flow import FlowRule, corner_openings
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import LimitProblem, Terms
-from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 
@@ -48,114 +47,29 @@ class PricedPressure:
         return Terms(alpha - self.price @ forces.components["N"], dead, live)
 
 
-@dataclass(frozen=True, eq=False)
-class LowestOnMechanism:
-    """Minus the load factor (or plus: the highest) among forces that a mechanism goes with.
-
-    Attributes
-    ----------
-    sign : float
-        -1 for the lowest, 1 for the highest.
-    power : (n, 6)
-        Linear in forces: what contacts do on the mechanism, and friction takes up. Not negative,
-        and zero for forces that go with it.
-        Scaled like the load factor.
-    """
-
-    sign: float
-    power: FloatArray
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`~cvxlimit.model.problem.Objective`."""
-        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
-        total = sum(
-            self.power[:, column] @ forces.components[name] for name, column in COLUMN.items()
-        )
-        return Terms(self.sign * alpha - _PRICE * total, dead, live)
-
-
 _NATURAL = 4.0
 """Largest random price where no iterate has told its size yet, over friction at a rate at which the
 whole live load does power 1: blocks that wedge each other need some price to have a solution."""
 
-_PRICE = 1e3
-"""Of power on the mechanism, in scaled load factors: a penalty that is exact once it exceeds the
-multiplier; solutions are checked in any case."""
-
-
-class Verifier:
-    """Checks of zero-dilatancy solutions in NumPy, outside any solver.
-
-    Parameters
-    ----------
-    run : Run
-        Whose scene and surfaces are meant.
-    """
-
-    def __init__(self, run: Run) -> None:
-        self.assemblage = run.assemblage
-        self.contacts = run.contacts
-        self.flow = FlowRule(run.surfaces, self.contacts)
-        self.certifier = Certifier(run.assemblage, run.surfaces)
-
-    def dilatancy(self, rates: FloatArray) -> FloatArray:
-        """Opening (n,) that the associated flow rule would go with slip and twist of (n, 6)."""
-        missing = self.flow.shortfall(rates).missing
-        opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
-        return np.maximum(missing + opening, 0.0)
-
-    def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
-        """A solver's answer with all its residuals; None if there are no forces or rates.
-
-        Forces are put into equilibrium first, the mechanism is scaled to live power 1.
-        """
-        if state.forces is None or state.mechanism is None or state.load_factor is None:
-            return None
-        statics, alpha = self.assemblage.statics, state.load_factor
-        forces = self.assemblage.balance.balanced(state.forces, alpha, statics)
-        live = float(statics.live @ state.mechanism.ravel())
-        if not live > 0.0:
-            return None
-        mechanism = state.mechanism / live
-        rates = statics.relative_rates(mechanism)
-        openings = corner_openings(rates, self.contacts)
-        penetration = np.maximum(-self.contacts.corner_minimum(openings), 0.0)
-        power = (forces * self.work(rates)).sum(axis=1)
-        taken_up = self.contacts.cohesion * self.contacts.area * self._gauge(rates)
-        certificate = self.certifier.certificate(forces, alpha, None)
-        unit = max(abs(alpha), self.assemblage.scaling.least)
-        return Member(
-            load_factor=alpha,
-            start=start,
-            iterations=iterations,
-            equilibrium=certificate.equilibrium_residual,
-            yield_excess=certificate.yield_excess,
-            flow=float(penetration.max() / max(np.abs(openings).max(), np.abs(rates[:, :2]).max())),
-            complementarity=float(np.abs(power + taken_up).sum() / unit),
-            forces=forces,
-            mechanism=mechanism,
-        )
-
-    def work(self, rates: FloatArray) -> FloatArray:
-        """(n, 6): times forces, their power on ``rates`` and what friction takes up of it."""
-        result = rates.copy()
-        result[:, COLUMN["N"]] += self.dilatancy(rates)
-        return result
-
-    def _gauge(self, rates: FloatArray) -> FloatArray:
-        mu = self.contacts.friction
-        return np.where(mu > 0.0, self.dilatancy(rates) / np.where(mu > 0.0, mu, 1.0), 0.0)
+_POLISH = 10
+"""Iterates between attempts to solve the equations of the fixed point from where it is: an attempt
+takes as long as about five iterates."""
 
 
 @dataclass(frozen=True)
 class ZeroDilatancy(Rule):
-    """De Saxce's fixed point from several starts, and extremes on the mechanisms found.
+    """De Saxce's fixed point from several starts, and a search for low members from there.
 
     Each iterate maximises the load factor less a price on normal forces; the price follows the
-    dilatancy of the mechanism. A start has come to an end when equilibrium, yield, flow and
-    complementarity of its iterate, recomputed outside the solver, are within the tolerance. On
-    the mechanism of each solution the forces with the lowest and the highest load factor are then
-    sought; what passes the same checks is a solution as well.
+    dilatancy of the mechanism. Now and then the fixed point's equations are solved from where it is
+    (:mod:`~cvxlimit.methods.complementarity`). A start has come to an end when equilibrium, yield,
+    flow and complementarity, recomputed outside the solver, are within the tolerance. On the
+    mechanism of each solution the forces with the lowest and the highest load factor are sought;
+    then, from the lowest, a mechanism that goes with its forces, the lowest forces on that, and so
+    on. What passes the same checks is a solution as well.
+
+    With surfaces other than the cone of Eq. 24, whose equations are not stated, the fixed point is
+    on its own, and low members are sought on the mechanisms of the starts only.
 
     Attributes
     ----------
@@ -168,16 +82,19 @@ class ZeroDilatancy(Rule):
     most : int
         Iterations per start.
     seed : int
-        Of the random prices.
+        Of the random prices and mechanisms.
+    descents : int
+        Mechanisms tried on the way down; 0 for none.
     """
 
     name = "none"
 
     tolerance: float = 1e-6
     starts: int = 4
-    damping: float = 0.5
+    damping: float = 0.8
     most: int = 150
     seed: int = 0
+    descents: int = 24
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
@@ -185,31 +102,44 @@ class ZeroDilatancy(Rule):
         if not 0.0 < self.damping <= 1.0:
             raise ModelError(f"damping must be above 0 and at most 1, got {self.damping!r}")
         count(self.most, 1, "most")
+        count(self.descents, 0, "descents")
 
     def start(self, run: Run) -> _Search:
         """Compile the one problem of all iterates."""
         run.flow = "zero-dilatancy"
-        if run.formulation is not corner_compressions:
-            raise ModelError("zero dilatancy brings its own formulation: leave formulation out")
-        if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
-            raise ModelError(
-                "zero dilatancy knows no strength of stone or mortar yet: leave "
-                "compressive_strength and tensile_strength out"
-            )
+        check_dry(run, "zero dilatancy")
         return _Search(self, run)
 
     def step(self, run: Run, state: _Search) -> _Search:
-        """One iterate of the present start, or the extremes on one mechanism."""
+        """One iterate of a start, the extremes on one mechanism, or one try further down."""
         state.advance()
         return state
 
     def is_done(self, run: Run, state: _Search) -> Status | None:
-        """When all starts and mechanisms are through."""
+        """When all starts, mechanisms and descents are through."""
         return state.status
 
     def result(self, run: Run, state: _Search) -> Answer:
         """The lowest solution found, with all others beside it; no bracket."""
         return state.answer()
+
+
+def check_dry(run: Run, what: str) -> None:
+    """Refuse formulations, strengths and ties that ``what`` does not know.
+
+    Raises
+    ------
+    ModelError
+    """
+    if run.formulation is not corner_compressions:
+        raise ModelError(f"{what} brings its own formulation: leave formulation out")
+    if run.scene.ties:
+        raise ModelError(f"{what} knows no ties yet: leave ties out")
+    if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
+        raise ModelError(
+            f"{what} knows no strength of stone or mortar yet: leave compressive_strength and "
+            "tensile_strength out"
+        )
 
 
 @dataclass
@@ -218,7 +148,7 @@ class _Search:
 
     rule: ZeroDilatancy
     run: Run
-    members: list[Member] = field(default_factory=list)
+    found: list[tuple[Member, LimitState]] = field(default_factory=list)
     status: Status | None = None
     associated: float | None = None
     typical: FloatArray | None = None
@@ -226,6 +156,7 @@ class _Search:
     iterations: int = 0
     last: Member | None = None
     failed: int = 0
+    tried: int = 0
 
     def __post_init__(self) -> None:
         run = self.run
@@ -235,19 +166,33 @@ class _Search:
                 run.assemblage, run.surfaces, objective=PricedPressure(self.price)
             )
             self.verifier = Verifier(run)
+            is_known = has_equations(run.surfaces)
+            self.system = FrictionSystem(run.assemblage) if is_known else None
+            self.lowest = ExtremeForces(run, self.verifier, -1.0)
+            self.highest = ExtremeForces(run, self.verifier, 1.0)
+            self.mechanisms = (
+                None if self.system is None else MechanismsOfForces(self.system, self.rule.seed)
+            )
         self.prices = np.zeros(len(run.contacts))
         self.random = np.random.default_rng(self.rule.seed)
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
         self.waiting: list[Member] = []
 
+    @property
+    def members(self) -> list[Member]:
+        """Solutions found, lowest first."""
+        return sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
+
     def advance(self) -> None:
-        """One convex problem."""
+        """One convex problem, or two."""
         if self.at_start < self.rule.starts:
             self._iterate()
         elif self.waiting:
             self._seek_extremes(self.waiting.pop(0))
+        elif self.found and self.mechanisms is not None and self.tried < self.rule.descents:
+            self._descend(self.mechanisms)
         else:
-            self.status = Status.CONVERGED if self.members else Status.NOT_CONVERGED
+            self.status = Status.CONVERGED if self.found else Status.NOT_CONVERGED
 
     def _iterate(self) -> None:
         self.iterations += 1
@@ -260,28 +205,41 @@ class _Search:
         if member is None:
             self._next_start(None)
             return
+        if self.iterations % _POLISH == 0:
+            member, state = self._polished(member, state)
         self.last = member
         rates = self.run.assemblage.statics.relative_rates(member.mechanism)
         wanted = self.verifier.dilatancy(rates)
         self.typical = wanted
         if member.residual <= self.rule.tolerance:
-            self._next_start(member)
+            self._next_start((member, state))
         elif self.iterations >= self.rule.most:
             self._next_start(None)
         else:
             w = self.rule.damping
             self.prices = (1.0 - w) * self.prices + w * wanted
 
+    def _polished(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
+        """The root of the equations near a state, where that is better."""
+        if self.system is None or state.internal is None:
+            return member, state
+        with self.run.clock.phase("solve"):
+            near = self.system.polished(state)
+        found = self.verifier.member(near, member.start, member.iterations)
+        if found is None or found.residual >= member.residual:
+            return member, state
+        return found, near
+
     @property
     def _label(self) -> str:
         return "associated" if self.at_start == 0 else f"random {self.at_start}"
 
-    def _next_start(self, member: Member | None) -> None:
-        if member is None:
+    def _next_start(self, found: tuple[Member, LimitState] | None) -> None:
+        if found is None:
             self.failed += 1
         else:
-            self.members.append(member)
-            self.waiting.append(member)
+            self.found.append(found)
+            self.waiting.append(found[0])
         self.at_start += 1
         self.iterations = 0
         natural = _NATURAL * float(self.run.contacts.friction.max()) / self.run.scaling.live
@@ -290,32 +248,45 @@ class _Search:
 
     def _seek_extremes(self, member: Member) -> None:
         """Forces with the lowest and the highest load factor on one mechanism."""
-        rates = self.run.assemblage.statics.relative_rates(member.mechanism)
-        power = self.run.scaling.live * self.verifier.work(rates)
-        for sign, which in ((-1.0, "lowest"), (1.0, "highest")):
-            with self.run.clock.phase("compile"):
-                problem = LimitProblem(
-                    self.run.assemblage,
-                    self.run.surfaces,
-                    objective=LowestOnMechanism(sign, power),
-                )
-            state, rung = self.run.climb(problem.solve, self.ladder)
-            state = replace(state, mechanism=member.mechanism)
+        for extreme, which in ((self.lowest, "lowest"), (self.highest, "highest")):
             label = f"{which} on the mechanism of {member.start}"
-            found = self.verifier.member(state, label, 1)
-            note = None if found is None else found.residual
-            self.run.note(state, f"{rung}, {which} on mechanism", change=note)
-            if found is not None and found.residual <= self.rule.tolerance:
-                self.members.append(found)
+            found = self._on(extreme, member.mechanism, label)
+            if found is not None:
+                self.found.append(found)
+
+    def _descend(self, mechanisms: MechanismsOfForces) -> None:
+        """A mechanism that goes with the forces of the lowest member, and the lowest on that."""
+        self.tried += 1
+        best, state = min(self.found, key=lambda found: found[0].load_factor)
+        with self.run.clock.phase("solve"):
+            mechanism = mechanisms.of(state, self.ladder[0])
+        if mechanism is None:
+            return
+        found = self._on(self.lowest, mechanism, f"descent {self.tried}")
+        if found is not None and found[0].load_factor < best.load_factor:
+            self.found.append(found)
+
+    def _on(
+        self, extreme: ExtremeForces, mechanism: FloatArray, label: str
+    ) -> tuple[Member, LimitState] | None:
+        """Extreme forces on a mechanism, if they pass all checks."""
+        state, rung = extreme.on(mechanism, self.ladder)
+        member = self.verifier.member(state, label, 1)
+        note = None if member is None else member.residual
+        self.run.note(state, f"{rung}, {label}", change=note)
+        if member is not None and member.residual > self.rule.tolerance:
+            member, state = self._polished(member, state)
+        is_good = member is not None and member.residual <= self.rule.tolerance
+        return (member, state) if member is not None and is_good else None
 
     def answer(self) -> Answer:
         """Lowest member first."""
-        self.members.sort(key=lambda member: member.load_factor)
+        members = self.members
         above = "" if self.associated is None else (
             f"; associated friction, {rounded(self.associated)}, bounds all of them from above"
         )  # fmt: skip
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
-        if not self.members:
+        if not members:
             residual = "" if self.last is None else f", last residual {self.last.residual:.1e}"
             return Answer(
                 load_factor=None if self.last is None else self.last.load_factor,
@@ -323,17 +294,18 @@ class _Search:
                 mechanism=None if self.last is None else self.last.mechanism,
                 note=f"no zero-dilatancy solution was found from {tried}{residual}{above}",
             )
-        lowest, highest = self.members[0], self.members[-1]
+        lowest, highest = members[0], members[-1]
         span = f"from {rounded(lowest.load_factor)} to {rounded(highest.load_factor)}"
+        further = f" and {self.tried} tries further down" if self.tried else ""
         return Answer(
             load_factor=lowest.load_factor,
             forces=lowest.forces,
             mechanism=lowest.mechanism,
             note=(
-                f"{len(self.members)} zero-dilatancy solutions {span}, from {tried}{above}; "
+                f"{len(members)} zero-dilatancy solutions {span}, from {tried}{further}{above}; "
                 "whether there are lower ones is not known"
             ),
-            members=tuple(self.members),
+            members=tuple(members),
         )
 
 

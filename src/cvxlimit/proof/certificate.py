@@ -17,6 +17,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.gluing import glued, without_idle
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.strength import Flow, Strength, finite
 from cvxlimit.proof.witnesses import Witnesses
@@ -25,6 +26,7 @@ from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 REFERENCE = 10.0
 """Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
@@ -33,6 +35,24 @@ given mechanism's largest."""
 
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
+
+
+_STUCK = 1e-12
+"""Relative rates at a contact, over the mechanism's largest, up to which its blocks may be meant to
+move as one: what solvers leave where nothing moves is 1e-17 to 1e-14."""
+
+_GRIPPING = 100.0
+"""Friction from which that matters: the flow rule asks for an opening of friction times the slip,
+so that slips of 1e-15 cost 1e-9 of the bracket with a friction of 1e6."""
+
+_IDLE = 1e-9
+"""Forces at a contact, over the largest of all, up to which it may be meant to carry nothing."""
+
+_PRICE = 1e-6
+"""What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
+width of bracket that counts as certified."""
+
+_Bound = tuple[float, bool, float, float]
 
 
 @dataclass(frozen=True)
@@ -90,6 +110,8 @@ class Certifier:
         self.statics = self.assemblage.statics
         self.strength = Strength(self.assemblage, surfaces, formulation, flow)
         self.witnesses = Witnesses(self.assemblage, self.strength)
+        self.surfaces, self.formulation = tuple(surfaces), formulation
+        self._can_reduce = flow is None
         self.size = float(np.median(np.sqrt(self.statics.contacts.area)))
 
     def with_flow(self, flow: Flow) -> Certifier:
@@ -97,6 +119,7 @@ class Certifier:
         result = copy(self)
         result.strength = copy(self.strength)
         result.strength.flow = flow
+        result._can_reduce = False
         result.witnesses = copy(self.witnesses)
         result.witnesses.strength = result.strength
         return result
@@ -128,8 +151,8 @@ class Certifier:
         good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
         return balanced if good else None
 
-    def offer_opening_field(self, rates: ArrayLike) -> None:
-        """Take block rates (free, 6) that may open every contact, if they really do.
+    def offer_opening_field(self, rates: ArrayLike) -> bool:
+        """True if block rates (free, 6) open every contact; then they are kept.
 
         Raises
         ------
@@ -137,8 +160,10 @@ class Certifier:
             If there is not one row per free block.
         """
         given = self._rates(rates)
-        if given is not None and self._spare_opening(given).min() > 0.0:
+        opens = given is not None and bool(self._spare_opening(given).min() > 0.0)
+        if opens:
             self.witnesses.opening_field = given
+        return opens
 
     def _spare_opening(self, rates: FloatArray) -> FloatArray:
         """What rates open contacts more than the flow rule asks for, (n,), less rounding.
@@ -169,14 +194,18 @@ class Certifier:
         """
         x = self.strength.state(forces)
         u = self._rates(mechanism)
-        lower = (-np.inf, False, np.nan, np.nan)
-        upper = (np.inf, False, np.nan, np.nan)
+        lower: _Bound = (-np.inf, False, np.nan, np.nan)
+        upper: _Bound = (np.inf, False, np.nan, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate)
+            if not lower[1]:
+                lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
+            if not upper[1] or self.statics.contacts.friction.max() > _GRIPPING:
+                upper = _better(upper, self._upper_as_glued(u, x), -1.0)
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
             lower[2], lower[3], upper[2], upper[3],
@@ -195,7 +224,7 @@ class Certifier:
             mechanism = mechanism.reshape(-1, DOF)
         return finite(mechanism, (len(self.statics.dead) // DOF, DOF), "free block")
 
-    def _lower(self, x: FloatArray, alpha: float, rate: float) -> tuple[float, bool, float, float]:
+    def _lower(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
         load = self._total_load(alpha)
         forces = self.strength.forces(x)
         residual = float((self._generalised(self.statics.residual(forces, alpha)) / load).max())
@@ -213,6 +242,25 @@ class Certifier:
             return assumed, False, residual, excess
         return (1.0 - self._mixing_share(x, reserve)) * alpha, True, residual, excess
 
+    def _lower_without_idle(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
+        """The bound of the same forces without the contacts that carry nothing.
+
+        Nothing can press on a block without weight but what bears on it: no dead-load state is
+        strictly inside there, and none has to be.
+        """
+        can = self._can_reduce and not self.strength.is_internal
+        given = without_idle(self.assemblage, x, _IDLE) if can else None
+        if given is None:
+            return -np.inf, False, np.nan, np.nan
+        less, forces = given
+        return self._of_less(less)._lower(forces, alpha, rate)
+
+    def _of_less(self, less: Assemblage) -> Certifier:
+        """The certifier of a smaller assemblage, by the same measures; it reduces no further."""
+        result = Certifier(less, self.surfaces, self.formulation)
+        result.size, result._can_reduce = self.size, False
+        return result
+
     def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
         share = 0.0
         excess = self.strength.excess
@@ -221,13 +269,28 @@ class Certifier:
             share = max(share, float((over / (over - inside)).max()))
         return share
 
-    def _largest_force(self, x: FloatArray | None) -> float:
-        """Blocks that wedge each other may press with far more than the loads, and it shows."""
+    def _largest_force(self, x: FloatArray | None, contacts: IntArray | None = None) -> float:
+        """At some contacts (k,), or all: blocks that wedge each other may press with far more than
+        the loads, and it shows."""
         if x is None:
             return 0.0
-        return float(block_sizes(self.strength.forces(x), self.size).max(initial=0.0))
+        sizes = block_sizes(self.strength.forces(x), self.size)
+        return float((sizes if contacts is None else sizes[contacts]).max(initial=0.0))
 
-    def _upper(self, u: FloatArray, force: float) -> tuple[float, bool, float, float]:
+    def _upper_as_glued(self, u: FloatArray, x: FloatArray | None) -> _Bound:
+        """The bound of the same mechanism with blocks glued that hardly move against each other.
+
+        A mechanism of blocks glued together is one of the blocks themselves, so its bound holds
+        for them. The contacts inside drop out, and with them what rounding makes of their slips,
+        and whatever wedges their blocks: what is left can often be opened where the whole cannot.
+        """
+        given = glued(self.assemblage, u, _STUCK) if self._can_reduce else None
+        if given is None:
+            return np.inf, False, np.nan, np.nan
+        whole, rates, contacts = given
+        return self._of_less(whole)._upper(rates, self._largest_force(x, contacts))
+
+    def _upper(self, u: FloatArray, force: float) -> _Bound:
         live = float(self.statics.live @ u.ravel())
         largest = self._largest_rate(u)
         if not live > 0.0:
@@ -283,7 +346,8 @@ class Certifier:
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
         size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
-        return np.asarray(_EPSILON * size.reshape(-1, DOF) @ self.strength.rate_sizes())
+        weights = self.strength.rate_sizes
+        return np.asarray(_EPSILON * (size.reshape(-1, DOF) * weights).sum(axis=1))
 
     def _is_balanced(self, state: FloatArray, alpha: float) -> bool:
         return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
@@ -312,6 +376,18 @@ class Certifier:
         turning = self.size * np.linalg.norm(mechanism[:, 3:], axis=1)
         result: FloatArray = np.linalg.norm(mechanism[:, :3], axis=1) + turning
         return result
+
+
+def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
+    """The better one; the second also where it is proved and no more than its price is lost.
+
+    Bounds are better where ``sign`` times them is larger; a proof is not given up for that.
+    """
+    gain = sign * (second[0] - first[0])
+    if first[1] == second[1]:
+        return second if gain > 0.0 else first
+    price = _PRICE * abs(first[0]) if np.isfinite(first[0]) else 0.0
+    return second if second[1] and gain >= -price else first
 
 
 def _is_resisted(unresisted: FloatArray, rates: FloatArray) -> bool:

@@ -151,11 +151,16 @@ class Strength:
             state = state + (change if self.is_internal else self.balance.model.forces(change))
         return state
 
+    @cached_property
     def rate_sizes(self) -> FloatArray:
-        """Weights (6,) of slip, opening and rotation rates in a contact's opening."""
-        reach = float(np.abs(self.contacts.corner_xy).max())
-        mu = float(self.contacts.friction.max())
-        return np.array([mu, mu, 1.0, reach, reach, mu * reach])
+        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening.
+
+        Each contact's own: with the largest friction of all, one glued joint would cost every other
+        contact its precision.
+        """
+        mu, contacts = self.contacts.friction, self.contacts
+        reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
+        return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
 
 
 def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:

@@ -14,6 +14,7 @@ from cvxlimit.solvers.ladder import (
     is_conic,
     iterate_ladder,
     ladder_of,
+    leading_ladder,
     limit_ladder,
     suits,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "is_conic",
     "iterate_ladder",
     "ladder_of",
+    "leading_ladder",
     "limit_ladder",
     "run",
     "settings_for",

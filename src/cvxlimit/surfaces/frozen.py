@@ -19,7 +19,8 @@ class Eccentricity:
     arm : (n,) array or Parameter
         Effective torsion arm c over c_T, between 0 and 1.
     e1, e2 : (n,) array or Parameter
-        Pressure centre over c_T along t1 and t2 (magnitudes for independent signs).
+        Arms of V2 and V1 over c_T: the pressure centre along t1 and t2 with signed moments, its
+        magnitudes for independent signs, magnitudes with tied signs in the paper's reading.
     """
 
     arm: Coefficient
@@ -66,3 +67,16 @@ class SignedTorsionShearBending(TorsionShearBending):
         torsion = {"MT": 1 / contacts.torsion_arm, "V2": product(-1.0, at.e1), "V1": at.e2}
         norms = [Norm({"V1": 1}, {"V2": 1}, weight=at.arm), Norm(torsion)]
         return [Condition(norms, {"N": product(contacts.friction, at.arm)})]
+
+
+class LimitedTorsionShearBending(SignedTorsionShearBending):
+    """The same with Eq. 27 beside it: abs(MT) <= c mu N, torsion about the contact's own centre."""
+
+    name = "torsion-shear-bending (with torsion-bending)"
+    implies = frozenset({"sliding", "torsion"})
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        """See the class."""
+        torsion = Norm({"MT": 1 / contacts.torsion_arm})
+        most = {"N": product(contacts.friction, self.eccentricity.arm)}
+        return [*super().conditions(contacts), Condition([torsion], most)]

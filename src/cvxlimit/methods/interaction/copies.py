@@ -9,7 +9,10 @@ own frozen pressure centre (Balas' perspective form). With c_k = c(e_k), kappa =
 
 for independent signs, and for signed moments abs(V_k) + tau_k <= mu N_k, M = sum N_k e_k and
 abs(MT - sum e_k x V_k) <= sum c_k tau_k. A copy with c = 0 carries no shear with independent
-signs, and abs(V_k) <= mu N_k at its corner with signed moments.
+signs, and abs(V_k) <= mu N_k at its corner with signed moments. With tied signs another lever d_k
+stands for e_k in the torque, and where Eq. 27 stands beside Eq. 30 a copy has a torsion of its own:
+
+    MT = sum d_k x V_k + t_k,   abs(t_k) <= c_k tau_k,   abs(d_k x V_k + t_k) <= c_k mu N_k.
 """
 
 from __future__ import annotations
@@ -45,13 +48,19 @@ class Copies:
         Pressure centre as fractions of :func:`half_extent`; with spread it may lie anywhere in
         centre +- spread, and the copy is that of eps = abs(centre) + spread.
     signed : (k,) bool
-        True where the torsion is taken about ``centre``; spread then costs torsion.
+        True where the torsion is taken about ``lever``; spread then costs torsion.
+    lever : (k, 2)
+        Point about which it is taken, as fractions too: with signed moments the centre.
+    limited : (k,) bool
+        True where Eq. 27 stands beside Eq. 30.
     """
 
     contact: IntArray
     centre: FloatArray
     spread: FloatArray
     signed: NDArray[np.bool_]
+    lever: FloatArray
+    limited: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.contact)
@@ -72,19 +81,34 @@ class Copies:
         return pinned_copies(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
-def pinned_copies(rows: IntArray, centre: FloatArray, around: FloatArray | float = 0.0) -> Copies:
-    """Copies of contacts ``rows`` with torsion about ``centre`` (k, 2), up to ``around`` it."""
+def pinned_copies(
+    rows: IntArray,
+    centre: FloatArray,
+    around: FloatArray | float = 0.0,
+    lever: FloatArray | None = None,
+    is_limited: bool = False,
+) -> Copies:
+    """Copies of contacts ``rows`` with torsion about ``centre`` (k, 2), up to ``around`` it.
+
+    ``lever`` (k, 2) is the point about which torsion is taken, where that is another one;
+    ``is_limited`` puts Eq. 27 beside Eq. 30.
+    """
     spread = np.broadcast_to(around, centre.shape)
-    return Copies(rows, centre, spread, np.ones(len(rows), dtype=bool))
+    about = centre if lever is None else lever
+    signed, limited = np.ones(len(rows), dtype=bool), np.full(len(rows), is_limited)
+    return Copies(rows, centre, spread, signed, about, limited)
 
 
 def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -> Copies:
     """Copies with unsigned torsion: pressed from -centre to centre where ``free`` (k, 2)."""
+    none = np.zeros(len(rows), dtype=bool)
     return Copies(
         rows,
         np.where(free, 0.0, centre),
         np.where(free, np.abs(centre), 0.0),
-        np.zeros(len(rows), dtype=bool),
+        none,
+        np.zeros(centre.shape),
+        none,
     )
 
 
@@ -164,23 +188,50 @@ class _CopyForces:
         shear = cp.Variable((len(k), 2), name="V") if len(k) else None
         if shear is None:
             return
-        along, arms = np.arange(len(k)), (self.half * self.copies.centre)[k]
-        arms = np.where(self.copies.signed[k][:, None], arms, 0.0)
+        along, arms = np.arange(len(k)), self._lever(k)
         self._map(shear, [
             ("V1", k, along, np.ones(len(k))), ("V2", k, along + len(k), np.ones(len(k))),
             ("MT", k, along, -arms[:, 1]), ("MT", k, along + len(k), arms[:, 0]),
         ])  # fmt: skip
         remaining = cp.multiply(self.friction[k], self.compression[k])
-        remaining -= self._torsion(len(k)) + self._drag(shear)
+        remaining -= self._torsion(shear) + self._drag(shear)
         self.constraints.append(cp.SOC(remaining, shear, axis=1))
 
-    def _torsion(self, rows: int) -> cp.Expression:
+    def _lever(self, k: IntArray) -> FloatArray:
+        """Where the torsion of copies ``k`` is taken about, (len(k), 2), in the unit of length."""
+        signed = self.copies.signed[k][:, None]
+        return np.where(signed, self.half[k] * self.copies.lever[k], 0.0)
+
+    def _torsion(self, shear: cp.Variable) -> cp.Expression:
         """tau of the copies that shear, and the contacts' torsion bounded by it."""
+        rows, limited = len(self.shears), self.copies.limited[self.twists]
         if not len(self.twists):
+            self._limit_torsion(shear, None)
             return cp.Constant(np.zeros(rows))
         share = cp.Variable(len(self.twists), nonneg=True, name="tau")
-        self._add_bounded("MT", self.twists, self.arm[self.twists], share)
+        free, own = np.flatnonzero(~limited), np.flatnonzero(limited)
+        if len(free):
+            self._add_bounded("MT", self.twists[free], self.arm[self.twists[free]], share[free])
+        self._limit_torsion(shear, share[own] if len(own) else None)
         return _places(np.searchsorted(self.shears, self.twists), rows) @ share
+
+    def _limit_torsion(self, shear: cp.Variable, share: cp.Expression | None) -> None:
+        """Eq. 27: torsion of their own for limited copies, which with what their shear does about
+        the contact's centre is at most c mu N."""
+        k = self.shears[self.copies.limited[self.shears]]
+        if not len(k):
+            return
+        at, lever = np.searchsorted(self.shears, k), self._lever(k)
+        total = cp.multiply(lever[:, 0], shear[at, 1]) - cp.multiply(lever[:, 1], shear[at, 0])
+        if share is not None:
+            twists = self.twists[self.copies.limited[self.twists]]
+            own, each = cp.Variable(len(twists), name="t"), np.arange(len(twists))
+            self._map(own, [("MT", twists, each, np.ones(len(twists)))])
+            bound = cp.multiply(self.arm[twists], share)
+            self.constraints += [own <= bound, -own <= bound]
+            total = total + _places(np.searchsorted(k, twists), len(k)) @ own
+        most = cp.multiply(self.arm[k] * self.friction[k], self.compression[k])
+        self.constraints += [total <= most, -total <= most]
 
     def _drag(self, shear: cp.Variable) -> cp.Expression:
         """kappa . (abs(V1), abs(V2)): torsion whose sign or pressure centre is free, (rows,)."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.support import Support, corner_power, half_extent, whole_boxes
+from cvxlimit.methods.interaction.support import Support, half_extent, whole_boxes
 from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ class InteractionFlow:
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._is_other = ~contacts.is_rectangle[contacts.corner_contact]
+        self._others = np.flatnonzero(~contacts.is_rectangle)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
@@ -70,9 +70,9 @@ class InteractionFlow:
         """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction = self.contacts.friction
-        j = self.contacts.corner_contact[self._is_other]
-        corners = self.contacts.corner_xy[self._is_other]
-        np.maximum.at(power, j, corner_power(w[j], corners, friction[j]))
+        others = self._others
+        if len(others):
+            power[others] = self.moments.polygon_power(w[others], self.contacts, others)
         rows = self._rectangles
         if len(rows):
             power[rows], centre[rows] = self.moments.support(

@@ -7,20 +7,23 @@ Two kinds of convex problems lie inside Eq. 30, so that every answer is a lower 
 - *frozen* ones (signed moments, and contacts that are not rectangles): every contact is pressed
   exactly at a given centre, where Eq. 30 is convex as it stands, for any shape of contact.
 
-Where they end depends on where they begin, and two ways lead to good beginnings:
+Where they end depends on where they begin, and how fast on the length of their steps:
 
+- *long* steps are hard ones with a tenth of their curvature: they may exceed Eq. 30 by a little,
+  and lead as far as two or three hard ones;
 - *soft* steps from the middle of all contacts (independent signs) may exceed Eq. 30 at a price
   that grows until nothing is bought; hard steps follow;
 - *box* steps (signed moments) replace every contact's states by the convex hull of those pressed
-  within a box about the last pressure centre. The first box is the whole contact, hence the
-  global relaxation; boxes shrink to points, the hull to a frozen problem.
+  within a box about the last pressure centre (:mod:`boxes`).
 
-Soft and box steps are not safe, and are not reported as bounds unless the checker accepts them.
+Long, soft and box steps are not safe, and are not reported as bounds unless the checker accepts
+them. All steps are solved loosely; what a bound lost by that is won back by one solve at the end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,39 +33,44 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
+from cvxlimit.methods.interaction.box_climb import BoxClimb
 from cvxlimit.methods.interaction.copies import Copies
 from cvxlimit.methods.interaction.hull import HullProblem
 from cvxlimit.methods.interaction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.safe_step import SafeStep
-from cvxlimit.methods.interaction.support import half_extent
-from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, settings_for
+from cvxlimit.solvers import (
+    LimitState,
+    SolverSettings,
+    default_ladder,
+    leading_ladder,
+    settings_for,
+)
 
 FloatArray = NDArray[np.float64]
 
 _SOFT_STEPS = 4
-"""Soft steps from the middle, at most; like the next five chosen on the tuff wall, S12 and S10."""
+"""Soft steps from the middle, at most; like the next two chosen on the tuff wall, S12 and S10."""
 
 _PRICE, _PRICE_GROWTH = 0.7, 3.0
 """First price of slack, in units of the fastest twist at a contact (what a small slack is worth),
 and its factor per step."""
 
-_FIRST_BOX, _BOX_SHRINK = 1.2, 0.6
-"""First box about given pressure centres, in half sides to either side, and the factor from box to
-box."""
+_LONG, _LONG_STEPS = (0.1, 0.1, 0.1, 0.3), 1e-3
+"""Curvature of long steps, and the gain below which they end. On S10 four of them lead where eight
+hard ones ended; with none at all they oscillate."""
 
-_FREEZE = 0.1
-"""Boxes of this size or less are followed by a frozen problem at their pressure centres."""
+_INWARD = 0.05
+"""Share by which climbs from a relaxation begin nearer to the middle: its forces lie on the rims of
+contacts, and which of many solutions a solver picked decided where S12 ended, 0.12598 or 0.12604.
+Moved in by 0.05 or 0.2 it was 0.12604 from all of five."""
 
-_ROUGH, _TIGHT = 1e-6, 1e-9
-"""Clarabel's tolerances for steps that only lead the way, and for bounds."""
+_TIGHT = 1e-9
+"""Clarabel's tolerance for the last step of a climb."""
 
-_PRESSED = 1e-7
+_LEAST = 1e-7
 """Compression, over the total load, from which a pressure centre means something."""
-
-_SMALLEST_BOX = 1e-4
-"""Boxes of pressure centres, in half sides, below which nothing is left to gain."""
 
 _BOUGHT = 1e-5
 """Slack in all, over total load x contact size, that counts as none."""
@@ -70,6 +78,13 @@ _BOUGHT = 1e-5
 _RETREATS = (0.005, 0.02, 0.05, 0.2, 1.0)
 """Where a hard step fails, or the checker refuses it, the next one is built nearer to the middle
 by these shares."""
+
+_LOST = 0.1
+"""Share of the least gain that a loose solve may cost a bound without a tight one."""
+
+_HOPE, _FIRST_RATIO = 2.0, 0.7
+"""A start is given up when twice the gain predicted for it would not reach the best bound. Gains of
+hard steps fall by 0.4 to 0.7 per step; until there are two the slower is assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +147,15 @@ class InnerMethod:
         self.run, self.moments = run, run.moments
         self.contacts = run.contacts
         self.most, self.gain = most, gain
-        self.ladder = run.ladder or (_clarabel(_TIGHT), *default_ladder())
-        self.frozen_ladder = run.ladder or default_ladder()
+        self.leading = run.ladder or leading_ladder()
+        self.tight = run.ladder or (_clarabel(_TIGHT), default_ladder()[0])
         with run.clock.phase("compile"):
             self.problem = SafeStep(run.assemblage, run.moments)
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
         self._start = "middle"
+        self._mark = -np.inf
+        self._last: tuple[InnerIterate, str, Solver] | None = None
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """All solves in order, lazily; stop taking them when the bound is good enough.
@@ -147,63 +164,107 @@ class InnerMethod:
         whether or not they are admissible; None begins at the middle of the contacts.
         """
         self._start = "middle" if start is None else "relaxation"
+        self._mark, self._last = self.run.best.bracket.lower, None
         for number, iterate in enumerate(self.moments.ways(self, start), 1):
             yield iterate
             if number >= self.most:
-                return
+                break
+        yield from self._tightened()
+
+    def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
+        """Solves in a stricter reading, whose forces are admissible in this one too, where they
+        could be better than the best: its relaxation says so."""
+        run = self.run
+        copies = stricter.box_copies(self.contacts)
+        self._start, self._mark = f"{stricter} relaxation", run.best.bracket.lower
+        relaxed = self.copied("hull", copies, self.leading)
+        yield relaxed
+        state = relaxed.state
+        if state.forces is None or state.load_factor is None:
+            return
+        if state.load_factor <= run.best.bracket.lower:
+            return
+        other = copy(self)
+        other.moments, other.problem = stricter, SafeStep(run.assemblage, stricter)
+        for start in (state.forces, None):
+            yield from other.iterates(start)
 
     def stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Hard steps, after soft ones without a start; they know rectangles only, so contacts of
         other shapes get a frozen problem at the end."""
-        yield from self._softened() if start is None else self.climb(self._point(start))
+        if start is None:
+            yield from self._softened()
+        else:
+            yield from self._lengthened(self.point(start).shrunk(_INWARD))
         best = self.run.best.forces
         if not (best is None or self.contacts.is_rectangle.all()):
-            yield self._frozen(self._centre(best, self._no_centre))
+            yield self.frozen(BoxClimb(self).boxes(best).centre)
 
     def boxed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Boxes and frozen problems; hard steps only where those gave no bound."""
         point, has_bound = self.middle, False
-        for iterate in self._boxes(start):
+        for iterate in BoxClimb(self).iterates(start):
             yield iterate
             has_bound = has_bound or iterate.is_safe
             if iterate.state.forces is not None:
-                point = self._point(iterate.state.forces, point)
+                point = self.point(iterate.state.forces, point)
         if not has_bound:
             yield from self.climb(point)
 
     def climb(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Hard steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
-        moments have it), until they gain little."""
+        moments have it), until they gain little, or could not reach the best bound."""
         reach = self.moments.reach if reach is None else reach
-        best, before, retreats = -np.inf, None, iter(_RETREATS)
+        best, before, retreats, gains = -np.inf, None, iter(_RETREATS), [np.inf]
         here = at = point
         while True:
-            iterate = self._hard(at)
+            iterate = self.hard(at)
             yield iterate
             forces = iterate.state.forces
             if forces is None or not iterate.is_safe:
                 share = next(retreats, None)
                 if share is None:
                     return
-                here = here if forces is None else self._point(forces, at)
+                here = here if forces is None else self.point(forces, at)
                 at, reach, before = here.shrunk(share), 0.0, None
                 continue
             gain, best = iterate.lower - best, max(best, iterate.lower)
+            gains.append(gain)
             if gain > 0.0:
-                here = self._point(forces, at)
+                here = self.point(forces, at)
             if gain < self.gain * abs(iterate.lower):
-                if reach == 0.0:
+                if reach == 0.0 or gain > 0.0:
                     return
                 reach = 0.0
+            if best + _HOPE * _predicted(gains) < self._mark:
+                return
             at = here if before is None or reach == 0.0 else self._ahead(here, before, reach)
             before = here
 
     def _ahead(self, here: Point, before: Point, reach: float) -> Point:
         return here.moved(reach, before).inside(self.problem.statics.contacts)
 
+    def _lengthened(self, point: Point) -> Iterator[InnerIterate]:
+        """A hard step, for an early bound, then long ones while they gain, then a climb."""
+        first = self.hard(point)
+        yield first
+        if first.state.forces is not None and first.is_safe:
+            point, best = self.point(first.state.forces, point), first.lower
+            for curvature in _LONG:
+                iterate = self._long(point, curvature)
+                yield iterate
+                state = iterate.state
+                if state.forces is None or state.load_factor is None:
+                    break
+                point = self.point(state.forces, point)
+                if state.load_factor - best < _LONG_STEPS * abs(best):
+                    break
+                best = state.load_factor
+        yield from self.climb(point)
+
     def _softened(self) -> Iterator[InnerIterate]:
         """A hard step at the middle, whose mechanism prices slack, then soft ones, then a climb."""
-        first = self._hard(self.middle)
+        first = self.hard(self.middle)
         yield first
         price = _PRICE * self._fastest_twist(first.state)
         point, last = self.middle, np.inf
@@ -212,7 +273,7 @@ class InnerMethod:
             yield iterate
             if iterate.state.forces is None:
                 break
-            point = self._point(iterate.state.forces, point)
+            point = self.point(iterate.state.forces, point)
             if iterate.slack <= _BOUGHT:
                 break
             stuck = number > 0 and iterate.slack > 0.5 * last
@@ -220,46 +281,53 @@ class InnerMethod:
             last = iterate.slack
         yield from self.climb(point)
 
-    def _boxes(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Hulls over shrinking boxes of pressure centres, and frozen problems at the last ones."""
-        contacts, centre = self.contacts, self._no_centre
-        size, best = 1.0, -np.inf
-        if start is not None:
-            centre, size = self._centre(start, centre), _FIRST_BOX
-        while size > _SMALLEST_BOX:
-            ends = np.stack([centre - size, centre + size], axis=2)
-            copies = self.moments.box_copies(contacts, np.clip(ends, -1.0, 1.0))
-            iterate = self._copied("box", copies, (_clarabel(_ROUGH),))
-            yield iterate
-            if iterate.state.forces is None:
-                return
-            centre = self._centre(iterate.state.forces, centre)
-            if size <= _FREEZE:
-                iterate = self._frozen(centre)
-                yield iterate
-                if iterate.lower - best < self.gain * abs(iterate.lower):
-                    return
-                best = max(best, iterate.lower)
-            size *= _BOX_SHRINK
+    def hard(self, point: Point) -> InnerIterate:
+        """A hard step built at ``point``."""
+        return self.safe("hard", lambda rung: self.problem.solve(point, rung), self.leading)
 
-    def _hard(self, point: Point) -> InnerIterate:
-        return self._solved("hard", lambda rung: self.problem.solve(point, rung, None), self.ladder)
+    def _long(self, point: Point, curvature: float) -> InnerIterate:
+        return self._solved(
+            "long", lambda rung: self.problem.solve(point, rung, None, curvature), self.leading
+        )
 
     def _soft(self, point: Point, price: float) -> InnerIterate:
         return self._solved(
-            "soft", lambda rung: self.problem.solve(point, rung, price), (_clarabel(_ROUGH),)
+            "soft", lambda rung: self.problem.solve(point, rung, price), self.leading
         )
 
-    def _frozen(self, centre: FloatArray) -> InnerIterate:
+    def frozen(self, centre: FloatArray) -> InnerIterate:
+        """Contacts pressed at ``centre`` (n, 2), in fractions of the half extent."""
         copies = self.moments.safe_copies(self.contacts, centre)
-        return self._copied("frozen", copies, self.frozen_ladder)
+        return self.safe("frozen", lambda rung: self.hull.solve(copies, rung), self.tight[:1])
 
-    def _copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
-        return self._solved(kind, lambda rung: self._hull.solve(copies, rung), ladder)
+    def copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
+        """The best over ``copies``, which are as safe as they are."""
+        return self._solved(kind, lambda rung: self.hull.solve(copies, rung), ladder)
 
     @cached_property
-    def _hull(self) -> HullProblem:
+    def hull(self) -> HullProblem:
+        """Problems over copies."""
         return HullProblem(self.run.assemblage)
+
+    def safe(self, kind: str, solver: Solver, before: Sequence[SolverSettings]) -> InnerIterate:
+        """A safe problem, with each further rung where the checker refuses its forces: first with
+        those given, then tightly."""
+        for rung in (*before, *(rung for rung in self.tight if rung not in before)):
+            iterate = self._solved(kind, solver, (rung,))
+            if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
+                break
+        if iterate.is_safe and iterate.lower >= self.run.best.bracket.lower:
+            self._last = (iterate, kind, solver) if rung in self.leading else None
+        return iterate
+
+    def _tightened(self) -> Iterator[InnerIterate]:
+        """The problem of the best bound once more, if solving it loosely cost something."""
+        if self._last is None:
+            return
+        iterate, kind, solver = self._last
+        factor = iterate.state.load_factor
+        if factor is not None and factor - iterate.lower > _LOST * self.gain * abs(factor):
+            yield self._solved(kind, solver, self.tight)
 
     def _solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
         """Solve, check, keep the bound if it is better, and note all of it."""
@@ -277,21 +345,10 @@ class InnerMethod:
         self.run.note(state, label, **self.run.bounds, **figures)
         return InnerIterate(kind, state, getattr(state, "slack", 0.0), bound)
 
-    def _point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
-        point = self.problem.point(forces, otherwise or self.middle, _PRESSED)
+    def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
+        """Where to build a step at ``forces`` (n, 6); idle contacts keep their place."""
+        point = self.problem.point(forces, otherwise or self.middle, _LEAST)
         return point.shrunk(self.moments.shrink)
-
-    def _centre(self, forces: FloatArray, otherwise: FloatArray) -> FloatArray:
-        """Pressure centres (n, 2) as fractions of the half extent; idle contacts keep theirs."""
-        contacts = self.contacts
-        at = Pressure.of(forces, contacts)
-        centre = np.stack([at.e1, at.e2], axis=1) / half_extent(contacts)
-        pressed = forces[:, [COLUMN["N"]]] > _PRESSED * self.problem.scaling.force
-        return np.where(pressed, np.clip(centre, -1.0, 1.0), otherwise)
-
-    @cached_property
-    def _no_centre(self) -> FloatArray:
-        return np.zeros((len(self.contacts), 2))
 
     def _fastest_twist(self, state: LimitState) -> float:
         """Largest twist rate at a contact, scaled; at least the scaled load factor."""
@@ -304,6 +361,14 @@ class InnerMethod:
 
 
 _ONES = np.ones(6)
+
+
+def _predicted(gains: Sequence[float]) -> float:
+    """What is still to be gained, if gains go on to fall as the last two did."""
+    before, last = gains[-2], max(gains[-1], 0.0)
+    ratio = last / before if 0.0 < before < np.inf else _FIRST_RATIO
+    ratio = min(max(ratio, 0.0), 1.0)
+    return np.inf if ratio >= 1.0 or not np.isfinite(last) else last * ratio / (1.0 - ratio)
 
 
 def _clarabel(tolerance: float) -> SolverSettings:

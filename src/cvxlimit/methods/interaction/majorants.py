@@ -131,6 +131,12 @@ class Product:
     x0: FloatArray
     y0: FloatArray
 
+    @property
+    def square(self) -> FloatArray:
+        """p over N at the point."""
+        result: FloatArray = self.x0 / self.k + self.k * self.y0
+        return result
+
     def majorant(self, normal: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
         """p and a linear part: x y / N <= linear + p^2 / (4 N), exact where x, y / N = x0, y0."""
         x, y = cp.multiply(1.0 / self.k, self.x), cp.multiply(self.k, self.y)
@@ -140,16 +146,31 @@ class Product:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """linear + sum of squares / (4 N) <= 0 at every contact."""
+    """linear + sum of squares / (4 N) <= 0 at every contact; ``at`` are the squares' roots over N
+    at the row's own point."""
 
     linear: cp.Expression
-    squares: Sequence[cp.Expression]
+    squares: Sequence[cp.Expression] = ()
+    at: Sequence[FloatArray] = ()
 
     @classmethod
     def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:
         """``linear`` + products / N <= 0, majorised."""
         parts = [product.majorant(normal) for product in products]
-        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts])
+        at = [product.square for product in products]
+        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts], at)
+
+    def lengthened(self, normal: cp.Expression, share: float) -> Row:
+        """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
+
+        Exact at the row's own point and tangent to the true condition there like the row itself,
+        but no longer inside it: a step with such rows goes farther, and its forces prove nothing.
+        """
+        linear, squares = self.linear, []
+        for p, p0 in zip(self.squares, self.at, strict=True):
+            linear = linear + cp.multiply(p0 / 2.0, p) - cp.multiply(p0**2 / 4.0, normal)
+            squares.append(share**0.5 * (p - cp.multiply(p0, normal)))
+        return Row(linear, squares, self.at)
 
     def cone(self, normal: cp.Expression, slack: cp.Expression | float) -> cp.Constraint:
         """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone."""

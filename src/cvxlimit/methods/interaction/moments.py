@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, ClassVar, Protocol
 
 import cvxpy as cp
@@ -37,15 +38,24 @@ from cvxlimit.methods.interaction.pressure import Pressure
 from cvxlimit.methods.interaction.rectangles import Rectangle, largest_anywhere, largest_centred
 from cvxlimit.methods.interaction.support import (
     Support,
+    corner_support,
     free_sign,
     independent_support,
+    mixed_sign,
     signed_support,
     whole_boxes,
+)
+from cvxlimit.methods.interaction.tied import (
+    TiedRows,
+    limited_signed_rows,
+    limited_support,
+    polygon_support,
 )
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.frozen import (
     Eccentricity,
+    LimitedTorsionShearBending,
     SignedTorsionShearBending,
     TorsionShearBending,
 )
@@ -89,6 +99,8 @@ class Moments(ABC):
         stricter.
     support : callable
         Largest power of true states on rectangles (:mod:`support`).
+    is_limited : bool
+        True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
     balance : float
         k^2 of the product bounds of safe steps, in units of (half side / friction).
     reach : float
@@ -98,19 +110,26 @@ class Moments(ABC):
         Safe steps are built this share nearer to the middle than the last forces.
     """
 
-    name: ClassVar[str]
+    name: str
     starts: ClassVar[tuple[str, ...]]
     frozen: Callable[[Eccentricity, Cone], YieldSurface]
     fields: Callable[[Components, FloatArray], tuple[Forces, list[cp.Constraint]]]
     rows: Callable[[Forces, Point, Plane, FloatArray, FloatArray], list[Row]]
     inscribed: Callable[[FloatArray], Rectangle]
     support: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], Support]
+    is_limited: ClassVar[bool] = False
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def stricter(self) -> tuple[Moments, ...]:
+        """Readings whose admissible forces are all admissible here too: every sign on its own
+        bounds any other choice of signs."""
+        return () if self is INDEPENDENT else (INDEPENDENT,)
 
     @abstractmethod
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
@@ -119,13 +138,17 @@ class Moments(ABC):
     def excess(self, forces: FloatArray, contacts: Contacts) -> FloatArray:
         """Eq. 30 with its own eccentricities, not linearised: excess (n,) in force units.
 
-        (torque - c (mu N - abs(V))) / c_T, with c_T of the whole contact. Zero or less is
-        admissible. Sliding is part of it; tension and rocking are checked elsewhere.
+        (torque - c (mu N - abs(V))) / c_T, with c_T of the whole contact; (abs(MT) - c mu N) / c_T
+        where Eq. 27 stands beside it and is exceeded by more. Zero or less is admissible. Sliding
+        is part of it; tension and rocking are checked elsewhere.
         """
         at = Pressure.of(forces, contacts)
-        v1, v2, normal = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N"))
+        v1, v2, normal, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N", "MT"))
         spare = contacts.friction * normal - np.hypot(v1, v2)
         eq_30 = (self.torque(forces, at) - at.arm * spare) / contacts.torsion_arm
+        if self.is_limited:
+            eq_27 = (np.abs(mt) - at.arm * contacts.friction * normal) / contacts.torsion_arm
+            eq_30 = np.maximum(eq_30, eq_27)
         return np.maximum(eq_30, -spare)
 
     def parameters(self, contacts: int) -> Eccentricity:
@@ -138,6 +161,11 @@ class Moments(ABC):
         """What :meth:`frozen` takes, over c_T."""
         arm = np.maximum(at.arm / contacts.torsion_arm, _SMALLEST_ARM)
         return Eccentricity(arm, at.e1 / contacts.torsion_arm, at.e2 / contacts.torsion_arm)
+
+    def polygon_power(self, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
+        """An upper bound (k,) on the power of true states with N = 1, but for w_N, for rates w
+        (k, 6) of contacts ``rows`` that are not rectangles: friction at their corners."""
+        return corner_support(w, contacts, rows)
 
     @abstractmethod
     def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
@@ -165,7 +193,7 @@ class Moments(ABC):
 
 
 class Independent(Moments):
-    """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, Eq. 30 read literally.
+    """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
     Only magnitudes of eccentricities count.
     """
@@ -198,18 +226,18 @@ class Independent(Moments):
         return to.stepped(start)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Spread over both signs where boxes allow both."""
+        """Spread over both signs where boxes allow both alike."""
         return spread_copies(rows, centre, free_sign(boxes[rows]))
 
     def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """Ends of boxes, and zero where it lies between them; symmetric ranges have one end."""
+        """Ends of boxes, and zero where it lies between them; even ranges have one end."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         free = free_sign(boxes)
         top = np.abs(boxes).max(axis=2)
         levels = [
             (np.where(free, top, boxes[..., 1]), np.ones_like(free)),
             (boxes[..., 0], ~free & (boxes[..., 1] > boxes[..., 0])),
-            (np.zeros_like(top), free),
+            (np.zeros_like(top), mixed_sign(boxes)),
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
@@ -223,11 +251,12 @@ class Independent(Moments):
         return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
 
     def split(self, low: float, high: float, at: float) -> list[float]:
-        """A range of both signs into its middle and two sides, so that no other has both."""
+        """A range of both signs into its middle and what lies beyond, so that no other has both."""
         if not low < 0.0 < high:
             return _halved(low, high, at)
-        cut = float(np.clip(abs(at), _NARROWEST_CHILD * high, (1.0 - _NARROWEST_CHILD) * high))
-        return [low, -cut, cut, high]
+        reach = max(-low, high)
+        cut = float(np.clip(abs(at), _NARROWEST_CHILD * reach, (1.0 - _NARROWEST_CHILD) * reach))
+        return [low, *([-cut] if -cut > low else []), *([cut] if cut < high else []), high]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A range of both signs is one of magnitudes."""
@@ -239,7 +268,7 @@ class Signed(Moments):
     """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
 
     name = "signed"
-    starts = ("relaxation",)
+    starts: ClassVar[tuple[str, ...]] = ("relaxation",)
     frozen = SignedTorsionShearBending
     fields = staticmethod(plain_forces)
     rows = staticmethod(signed_rows)
@@ -268,13 +297,14 @@ class Signed(Moments):
         whatever their shape."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
-        free = free_sign(boxes)
+        mixed = mixed_sign(boxes)
         levels = [
-            (boxes[..., 1], np.ones_like(free)),
+            (boxes[..., 1], np.ones_like(mixed)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
-            (np.zeros(free.shape), free),
+            (np.zeros(mixed.shape), mixed),
         ]
-        inside = (pinned_copies(rows, centre) for rows, centre in level_places(~whole, levels))
+        places = level_places(~whole, levels)
+        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
         return corner_copies(contacts, whole).joined(*inside)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
@@ -295,9 +325,124 @@ def _halved(low: float, high: float, at: float) -> list[float]:
     return [low, float(np.clip(at, low + reserve, high - reserve)), high]
 
 
+class SignedTorsionBending(Signed):
+    """Signed moments with Eq. 27 beside Eq. 30: abs(MT) <= c mu N, about the contact's own centre.
+
+    The paper updates both in every iteration (its section 4). Statics does not ask for the second:
+    torsion about the pressure centre is what friction resists. It is here because the iteration
+    then no longer jumps above its first factor.
+    """
+
+    name = "signed-torsion-bending"
+    is_limited = True
+    frozen = LimitedTorsionShearBending
+    fields = staticmethod(plain_forces)
+    rows = staticmethod(limited_signed_rows)
+
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """With Eq. 27, for the reading's lever."""
+        return limited_support(self.lever, w, half, friction, boxes, halvings)
+
+    def lever(self, e: FloatArray) -> FloatArray:
+        """The point (..., 2) about which Eq. 30 takes torsion, for pressure centres (..., 2)."""
+        return e
+
+    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
+        """Torsion about the lever, and Eq. 27."""
+        return pinned_copies(rows, centre, lever=self.lever(centre), is_limited=True)
+
+    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+        """As with signed moments: the lever moves no farther than the pressure centre."""
+        pinned = super().safe_copies(contacts, centre, reach)
+        limited = np.ones(len(pinned), dtype=bool)
+        return replace(pinned, lever=self.lever(pinned.centre), limited=limited)
+
+    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
+        """Corners of boxes, and their corners at zero, also for whole contacts: what friction in
+        their corners does is limited by Eq. 27. Corners of polygons as with signed moments."""
+        boxes = whole_boxes(contacts) if boxes is None else boxes
+        has_zero = (boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0)
+        levels = [
+            (boxes[..., 1], np.ones_like(has_zero)),
+            (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
+            (np.zeros(has_zero.shape), has_zero),
+        ]
+        places = level_places(contacts.is_rectangle, levels)
+        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
+        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
+
+
+class Paper(SignedTorsionBending):
+    """abs(MT + s1 abs(e2) V1 + s2 abs(e1) V2) with tied signs, and Eq. 27 beside it.
+
+    Eq. 30 as the paper prints it carries the superscript "tsb,1,2": two functions, like Eq. 24 and
+    27, so that its signs change together, with absolute eccentricities. Its iteration then meets
+    the paper's last column. It is not indifferent to the frame: a contact's axes turned by 180
+    degrees about its normal change the signs of V1 and V2 but not of MT. ``signs`` = (s1, s2) says
+    which of the four choices is meant, for all contacts alike; which one the paper's authors made
+    is not known, and none is right. Independent signs contain all of them and are the safe reading;
+    signed moments are statics.
+
+    Every state that is admissible with independent signs is so here, for any signs:
+    abs(MT) + abs(e2 V1) + abs(e1 V2) <= c (mu N - abs(V)) implies both conditions.
+
+    Example
+    -------
+    >>> Paper().name, Paper((1, -1)).name
+    ('paper', 'paper (+V1 -V2)')
+    """
+
+    name = "paper"
+    starts = ("relaxation", "middle")
+    fields = staticmethod(forces_with_sizes)
+    inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+
+    def __init__(self, signs: tuple[int, int] = (1, 1)) -> None:
+        if tuple(signs) not in _AXES:
+            raise ModelError(f"signs must be two of 1 and -1, got {signs!r}")
+        self.signs = signs
+        self.rows = TiedRows(signs)
+        if signs != (1, 1):
+            self.name = "paper ({}V1 {}V2)".format(*("+" if s > 0 else "-" for s in signs))
+
+    def lever(self, e: FloatArray) -> FloatArray:
+        """(-s2 abs(e1), s1 abs(e2)): MT - d1 V2 + d2 V1 is then the torque."""
+        return np.abs(e) * np.array([-self.signs[1], self.signs[0]])
+
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """See the class."""
+        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
+        one, two = self.signs
+        return np.abs(mt + one * np.abs(at.e2) * v1 + two * np.abs(at.e1) * v2)
+
+    def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
+        """The lever."""
+        d1, d2 = self.lever(np.stack([at.e1, at.e2], axis=1)).T
+        return super().eccentricity(Pressure(d1, d2, at.arm), contacts)
+
+    def polygon_power(self, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
+        """With the largest arm a contact of that size may have: friction at the corners bounds
+        torsion about the pressure centre, not about another point."""
+        return polygon_support(self.lever, w, contacts, rows)
+
+    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
+        """Steps."""
+        return to.stepped(start)
+
+
+_AXES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+"""Choices of signs: turning a contact's axes by 180 degrees, or mirroring one of them."""
+
 INDEPENDENT, SIGNED = Independent(), Signed()
 
-MOMENTS = {moments.name: moments for moments in (INDEPENDENT, SIGNED)}
+MOMENTS = {m.name: m for m in (INDEPENDENT, SIGNED, SignedTorsionBending(), Paper())}
 """By name, as options and files have them."""
 
 

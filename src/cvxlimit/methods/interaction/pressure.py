@@ -26,11 +26,16 @@ class Pressure:
     arm: FloatArray
 
     @classmethod
-    def of(cls, forces: FloatArray, contacts: Contacts) -> Pressure:
-        """From forces (n, 6). Centres outside the contact are taken to its nearest edge."""
+    def of(cls, forces: FloatArray, contacts: Contacts, epsilon: float = 0.0) -> Pressure:
+        """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31.
+
+        Centres outside the contact are taken to its nearest edge. A force ``epsilon`` above zero
+        takes contacts that carry next to nothing for pressed near their centres: bounds are for
+        the true centres, without it.
+        """
         normal, m1, m2 = (forces[:, COLUMN[c]] for c in ("N", "M1", "M2"))
         pressed = normal > 0.0
-        safe = np.where(pressed, normal, 1.0)
+        safe = np.where(pressed, normal + epsilon, 1.0)
         e1 = np.where(pressed, -m2 / safe, 0.0)
         e2 = np.where(pressed, m1 / safe, 0.0)
         return cls(e1, e2, effective_arm(e1, e2, contacts))

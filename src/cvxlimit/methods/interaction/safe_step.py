@@ -55,15 +55,26 @@ class SafeStep:
         self.model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
         self.fields, self.magnitudes = moments.fields(self.model.components, contacts.friction)
 
-    def solve(self, point: Point, settings: SolverSettings, price: float | None) -> StepState:
-        """Maximise the load factor, less ``price`` x slack; None: no slack, every answer safe.
+    def solve(
+        self,
+        point: Point,
+        settings: SolverSettings,
+        price: float | None = None,
+        curvature: float = 1.0,
+        most: float | None = None,
+    ) -> StepState:
+        """Maximise the load factor, less ``price`` x slack; None: no slack.
 
-        ``point`` is scaled, as :meth:`point` returns it. Never raises for what the solver does.
+        Without slack and with all of the rows' ``curvature`` every answer is safe; with a share of
+        it steps are longer (:meth:`Row.lengthened`). ``point`` is scaled, as :meth:`point` returns
+        it; ``most`` is the largest load factor asked for. Never raises for what the solver does.
         """
         slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
-        limits = [*self.magnitudes, *self._cones(point, slack)]
+        limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
         bought = None if slack is None else price * cp.sum(slack)
-        problem = StaticProblem(self.assemblage, self.model, limits, LargestFactor(cost=bought))
+        problem = StaticProblem(
+            self.assemblage, self.model, limits, LargestFactor(cost=bought, most=most)
+        )
         state = problem.solve(settings)
         if state.forces is None:
             return StepState(state.outcome, None, None, None, slack=np.inf)
@@ -80,8 +91,12 @@ class SafeStep:
         inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
         return Point.of(inner, self.statics.contacts, otherwise, least)
 
-    def _cones(self, point: Point, slack: cp.Variable | None) -> list[cp.Constraint]:
-        contacts = self.statics.contacts
+    def _cones(
+        self, point: Point, slack: cp.Variable | None, curvature: float
+    ) -> list[cp.Constraint]:
+        contacts, normal = self.statics.contacts, self.fields.N
         plane = Plane.at(point, self.rectangles, self.moments.balance)
         found = self.moments.rows(self.fields, point, plane, contacts.sides, contacts.friction)
-        return [row.cone(self.fields.N, 0.0 if slack is None else slack) for row in found]
+        if curvature < 1.0:
+            found = [row.lengthened(normal, curvature) for row in found]
+        return [row.cone(normal, 0.0 if slack is None else slack) for row in found]

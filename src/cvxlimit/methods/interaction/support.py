@@ -108,6 +108,35 @@ def independent_support(
     w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, halvings: int
 ) -> Support:
     """On the edges of boxes, as ranges of magnitudes; moment rates with the signs of those."""
+    rows, parts = _one_signed(boxes)
+    upper, where = _quadrant_support(w[rows], half[rows], friction[rows], parts, halvings)
+    if len(rows) == len(w):
+        return upper, where
+    best = np.full(len(w), -np.inf)
+    np.maximum.at(best, rows, upper)
+    centre = np.zeros_like(half)
+    top = upper >= best[rows]
+    centre[rows[top]] = where[top]
+    return best, centre
+
+
+def _one_signed(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Boxes cut at zero where they hold both signs unevenly, and which box each part is of."""
+    rows, parts = np.arange(len(boxes)), boxes
+    for axis in (0, 1):
+        cut = np.flatnonzero((mixed_sign(parts) & ~free_sign(parts))[:, axis])
+        other = parts[cut].copy()
+        other[:, axis, 1] = 0.0
+        parts = parts.copy()
+        parts[cut, axis, 0] = 0.0
+        rows, parts = np.concatenate([rows, rows[cut]]), np.concatenate([parts, other])
+    return rows, parts
+
+
+def _quadrant_support(
+    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, halvings: int
+) -> Support:
+    """The same for ranges of one sign, or of both evenly."""
     low, high = boxes[..., 0], boxes[..., 1]
     free = free_sign(boxes)
     sign = np.where(low + high >= 0.0, 1.0, -1.0)
@@ -138,9 +167,26 @@ def corner_power(
     return result
 
 
-def free_sign(boxes: FloatArray) -> NDArray[np.bool_]:
+def corner_support(w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
+    """Power (k,) of friction at the corners of contacts ``rows``, for rates w (k, 6)."""
+    place = np.full(len(contacts), -1)
+    place[rows] = np.arange(len(rows))
+    k = np.flatnonzero(place[contacts.corner_contact] >= 0)
+    j = place[contacts.corner_contact[k]]
+    power = np.full(len(rows), -np.inf)
+    friction = contacts.friction[rows]
+    np.maximum.at(power, j, corner_power(w[j], contacts.corner_xy[k], friction[j]))
+    return power
+
+
+def mixed_sign(boxes: FloatArray) -> NDArray[np.bool_]:
     """True (n, 2) where a box allows both signs of an eccentricity."""
     return np.asarray((boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0))
+
+
+def free_sign(boxes: FloatArray) -> NDArray[np.bool_]:
+    """True (n, 2) where a box allows both signs of an eccentricity alike."""
+    return mixed_sign(boxes) & np.asarray(boxes[..., 0] == -boxes[..., 1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""Interaction measured: the paper's iteration under every reading, beside certified brackets."""

@@ -1,0 +1,242 @@
+"""What is run: one experiment per row of the page, and how one is run within a time of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from queue import Empty
+from time import perf_counter, process_time
+
+import numpy as np
+
+from cvxlimit import Scene, Solution, builtin_scene, solve
+from cvxlimit.bracket import known
+from cvxlimit.errors import CvxlimitError
+from cvxlimit.masonry import BUILTIN
+from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.interaction.moments import MOMENTS, Moments, Paper
+
+AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
+"""The paper's reading with the four choices of signs of the contacts' axes."""
+
+READINGS: dict[str, Moments] = {**MOMENTS, **{reading.name: reading for reading in AXES}}
+
+WALLS = tuple(f"random-wall-{seed}" for seed in (1, 2, 3, 5, 7, 8, 11, 12, 13, 16))
+"""Irregular walls of 14 to 46 contacts whose live load does harm."""
+
+SETTINGS_SCENES = ("tuff-wall", "random-wall-1", "random-wall-2", "random-wall-11")
+
+FIRST = "first"
+"""Kind of an experiment without interaction: the first convex problem, the measure of time."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One run.
+
+    Attributes
+    ----------
+    part : {"tables", "orders", "settings", "brackets"}
+        Where on the page it belongs.
+    scene : str
+        A built-in scene's name or ``random-wall-SEED``.
+    moments : str
+        Name of a reading in :data:`READINGS`.
+    kind : {"fixed-point", "certified", "first"}
+    surface, weight, epsilon, solver : the iteration's settings
+        ``solver`` "" is the default ladder.
+    order : int
+        Seed of a permutation of the blocks; -1 leaves them as they are.
+    most : int
+        Iterations at most.
+    """
+
+    part: str
+    scene: str
+    moments: str
+    kind: str = "fixed-point"
+    surface: str = "conic"
+    weight: float = 0.8
+    epsilon: float = 0.0
+    solver: str = ""
+    order: int = -1
+    most: int = 30
+
+    @property
+    def key(self) -> str:
+        """Tells experiments apart."""
+        return "|".join(f"{value}" for value in vars(self).values())
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came out: history of load factors and bounds, with CPU seconds after every solve."""
+
+    status: str
+    load_factor: float | None
+    lower: float | None
+    upper: float | None
+    seconds: float
+    contacts: int
+    solves: int
+    factors: tuple[float | None, ...] = ()
+    clock: tuple[float, ...] = ()
+    lowers: tuple[float | None, ...] = ()
+    uppers: tuple[float | None, ...] = ()
+    measured: str = ""
+
+
+def experiments() -> Iterator[Experiment]:
+    """All of them, the page's most important ones first."""
+    yield from _tables()
+    yield from _brackets()
+    yield from _settings()
+    yield from _orders()
+
+
+def _tables() -> Iterator[Experiment]:
+    """The paper's Tables 8 and 10 and its tuff wall, under every reading: octagon, weight 0.8."""
+    for scene, surface, most in (
+        ("s12-panel", "octagon", 12),
+        ("s10-panel", "octagon", 4),
+        ("tuff-wall", "octagon", 30),
+    ):
+        for reading in (*AXES, *(m for m in MOMENTS.values() if m.name != "paper")):
+            yield Experiment("tables", scene, reading.name, surface=surface, most=most)
+
+
+def _brackets() -> Iterator[Experiment]:
+    """Certified brackets and the paper's iteration beside them, on the exact cone."""
+    small = [name for name in BUILTIN if name not in ("s12-panel", "s10-panel", "dome")]
+    for scene in ("tuff-wall", "s12-panel", *WALLS, *small, "dome", "s10-panel"):
+        yield Experiment("brackets", scene, "none", FIRST)
+        for moments in ("independent", "signed", "paper"):
+            if moments == "paper" and scene not in ("tuff-wall", "s12-panel", *WALLS):
+                continue
+            yield Experiment("brackets", scene, moments, "certified")
+            yield Experiment("brackets", scene, moments, most=20)
+        for reading in (
+            (*AXES[1:], MOMENTS["signed-torsion-bending"]) if scene == "tuff-wall" else ()
+        ):
+            yield Experiment("brackets", scene, reading.name, "certified")
+
+
+def _settings() -> Iterator[Experiment]:
+    """What the iteration depends on: epsilon, the old values' weight, the solver."""
+    for scene in SETTINGS_SCENES:
+        for moments in ("signed", "signed-torsion-bending", "paper"):
+            for epsilon in (0.0, 1e-3, 1e-2, 1e-1):
+                yield Experiment("settings", scene, moments, epsilon=epsilon, most=40)
+            for weight in (0.0, 0.5, 0.95):
+                yield Experiment("settings", scene, moments, weight=weight, most=40)
+            for solver in ("QOCO", "CVXOPT"):
+                yield Experiment("settings", scene, moments, solver=solver, most=40)
+
+
+def _orders() -> Iterator[Experiment]:
+    """Blocks in other orders: which of many possible forces a solver returns depends on it."""
+    for order in range(12):
+        for moments in ("signed", "paper"):
+            yield Experiment("orders", "tuff-wall", moments, order=order, most=30)
+    for order in range(4):
+        yield Experiment("orders", "s12-panel", "paper", surface="octagon", order=order, most=8)
+    for order in range(2):
+        yield Experiment("orders", "s10-panel", "paper", surface="octagon", order=order, most=3)
+
+
+def scene_of(experiment: Experiment) -> Scene:
+    """The scene, with its blocks in the order asked for."""
+    name = experiment.scene
+    is_random = name.startswith("random-wall-")
+    scene = random_wall(int(name.rsplit("-", 1)[1])) if is_random else builtin_scene(name)
+    if experiment.order < 0:
+        return scene
+    blocks = np.array(scene.blocks, dtype=object)
+    shuffled = np.random.default_rng(experiment.order).permutation(blocks)
+    return replace(scene, blocks=tuple(shuffled))
+
+
+def run(experiment: Experiment, seconds: float) -> Result:
+    """Run here; after ``seconds`` of CPU time it is interrupted, and keeps its bracket."""
+    scene, started = scene_of(experiment), process_time()
+    stamps: list[float] = []
+
+    def progress(message: str) -> None:
+        if message.startswith("solve "):
+            stamps.append(process_time() - started)
+        if process_time() - started > seconds:
+            raise KeyboardInterrupt
+
+    rules = {
+        "certified": Certified(),
+        "fixed-point": FixedPoint(
+            experiment.weight, most=experiment.most, epsilon=experiment.epsilon
+        ),
+        FIRST: None,
+    }
+    contacts = len(scene.contacts)
+    try:
+        solution = solve(
+            scene,
+            experiment.surface,
+            interaction=rules[experiment.kind],
+            moments=READINGS.get(experiment.moments, "independent"),
+            ladder=[experiment.solver] if experiment.solver else None,
+            progress=progress,
+        )
+    except KeyboardInterrupt:
+        return _nothing(f"stopped after {seconds:.0f} s of CPU", process_time() - started, contacts)
+    except CvxlimitError as error:
+        return _nothing(str(error), process_time() - started, contacts)
+    return _result(solution, stamps, process_time() - started)
+
+
+def _result(solution: Solution, stamps: list[float], seconds: float) -> Result:
+    history = solution.history
+    return Result(
+        str(solution.status),
+        solution.load_factor,
+        known(solution.lower),
+        known(solution.upper),
+        seconds,
+        solution.contacts,
+        len(history),
+        tuple(entry.load_factor for entry in history),
+        tuple(stamps[: len(history)]),
+        tuple(entry.lower for entry in history),
+        tuple(entry.upper for entry in history),
+    )
+
+
+def _nothing(status: str, seconds: float, contacts: int) -> Result:
+    return Result(status, None, None, None, seconds, contacts, 0)
+
+
+def run_apart(experiment: Experiment, seconds: float) -> Result:
+    """Run in a process of its own, which is ended when a single solve overruns by far."""
+    context = multiprocessing.get_context("spawn")
+    answers = context.Queue()
+    process = context.Process(target=_child, args=(experiment, seconds, answers), daemon=True)
+    started = perf_counter()
+    process.start()
+    # The child counts CPU seconds; on a busy machine they take longer.
+    end = started + 60.0 + 6.0 * seconds
+    while perf_counter() < end:
+        try:
+            answer: Result = answers.get(timeout=0.5)
+        except Empty:
+            if not process.is_alive():
+                break
+            continue
+        process.join()
+        return answer
+    process.kill()
+    process.join()
+    return _nothing("no answer from one solve", perf_counter() - started, 0)
+
+
+def _child(experiment: Experiment, seconds: float, answers: multiprocessing.Queue[Result]) -> None:
+    answers.put(run(experiment, seconds))

@@ -1,0 +1,259 @@
+"""The page ``docs/interaction.md``: its tables between markers, and its pictures, from results."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
+from benchmarks.interaction.pictures import draw
+from cvxlimit.files import write_file
+
+Found = dict[str, tuple[Experiment, Result]]
+Pair = tuple[Experiment, Result]
+
+PAPER = {
+    "s12-panel": ("S12 (Table 8)", 0.186, 0.137, 0.129),
+    "s10-panel": ("S10 (Table 10)", 0.262, 0.215, 0.213),
+    "tuff-wall": ("tuff wall", None, None, None),
+}
+"""The paper's name, first and last factor, and the experiment's."""
+
+SETTLED = 3
+"""Iterates from this one on count for the range in which an iteration wanders."""
+
+
+def write_page(docs: Path, found: Found) -> None:
+    """Fill the tables of ``interaction.md`` and draw its pictures."""
+    page = docs / "interaction.md"
+    text = page.read_text(encoding="utf-8")
+    pairs = list(found.values())
+    for name, table in TABLES.items():
+        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        filled = "\n".join(table(pairs)) + "\n"
+        text = pattern.sub(lambda match, filled=filled: match[1] + filled + match[2], text)
+    write_file(page, text.encode())
+    draw(docs, pairs)
+
+
+def _of(pairs: Iterable[Pair], part: str, **wanted: object) -> list[Pair]:
+    return [
+        (e, r)
+        for e, r in pairs
+        if e.part == part and all(getattr(e, name) == value for name, value in wanted.items())
+    ]
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = [" | ".join(cells) for cells in (head, ["---"] * len(head), *rows)]
+    return [f"| {line} |" for line in lines]
+
+
+def _number(value: float | None, digits: int = 4) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _later(result: Result) -> list[float]:
+    return [f for f in result.factors[SETTLED - 1 :] if f is not None]
+
+
+def _range(values: Sequence[float]) -> str:
+    if not values:
+        return "-"
+    low, high = f"{min(values):.4f}", f"{max(values):.4f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _bracket(pairs: Sequence[Pair], scene: str, moments: str) -> Result | None:
+    found = _of(pairs, "brackets", scene=scene, moments=moments, kind="certified")
+    return found[0][1] if found and found[0][1].upper is not None else None
+
+
+def _inside(result: Result | None) -> str:
+    if result is None or result.upper is None:
+        return "-"
+    return f"[{_number(result.lower)}, {_number(result.upper)}]"
+
+
+def readings(pairs: Sequence[Pair]) -> list[str]:
+    """Tables 8 and 10 and the tuff wall under every reading."""
+    head = ("scene", "reading", "first", "second", "third", "later", "last", "certified, cone")
+    rows = []
+    for scene, (title, first, last, experiment) in PAPER.items():
+        if first is not None:
+            told = f"**{_number(last, 3)}**"
+            rows.append((f"**{title}**", "the paper", f"**{first}**", "", "", "", told, ""))
+            rows.append(("", "experiment", "", "", "", "", f"**{_number(experiment, 3)}**", ""))
+        for e, r in _of(pairs, "tables", scene=scene):
+            some = [*r.factors[:3], None, None, None][:3]
+            bracket = _inside(_bracket(pairs, scene, e.moments))
+            last_one = f"{_number(r.load_factor)} after {len(r.factors)}, {r.status}"
+            figures = (*(_number(f) for f in some), _range(_later(r)), last_one, bracket)
+            rows.append((scene if first is None else "", e.moments, *figures))
+    return _table(head, rows)
+
+
+def spread(pairs: Sequence[Pair]) -> list[str]:
+    """The paper's column against its reading: one choice of axes, all four, other orders."""
+    lines = []
+    names = [reading.name for reading in AXES]
+    for scene, (title, _, last, experiment) in PAPER.items():
+        if last is None:
+            continue
+        runs = {e.moments: r for e, r in _of(pairs, "tables", scene=scene)}
+        own = _later(runs["paper"]) if "paper" in runs else []
+        every = [f for name in names if name in runs for f in _later(runs[name])]
+        orders = [
+            f for _, r in _of(pairs, "orders", scene=scene, moments="paper") for f in _later(r)
+        ]
+        if not own or not every:
+            continue
+        line = (
+            f"- **{title}**: the paper {last}; from the third iterate on its reading is at "
+            f"{_range(own)} ({_percent(min(own), last)} to {_percent(max(own), last)}), with all "
+            f"four choices of axes at {_range(every)} "
+            f"({_percent(min(every), last)} to {_percent(max(every), last)})"
+        )
+        if orders:
+            line += f", with its blocks in other orders at {_range(orders)}"
+        independent = _bracket(pairs, scene, "independent")
+        if independent is not None and independent.lower is not None:
+            low, high = independent.lower, independent.upper or independent.lower
+            line += (
+                f". The experiment is {experiment}; independent signs, certified, are at "
+                f"{_inside(independent)}, {_percent(low, experiment)} to "
+                f"{_percent(high, experiment)} of it"
+            )
+        lines.append(line + ".")
+    return lines
+
+
+def _percent(value: float, of: float) -> str:
+    return f"{100.0 * (value / of - 1.0):+.1f} %"
+
+
+def settings(pairs: Sequence[Pair]) -> list[str]:
+    """Iterations and ends, by epsilon, weight and solver."""
+    chosen = _of(pairs, "settings")
+    scenes = list(dict.fromkeys(e.scene for e, _ in chosen))
+    cells: dict[tuple[str, str], dict[str, str]] = {}
+    for e, r in chosen:
+        row = cells.setdefault((e.moments, _setting(e)), {})
+        row[e.scene] = _ending(r)
+    rows = [(m, s, *(row.get(scene, "-") for scene in scenes)) for (m, s), row in cells.items()]
+    return _table(("reading", "setting", *scenes), rows)
+
+
+def _setting(e: Experiment) -> str:
+    if e.solver:
+        return f"solver {e.solver}"
+    if e.weight != 0.8:
+        return f"beta {e.weight:g}"
+    return f"epsilon {e.epsilon:g}"
+
+
+def _ending(r: Result) -> str:
+    if r.load_factor is None:
+        return r.status
+    if r.status == "converged":
+        return f"{r.load_factor:.4f} after {r.solves}"
+    later = [f for f in r.factors[len(r.factors) // 2 :] if f is not None]
+    return f"{_range(later)}, {r.status}"
+
+
+def orders(pairs: Sequence[Pair]) -> list[str]:
+    """Ends of the iteration with the blocks in other orders."""
+    rows = []
+    chosen = _of(pairs, "orders")
+    for scene, moments in dict.fromkeys((e.scene, e.moments) for e, _ in chosen):
+        runs = [r for _, r in _of(chosen, "orders", scene=scene, moments=moments)]
+        ends = [r.load_factor for r in runs if r.load_factor is not None]
+        settled = [r.solves for r in runs if r.status == "converged"]
+        counted = f"{len(settled)} of {len(runs)}"
+        if settled:
+            counted += f", after {min(settled)} to {max(settled)}"
+        rows.append((scene, moments, str(len(runs)), _range(ends), counted))
+    return _table(("scene", "reading", "orders", "last iterates", "settled"), rows)
+
+
+def brackets(pairs: Sequence[Pair]) -> list[str]:
+    """Width and time of brackets, and where the iteration ends beside them."""
+    rows = []
+    head = (
+        "scene", "contacts", "reading", "certified", "width", "CPU s", "first solves",
+        "paper's iteration", "CPU s", "from the bracket",
+    )  # fmt: skip
+    chosen = _of(pairs, "brackets")
+    first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
+    iterations = {(e.scene, e.moments): r for e, r in chosen if e.kind == "fixed-point"}
+    for e, r in chosen:
+        if e.kind != "certified":
+            continue
+        other = iterations.get((e.scene, e.moments))
+        solves = f"{r.seconds / first[e.scene]:.0f}" if first.get(e.scene) else "-"
+        rows.append(
+            (
+                e.scene,
+                str(r.contacts),
+                e.moments,
+                _inside(r) if r.upper is not None else r.status,
+                _width(r),
+                f"{r.seconds:.1f}",
+                solves,
+                "-" if other is None else _ending(other),
+                "-" if other is None else f"{other.seconds:.1f}",
+                "-" if other is None else _beside(other, r),
+            )
+        )
+    return _table(head, rows)
+
+
+def _width(r: Result) -> str:
+    if r.lower is None or not r.upper:
+        return "-"
+    return f"{100.0 * (r.upper - r.lower) / r.upper:.2g} %"
+
+
+def _beside(iteration: Result, bracket: Result) -> str:
+    """How far the last iterate is outside the bracket, of its nearer end."""
+    factor, low, high = iteration.load_factor, bracket.lower, bracket.upper
+    if factor is None or low is None or high is None or not low > 0.0:
+        return "-"
+    if factor < low:
+        return _percent(factor, low)
+    return _percent(factor, high) if factor > high else "inside"
+
+
+def summary(pairs: Sequence[Pair]) -> list[str]:
+    """How wide brackets are, by reading: walls and built-in scenes."""
+    lines = []
+    for moments in ("independent", "signed", "paper"):
+        every = _of(pairs, "brackets", moments=moments, kind="certified")
+        for what, is_wall in (("random walls", True), ("built-in scenes", False)):
+            widths = [
+                100.0 * (r.upper - r.lower) / r.upper
+                for e, r in every
+                if e.scene.startswith("random") is is_wall and r.lower is not None and r.upper
+            ]
+            count = sum(e.scene.startswith("random") is is_wall for e, _ in every)
+            if widths:
+                close = sum(w <= 1.0 for w in widths)
+                lines.append(
+                    f"- {moments}, {count} {what}: {len(widths)} brackets, median width "
+                    f"{np.median(widths):.2g} %, widest {max(widths):.2g} %, {close} within 1 %."
+                )
+    return lines
+
+
+TABLES: dict[str, Callable[[Sequence[Pair]], list[str]]] = {
+    "readings": readings,
+    "spread": spread,
+    "settings": settings,
+    "orders": orders,
+    "brackets": brackets,
+    "summary": summary,
+}
+"""Name of the marker -> what stands there."""

@@ -1,0 +1,195 @@
+"""The three pictures of ``docs/interaction.md``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
+
+matplotlib.use("Agg")
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+Pair = tuple[Experiment, Result]
+
+COLOURS = {
+    "independent": "tab:blue",
+    "signed": "tab:orange",
+    "signed-torsion-bending": "tab:red",
+    "paper": "tab:green",
+}
+SHADES = ("#1b7837", "#5aae61", "#a6dba0", "#762a83")
+"""Of the four choices of axes."""
+
+PANELS = {"s12-panel": (0.137, 0.129), "s10-panel": (0.215, 0.213), "tuff-wall": (None, None)}
+"""The paper's last figure, and the experiment's."""
+
+
+def draw(docs: Path, pairs: Sequence[Pair]) -> None:
+    """Write all pictures."""
+    histories(docs / "interaction.png", pairs)
+    widths(docs / "interaction-width.png", pairs)
+    spread(docs / "paper-reading.png", pairs)
+
+
+def histories(path: Path, pairs: Sequence[Pair]) -> None:
+    """Iterates under the readings, beside certified brackets."""
+    figure = Figure(figsize=(12, 9.5), layout="constrained")
+    axes = figure.subplots(len(PANELS), 3, sharey="row")
+    columns = (("independent",), ("signed", "signed-torsion-bending"), tuple(a.name for a in AXES))
+    for row, (scene, (last, experiment)) in enumerate(PANELS.items()):
+        for ax, names in zip(axes[row], columns, strict=True):
+            _history(ax, pairs, scene, names)
+            _lines(ax, last, experiment)
+            ax.set_title(f"{scene}, {'the paper' if len(names) == 4 else names[0]}", fontsize=10)
+            ax.legend(fontsize=7, loc="lower right", ncols=2)
+        top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
+        axes[row][0].set_ylim(0.0, top)
+        for ax, names in zip(axes[row], columns, strict=True):
+            _tell_outside(ax, _tables(pairs, scene, names), top)
+        axes[row][0].set_ylabel("load factor")
+    for ax in axes[-1]:
+        ax.set_xlabel("iteration (octagon, old-value weight 0.8)")
+    figure.savefig(path, dpi=100)
+
+
+def _tables(pairs: Sequence[Pair], scene: str, names: Sequence[str] | None = None) -> list[Result]:
+    return [
+        r
+        for e, r in pairs
+        if (e.part, e.scene) == ("tables", scene)
+        and r.factors
+        and (names is None or e.moments in names)
+    ]
+
+
+def _tell_outside(ax: Axes, results: Sequence[Result], top: float) -> None:
+    """Write iterates above the picture at its upper edge."""
+    for r in results:
+        for step, factor in enumerate(r.factors, 1):
+            if factor is not None and factor > top:
+                ax.text(step + 0.3, 0.93 * top, f"↑ {factor:.3f}", fontsize=8)
+
+
+def _history(ax: Axes, pairs: Sequence[Pair], scene: str, names: Sequence[str]) -> None:
+    for number, name in enumerate(names):
+        colour = SHADES[number] if len(names) == 4 else COLOURS[name]
+        for e, r in pairs:
+            if (e.part, e.scene, e.moments) == ("tables", scene, name):
+                factors = [np.nan if f is None else f for f in r.factors]
+                ax.plot(np.arange(1, len(factors) + 1), factors, ".-", lw=1, c=colour, label=name)
+            bounds = (r.lower, r.upper)
+            is_bracket = (e.part, e.scene, e.moments, e.kind) == (
+                "brackets", scene, name, "certified",
+            )  # fmt: skip
+            if is_bracket and None not in bounds:
+                ax.axhspan(*bounds, color=colour, alpha=0.3, lw=1.5, label="certified (cone)")
+
+
+def _lines(ax: Axes, last: float | None, experiment: float | None) -> None:
+    if last is not None:
+        ax.axhline(last, color="k", ls="--", lw=1, label="the paper's last")
+    if experiment is not None:
+        ax.axhline(experiment, color="k", ls=":", lw=1, label="experiment")
+
+
+def widths(path: Path, pairs: Sequence[Pair]) -> None:
+    """Width of the bracket against time, and the iteration's distance from it at its end."""
+    chosen = [(e, r) for e, r in pairs if e.part == "brackets"]
+    first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True, sharey=True)
+    for column, moments in enumerate(("independent", "signed")):
+        for row, what in enumerate(("built-in scenes", "random walls")):
+            ax = axes[row, column]
+            mine = [
+                (e, r)
+                for e, r in chosen
+                if e.moments == moments and e.scene.startswith("random") is (row == 1)
+            ]
+            _widths(ax, mine, first)
+            ax.set_title(f"{what}, {moments}", fontsize=10)
+            ax.set_xscale("log")
+            ax.set_yscale("log")
+            ax.axhline(1.0, color="0.8", lw=1, zorder=0)
+            ax.legend(fontsize=6, ncols=3, loc="lower left")
+    for ax in axes[-1]:
+        ax.set_xlabel("CPU time, in whole analyses without interaction")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("width of the bracket, %\n(crosses: iteration's distance from it)")
+    figure.savefig(path, dpi=100)
+
+
+_LEAST = 1e-3
+"""Percent below which a width or a distance is drawn at this height."""
+
+
+def _widths(ax: Axes, pairs: Sequence[Pair], first: dict[str, float]) -> None:
+    colours = {
+        scene: f"C{k % 10}" for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
+    }
+    brackets = {e.scene: r for e, r in pairs if e.kind == "certified"}
+    for e, r in pairs:
+        unit, colour = first.get(e.scene, 0.0), colours[e.scene]
+        if not unit > 0.0:
+            continue
+        if e.kind == "certified":
+            time, width = _narrowing(r)
+            if len(time):
+                ax.step(time / unit, width, where="post", c=colour, lw=1, label=e.scene)
+                ax.plot(time[-1:] / unit, width[-1:], "o", ms=3, c=colour)
+        elif (gap := _distance(r, brackets.get(e.scene))) is not None:
+            ax.plot(r.seconds / unit, max(gap, _LEAST), "x", ms=5, c=colour)
+
+
+def _narrowing(r: Result) -> tuple[np.ndarray, np.ndarray]:
+    """CPU seconds, and the width in percent of the upper bound, as the bracket closes."""
+    rows = [
+        (t, 100.0 * (high - low) / high)
+        for t, low, high in zip(r.clock, r.lowers, r.uppers, strict=False)
+        if low is not None and high is not None and high > 0.0
+    ]
+    time, width = np.array(rows).reshape(-1, 2).T
+    return time, np.maximum(width, _LEAST)
+
+
+def _distance(iteration: Result, bracket: Result | None) -> float | None:
+    """Percent by which the last iterate lies outside the bracket; 0 inside."""
+    if bracket is None or iteration.load_factor is None or bracket.lower is None:
+        return None
+    if bracket.upper is None or not bracket.lower > 0.0:
+        return None
+    below = 1.0 - iteration.load_factor / bracket.lower
+    above = iteration.load_factor / bracket.upper - 1.0
+    return 100.0 * max(below, above, 0.0)
+
+
+def spread(path: Path, pairs: Sequence[Pair]) -> None:
+    """The paper's reading over axes and block orders, beside the paper's figure."""
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for ax, scene in zip(axes, ("s12-panel", "s10-panel"), strict=True):
+        last, experiment = PANELS[scene]
+        labels = []
+        for e, r in pairs:
+            is_reading = e.part == "tables" and e.moments.startswith("paper")
+            is_order = e.part == "orders" and e.moments == "paper"
+            later = [f for f in r.factors[2:] if f is not None]
+            if e.scene == scene and later and (is_reading or is_order):
+                y = len(labels)
+                colour = "tab:green" if is_reading else "tab:grey"
+                ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
+                ax.plot(later[-1], y, "o", c=colour)
+                labels.append(e.moments if is_reading else f"paper, order {e.order}")
+        ax.set_yticks(range(len(labels)), labels)
+        ax.invert_yaxis()
+        ax.axvline(last, color="k", ls="--", lw=1, label="the paper's last")
+        ax.axvline(experiment, color="k", ls=":", lw=1, label="experiment")
+        ax.set_title(f"{scene}: iterates from the third on, last one dotted", fontsize=10)
+        ax.set_xlabel("load factor (octagon, old-value weight 0.8)")
+        ax.legend(fontsize=8)
+    figure.savefig(path, dpi=100)

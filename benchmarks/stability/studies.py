@@ -1,0 +1,309 @@
+"""The studies: each goes through its scenes one by one and keeps a record of each."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from benchmarks.stability import interacting
+from benchmarks.stability.families import FAMILIES, Sample, sample, samples
+from benchmarks.stability.methods import methods
+from benchmarks.stability.outcomes import (
+    ROUNDING,
+    Outcome,
+    Reference,
+    claim_of,
+    judged,
+    reference_of,
+    refutation,
+)
+from benchmarks.stability.records import Record, Table
+from benchmarks.stability.truths import linear_bounds
+from cvxlimit.errors import CvxlimitError
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.solving import solve
+from cvxlimit.model.formulations import vertex_forces
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.surfaces import Rocking
+
+Tell = Callable[[str], object]
+
+LINEAR_EVERY = 4
+"""One scene in so many of the default's study is solved once more as a linear program."""
+
+WEIGHTS = (0.0, 0.2, 0.5, 0.8, 0.95)
+"""Old-value weights of the fixed point's map; the paper's is 0.8."""
+
+SETTLING = ("walls", "panels", "stacks", "blocks", "slivers", "densities", "few-loads", "sizes",
+            "arches", "domes", "rocks", "frictions")  # fmt: skip
+"""Families of the fixed point's map: those in which bending, shear and torsion meet."""
+
+BUDGET = Certified(solves=8, branching_seconds=3.0)
+"""Of the certified method in this bench: a short one, so that many scenes can be tried."""
+
+
+def ask_default(number: int, scale: int, tell: Tell) -> None:
+    """Our default on ``number`` scenes: what it says, and whether anything refutes it."""
+    with Table("default") as table:
+        for family, seed in _asked(number, scale, table, tell):
+            table.add(_key(family, seed, scale), _default(family, seed, scale))
+
+
+def _default(family: str, seed: int, scale: int) -> Record:
+    about: Record = {"family": family, "seed": seed, "scale": scale}
+    start = time.process_time()
+    try:
+        made = sample(family, seed, scale)
+        solution = solve(made.scene)
+    except CvxlimitError as error:
+        return {**about, "outcome": Outcome.HONEST, "status": type(error).__name__,
+                "why": str(error)}  # fmt: skip
+    seconds = time.process_time() - start
+    why = refutation(made, solution)
+    if not why and seed % LINEAR_EVERY == 0:
+        why = _contradiction(made.scene, solution)
+    return {
+        **about,
+        "knob": made.knob,
+        "outcome": Outcome.WRONG if why else _own_outcome(solution),
+        "why": why or ("" if solution.status.is_good else solution.note),
+        "status": solution.status,
+        "lower": solution.lower,
+        "upper": solution.upper,
+        "gap": solution.gap,
+        "proved": solution.is_proved,
+        "blocks": solution.blocks,
+        "contacts": solution.contacts,
+        "model": " ".join(solution.model),
+        "solves": len(solution.history),
+        "seconds": seconds,
+    }
+
+
+def _own_outcome(solution: Solution) -> Outcome:
+    """Our own classes: nothing refutes it, so what is claimed holds."""
+    if not solution.status.has_answer:
+        return Outcome.NO_ANSWER
+    return Outcome.RIGHT if solution.status.is_good else Outcome.HONEST
+
+
+def _contradiction(scene: Scene, solution: Solution) -> str:
+    """Why the linear programs refute a bracket, or nothing; they are good to about 1e-6."""
+    inscribed, circumscribed = linear_bounds(scene)
+    unit = 1e-5 * max(abs(solution.lower), abs(solution.upper), solution.bracket.least)
+    if solution.bracket.has_both and inscribed > solution.upper + unit:
+        return f"inscribed facets carry {inscribed:.9g}, above {solution.bracket}"
+    if solution.bracket.has_both and circumscribed < solution.lower - unit:
+        return f"circumscribed facets carry only {circumscribed:.9g}, below {solution.bracket}"
+    return ""
+
+
+def ask_certified(number: int, scale: int, tell: Tell) -> None:
+    """The certified interaction on a short budget: does anything refute its bracket?"""
+    with Table("certified") as table:
+        for family, seed in _asked(number, scale, table, tell):
+            for moments in ("independent", "signed"):
+                key = f"{_key(family, seed, scale)}/{moments}"
+                if key not in table:
+                    table.add(key, _certified(family, seed, scale, moments))
+
+
+def _certified(family: str, seed: int, scale: int, moments: str) -> Record:
+    about: Record = {"family": family, "seed": seed, "scale": scale, "moments": moments}
+    start = time.process_time()
+    try:
+        made = sample(family, seed, scale)
+        solution = solve(made.scene, interaction=BUDGET, moments=moments)
+    except CvxlimitError as error:
+        return {**about, "outcome": Outcome.HONEST, "status": type(error).__name__,
+                "why": str(error)}  # fmt: skip
+    seconds = time.process_time() - start
+    truth = interacting.closed_form(made.scene, moments)
+    states = list(interacting.found_states(made.scene, moments))
+    why = _refuted(solution, truth, states)
+    outcome = _own_outcome(solution)
+    if outcome is Outcome.HONEST and solution.bracket.has_both:
+        outcome = Outcome.LOOSE
+    return {
+        **about,
+        "knob": made.knob,
+        "outcome": Outcome.WRONG if why else outcome,
+        "why": why,
+        "status": solution.status,
+        "lower": solution.lower,
+        "upper": solution.upper,
+        "gap": solution.gap,
+        "truth": truth,
+        "states": len(states),
+        "best_state": max(states, default=None),
+        "contacts": solution.contacts,
+        "seconds": seconds,
+    }
+
+
+def _refuted(solution: Solution, truth: float | None, states: list[float]) -> str:
+    """Why a closed form or a state refutes a bracket with interaction, or nothing."""
+    unit = ROUNDING * max(abs(solution.upper), abs(solution.lower), 1e-300)
+    if not solution.status.has_answer:
+        return f"says {solution.status}, the closed form is {truth:.9g}" if truth else ""
+    if truth is not None and not solution.lower - unit <= truth <= solution.upper + unit:
+        return f"the closed form {truth:.9g} is not in {solution.bracket}"
+    best = max(states, default=-np.inf)
+    if best > solution.upper + unit:
+        return f"a state carries {best:.9g}, above {solution.bracket}"
+    return ""
+
+
+def ask_methods(number: int, scale: int, tell: Tell) -> None:
+    """Every method on ``number`` scenes: what it claims, and what that is worth."""
+    known = methods()
+    with Table("methods") as table:
+        for family, seed in _asked(number, scale, None, tell):
+            made: Sample | None = None
+            references: dict[str, Reference | None] = {}
+            for method in known:
+                key = f"{_key(family, seed, scale)}/{method.name}"
+                if key in table:
+                    continue
+                made = made or sample(family, seed, scale)
+                if method.surface not in references:
+                    references[method.surface] = _reference(made, method.surface)
+                reference = references[method.surface]
+                if reference is not None:
+                    table.add(key, {"family": family, "seed": seed, "method": method.name,
+                                    **_claimed(method.claims, made, reference)})  # fmt: skip
+
+
+def _claimed(claims: Callable[[Scene], Any], made: Sample, reference: Reference) -> Record:
+    start = time.process_time()
+    claim = claims(made.scene)
+    seconds = time.process_time() - start
+    error = reference.distance(claim.says) if isinstance(claim.says, float) else None
+    return {"outcome": judged(claim, reference), "word": claim.word, "error": error,
+            "says": claim.says, "seconds": seconds}  # fmt: skip
+
+
+def _reference(made: Sample, surface: str) -> Reference | None:
+    """The certified bracket of a model; None where even that is open, and nothing is judged."""
+    own = vertex_forces if surface == "vertex forces" else None
+    asked: Any = [Rocking()] if own else surface
+    solution = solve(made.scene, asked, **({"formulation": own} if own else {}))
+    if solution.status.has_answer and not solution.status.is_good:
+        return None
+    if surface == "conic":
+        return reference_of(made, solution)
+    says = claim_of(solution).says
+    none = says if isinstance(says, str) else None
+    return Reference(solution.lower, solution.upper, none, solution.bracket.least)
+
+
+def ask_fixed_point(number: int, scale: int, tell: Tell) -> None:
+    """The paper's iteration at every weight: how it ends, and where it went."""
+    with Table("fixed-point") as table:
+        for seed in range(max(1, number // len(SETTLING))):
+            for family in SETTLING:
+                tell(f"{family} {seed}")
+                for moments in ("independent", "signed"):
+                    for weight in WEIGHTS:
+                        key = f"{_key(family, seed, scale)}/{moments}/{weight}"
+                        if key not in table:
+                            record = _iterated(family, seed, scale, moments, weight)
+                            table.add(key, record)
+
+
+def _iterated(family: str, seed: int, scale: int, moments: str, weight: float) -> Record:
+    about: Record = {"family": family, "seed": seed, "moments": moments, "weight": weight}
+    made = sample(family, seed, scale)
+    start = time.process_time()
+    try:
+        solution = solve(made.scene, interaction=FixedPoint(weight), moments=moments)
+    except CvxlimitError as error:
+        return {**about, "ending": "refused", "why": str(error)}
+    factors = [h.load_factor for h in solution.history]
+    return {
+        **about,
+        "ending": solution.status,
+        "period": period(factors) if solution.status == "cycling" else None,
+        "iterations": len(factors),
+        "factors": [f for f in factors if f is not None][-12:],
+        "first": factors[0],
+        "seconds": time.process_time() - start,
+    }
+
+
+def period(factors: list[float | None]) -> int | None:
+    """The shortest number of iterates after which the last ones repeat.
+
+    >>> period([0.5, 0.1, 0.3, 0.1, 0.3, 0.1, 0.3])
+    2
+    """
+    for lap in range(2, 9):
+        tail = [f for f in factors[-2 * lap :] if f is not None]
+        if len(tail) == 2 * lap and np.allclose(tail[:lap], tail[lap:], rtol=2e-4):
+            return lap
+    return None
+
+
+def ask_orders(number: int, scale: int, tell: Tell) -> None:
+    """The paper's iteration with blocks in other orders, and with other solvers."""
+    with Table("orders") as table:
+        for k in range(number):
+            family = ("walls", "panels", "few-loads")[k % 3]
+            seed = k // 3
+            for order in range(6):
+                for solver in ("CLARABEL", "QOCO", "CVXOPT"):
+                    key = f"{_key(family, seed, scale)}/{order}/{solver}"
+                    if key not in table:
+                        tell(key)
+                        table.add(key, _reordered(family, seed, scale, order, solver))
+
+
+def _reordered(family: str, seed: int, scale: int, order: int, solver: str) -> Record:
+    scene = shuffled(sample(family, seed, scale).scene, order)
+    about: Record = {"family": family, "seed": seed, "order": order, "solver": solver}
+    try:
+        found = solve(scene, interaction=FixedPoint(), moments="signed", ladder=[solver])
+        plain = solve(scene, ladder=[solver])
+    except CvxlimitError as error:
+        return {**about, "ending": "refused", "why": str(error)}
+    return {**about, "ending": found.status, "load_factor": found.load_factor,
+            "plain": plain.load_factor}  # fmt: skip
+
+
+def shuffled(scene: Scene, order: int) -> Scene:
+    """The same scene with its blocks in another order; order 0 is as it was."""
+    if order == 0:
+        return scene
+    from dataclasses import replace
+
+    places = np.random.default_rng(order).permutation(len(scene.blocks))
+    return replace(scene, blocks=tuple(scene.blocks[i] for i in places))
+
+
+def _asked(number: int, scale: int, table: Table | None, tell: Tell) -> Iterator[tuple[str, int]]:
+    """Scenes that are not in the table yet."""
+    todo: Iterable[tuple[str, int, int]] = samples(number, scale)
+    for k, (family, seed, _) in enumerate(todo, 1):
+        if table is None or _key(family, seed, scale) not in table:
+            tell(f"{k} of {number}: {family} {seed}")
+            yield family, seed
+
+
+def _key(family: str, seed: int, scale: int) -> str:
+    assert family in FAMILIES
+    return f"{family}-{seed}" + (f"x{scale}" if scale > 1 else "")
+
+
+STUDIES: dict[str, tuple[Callable[[int, int, Tell], None], float]] = {
+    "default": (ask_default, 1.0),
+    "certified": (ask_certified, 0.15),
+    "methods": (ask_methods, 0.2),
+    "fixed-point": (ask_fixed_point, 0.1),
+    "orders": (ask_orders, 0.015),
+}
+"""All studies by name, and the share of ``--size`` scenes that each of them takes."""

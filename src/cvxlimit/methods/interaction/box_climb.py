@@ -1,0 +1,101 @@
+"""The way to admissible forces with signed moments: boxes, and safe problems where they lead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.methods.interaction.boxes import Boxes
+from cvxlimit.methods.interaction.copies import Copies
+
+if TYPE_CHECKING:
+    from cvxlimit.methods.interaction.inner import InnerIterate, InnerMethod
+
+FloatArray = NDArray[np.float64]
+
+_FIRST_BOX = 0.8
+"""First boxes about given pressure centres, in half sides to either side."""
+
+_EXPLORING, _SETTLING = 8, 12
+"""Boxes that explore, and those that only shrink: see :mod:`boxes`."""
+
+_NEARLY = 1e-2
+"""Excess of Eq. 30, summed over contacts and over the total load, from which frozen problems follow
+boxes: on S12 their bounds are then within 3e-4 of the boxes' load factors."""
+
+_RETRY = 0.5
+"""Share of that excess at which safe problems are tried again after they gave no bound."""
+
+_NOISE = 2e-5
+"""Largest excess of a contact, over the total load, that may be due to loose solves alone."""
+
+
+class BoxClimb:
+    """Box steps (:mod:`boxes`), and the safe problems that follow them, of one method.
+
+    Parameters
+    ----------
+    to : InnerMethod
+        What solves the problems and keeps the bounds.
+    """
+
+    def __init__(self, to: InnerMethod) -> None:
+        self.to, self._freezes = to, True
+
+    def boxes(self, forces: FloatArray | None) -> Boxes:
+        """The first boxes: about ``forces`` (n, 6), or whole contacts."""
+        force = self.to.problem.scaling.force
+        if forces is None:
+            return Boxes(self.to.contacts, self.to.moments, force)
+        return Boxes(self.to.contacts, self.to.moments, force, forces, _FIRST_BOX)
+
+    def iterates(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        """Hulls over boxes of pressure centres, and what is safe near the last ones."""
+        boxes, best, nearly, explored = self.boxes(start), -np.inf, _NEARLY, 0
+        for _ in range(_EXPLORING + _SETTLING):
+            copies = boxes.copies
+            iterate = self.to.copied("box", copies, self.to.leading)
+            yield iterate
+            state = iterate.state
+            if state.forces is None or state.load_factor is None:
+                return
+            explored += 1
+            exploring = explored < _EXPLORING and not self._is_upper(state.load_factor)
+            explored = explored if exploring else _EXPLORING
+            boxes.follow(state.forces, exploring=exploring)
+            if boxes.excess > nearly and not iterate.is_safe:
+                continue
+            lower = iterate.lower
+            for nearby in self._nearby(boxes, copies, state.forces):
+                yield nearby
+                lower = max(lower, nearby.lower)
+            least = self.to.gain * abs(lower)
+            if lower - best < least or state.load_factor - lower < least:
+                return
+            best, nearly = max(best, lower), _RETRY * boxes.excess
+
+    def _nearby(self, boxes: Boxes, copies: Copies, forces: FloatArray) -> Iterator[InnerIterate]:
+        """The frozen problem at the boxes' centres. Where that has no interior, as where forces
+        are determinate: the box problem itself, tightly, if all that keeps its forces from being
+        admissible is how it was solved; else a hard step at them."""
+        if self._freezes:
+            frozen = self.to.frozen(boxes.centre)
+            yield frozen
+            self._freezes = frozen.is_safe
+            if frozen.is_safe:
+                return
+        if boxes.largest <= _NOISE:
+            tight = self.to.safe("box", lambda rung: self.to.hull.solve(copies, rung), ())
+            yield tight
+            if tight.is_safe:
+                return
+        point = self.to.point(forces)
+        yield self.to.safe("hard", lambda rung: self.to.problem.solve(point, rung), ())
+
+    def _is_upper(self, load_factor: float) -> bool:
+        """True if no box could have more."""
+        upper = self.to.run.best.bracket.upper
+        return upper - load_factor < self.to.gain * abs(upper)

@@ -1,0 +1,128 @@
+"""Less of an assemblage: blocks that move as one made one, contacts without force left out.
+
+What a mechanism proves of blocks glued together it proves of the blocks, and what forces prove
+without some contacts they prove with them. Bounds that the whole does not let go without an
+assumption are often plain there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import DOF, Statics
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def glued(
+    assemblage: Assemblage, mechanism: FloatArray, share: float
+) -> tuple[Assemblage, FloatArray, IntArray] | None:
+    """The assemblage with blocks glued that a mechanism (free, 6) hardly moves apart.
+
+    Blocks are glued where all relative rates of a contact are below ``share`` of the largest rate;
+    what is glued to a support is fixed. Also returns rates (bodies, 6), those of the first block of
+    each body, and which contacts (k,) are left. None if nothing is glued, or everything to the
+    supports, and for scenes with ties or guides, which are no contacts between two free bodies.
+
+    Example
+    -------
+    >>> import numpy as np
+    >>> from cvxlimit import builtin_scene
+    >>> stack = Assemblage.of(builtin_scene("stack"))
+    >>> sliding = np.zeros((5, 6))
+    >>> sliding[3:, 0] = 1.0  # the two upper blocks, on the three lower ones
+    >>> whole, rates, left = glued(stack, sliding, 1e-12)
+    >>> len(whole.contacts), rates.tolist(), left
+    (1, [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]], array([3]))
+    """
+    statics = assemblage.statics
+    if statics.guides or assemblage.scene.ties:
+        return None
+    body = _bodies(statics, mechanism, share)
+    number = np.where(statics.row_of_block < 0, 0, body[statics.row_of_block + 1])
+    moving = np.flatnonzero(number[statics.contacts.a] != number[statics.contacts.b])
+    if not len(moving) or len(moving) == len(statics.contacts):
+        return None
+    first = np.unique(body, return_index=True)[1][1:] - 1  # a free block of each body
+    centre = statics.centroids[statics.row_of_block >= 0]
+    origin = np.vstack([np.zeros(3), centre[first]])
+    whole = Statics(
+        contacts=statics.contacts.take(moving),
+        centroids=np.where(number[:, None] > 0, origin[number], statics.centroids),
+        row_of_block=number - 1,
+        dead=_moved(statics.dead, body[1:], centre, origin),
+        live=_moved(statics.live, body[1:], centre, origin),
+    )
+    balance = Balance(whole, corner_compressions(whole.contacts))
+    return replace(assemblage, statics=whole, balance=balance), mechanism[first], moving
+
+
+def without_idle(
+    assemblage: Assemblage, forces: FloatArray, share: float
+) -> tuple[Assemblage, FloatArray] | None:
+    """The assemblage without contacts that carry nothing, and the forces (n, 6) of the others.
+
+    Contacts are left out whose forces are below ``share`` of the largest, and blocks with them that
+    no contact touches any more. None if no contact is left out, if such a block bears a load, and
+    for scenes with ties or guides.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> stack = Assemblage.of(builtin_scene("stack"))
+    >>> without_idle(stack, np.ones((5, 6)), 1e-12) is None
+    True
+    """
+    statics = assemblage.statics
+    if statics.guides or assemblage.scene.ties:
+        return None
+    contacts = statics.contacts
+    reach = np.repeat([float(np.abs(contacts.corner_xy).max()), 1.0], 3)
+    size = np.abs(forces * reach).max(axis=1)
+    busy = np.flatnonzero(size > share * size.max(initial=0.0))
+    if not len(busy) or len(busy) == len(contacts):
+        return None
+    touched = np.zeros(len(statics.row_of_block), dtype=bool)
+    touched[contacts.a[busy]] = touched[contacts.b[busy]] = True
+    free = statics.row_of_block >= 0
+    kept = touched[free]
+    rows = np.repeat(kept, DOF)
+    if np.any(statics.dead[~rows]) or np.any(statics.live[~rows]):
+        return None
+    number = np.full(len(free), -1)
+    number[free & touched] = np.arange(int(kept.sum()))
+    less = Statics(
+        contacts.take(busy), statics.centroids, number, statics.dead[rows], statics.live[rows]
+    )
+    balance = Balance(less, corner_compressions(less.contacts))
+    return replace(assemblage, statics=less, balance=balance), forces[busy]
+
+
+def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
+    """Number (1 + free,) of the body of the supports, which is 0, and of every free block."""
+    contacts = statics.contacts
+    reach = np.repeat([1.0, float(np.abs(contacts.corner_xy).max())], 3)
+    against = np.abs(statics.relative_rates(mechanism) * reach).max(axis=1)
+    stuck = against <= share * np.abs(mechanism * reach).max()
+    row = np.where(statics.row_of_block < 0, 0, statics.row_of_block + 1)
+    ends = row[contacts.a][stuck], row[contacts.b][stuck]
+    count = len(mechanism) + 1
+    links = sp.coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def _moved(load: FloatArray, body: IntArray, centre: FloatArray, origin: FloatArray) -> FloatArray:
+    """Loads (6 free,) of blocks as loads on bodies, about their origins; those on 0 are out."""
+    each = load.reshape(-1, DOF).copy()
+    each[:, 3:] += np.cross(centre - origin[body], each[:, :3])
+    total = np.zeros((len(origin), DOF))
+    np.add.at(total, body, each)
+    return total[1:].ravel()
