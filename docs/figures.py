@@ -1,9 +1,8 @@
 """Figures of these pages: ``.venv/bin/python docs/figures.py docs/figures`` draws them anew.
 
 The gallery is what :mod:`cvxlimit.plotting` makes of a solution. The figures of the conventions are
-drawn here, but what they show is computed by the package, not drawn by hand: the frame is that of a detected
-contact, the effective area that of the forces, and the moments are those of a force at the pressure
-centre.
+drawn here, but what they show is computed by the package: the frame is that of a detected contact,
+the effective area that of the forces, and the moments are those of a force at the pressure centre.
 """
 
 from __future__ import annotations
