@@ -28,8 +28,9 @@ from cvxlimit.methods.interaction.majorants import (
     independent_rows,
     signed_rows,
 )
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED, parse_moments
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
 from cvxlimit.solvers import leading_ladder, settings_for

@@ -63,8 +63,8 @@ _FEW, _BRANCHING = 6, 60.0
 it closes nearly all brackets to 1e-4."""
 
 _IDLE_SECONDS = 10.0
-"""Branch and bound ends when so long, or a third of its time, has gained less than 1 % of the gap:
-on walls that close, the longest such wait was shorter."""
+"""Branch and bound that was given no time of its own ends when so long, or a third of what it took,
+has gained less than 1 % of the gap."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class Certified(Rule):
         Convex problems per start, at most.
     branching_seconds : float or None
         Time for branch and bound, on any number of contacts; it ends before where the tolerance is
-        met (1e-4 unless one is asked for) or nothing more is gained. None is 60 s where a tolerance
-        is asked for and on scenes of up to 6 contacts, and none otherwise.
+        met (1e-4 unless one is asked for). None is 60 s where a tolerance is asked for and on
+        scenes of up to 6 contacts, as long as it gains, and none otherwise.
     workers : int
         Processes that branch and bound uses.
     executor : Executor or None
@@ -305,7 +305,8 @@ class _Proof:
                     f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
                     f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
                 )
-                is_over = spent > seconds or stall.is_over(spent, search.upper - search.lower)
+                is_idle = stall.is_over(spent, search.upper - search.lower)
+                is_over = spent > seconds or (self.rule.branching_seconds is None and is_idle)
                 if is_over or not search.can_go_on or run.best.bracket.is_below_zero:
                     return
                 yield None
@@ -388,5 +389,8 @@ class _Proof:
         )
         parts = [lower, upper, self.reason]
         if not self.run.contacts.is_rectangle.all():
-            parts.append("contacts that are not rectangles: lower bound on inscribed rectangles")
+            parts.append(
+                "contacts that are not rectangles: lower bound on inscribed rectangles, upper "
+                "bound of branch and bound with torsion arms sampled between pressure centres"
+            )
         return "; ".join(part for part in parts if part)
