@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.stability.families import FAMILIES
+from benchmarks.stability.peers import ask_peer
 from benchmarks.stability.studies import STUDIES
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
@@ -21,14 +22,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("action", nargs="?", default="all", choices=("all", "run", "write", "list"))
     parser.add_argument("--size", type=int, default=1050, help="scenes for our default")
     parser.add_argument("--scale", type=int, default=1, help="multiplies numbers of blocks")
-    parser.add_argument("--study", choices=list(STUDIES), action="append", help="only this one")
+    parser.add_argument("--study", choices=[*STUDIES, "peer"], action="append",
+                        help="only this one")  # fmt: skip
+    parser.add_argument("--peer", type=Path, help="Python of an environment with compas_cra")
     parser.add_argument("--docs", type=Path, default=DOCS, help="folder of the atlas")
     given = parser.parse_args(arguments)
     if given.action == "list":
         for family in FAMILIES.values():
             console.print(f"{family.name:12} {family.what}")
     if given.action in ("all", "run"):
-        _run(given.study or list(STUDIES), given.size, given.scale)
+        _run([s for s in given.study or STUDIES if s != "peer"], given.size, given.scale)
+        if given.peer:
+            with console.status("peer") as status:
+                ask_peer(given.peer, lambda text: status.update(f"peer: {text}"))
     if given.action in ("all", "write"):
         from benchmarks.stability.atlas import write
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -185,7 +186,8 @@ def _claimed(claims: Callable[[Scene], Any], made: Sample, reference: Reference)
     seconds = time.process_time() - start
     error = reference.distance(claim.says) if isinstance(claim.says, float) else None
     return {"outcome": judged(claim, reference), "word": claim.word, "error": error,
-            "says": claim.says, "seconds": seconds}  # fmt: skip
+            "says": claim.says, "lower": reference.lower, "upper": reference.upper,
+            "none": reference.none, "seconds": seconds}  # fmt: skip
 
 
 def _reference(made: Sample, surface: str) -> Reference | None:
@@ -279,8 +281,6 @@ def shuffled(scene: Scene, order: int) -> Scene:
     """The same scene with its blocks in another order; order 0 is as it was."""
     if order == 0:
         return scene
-    from dataclasses import replace
-
     places = np.random.default_rng(order).permutation(len(scene.blocks))
     return replace(scene, blocks=tuple(scene.blocks[i] for i in places))
 

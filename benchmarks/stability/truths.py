@@ -126,10 +126,10 @@ def _within(v: FloatArray, w: FloatArray, p: float, q: float) -> tuple[float, fl
     scale = max(q * q, w @ w, 1e-300)
     if abs(a) <= 1e-14 * scale:
         roots = [-c / (2.0 * b)] if b else []
-    elif b * b - a * c < 0.0:
+    elif b * b - a * c < -1e-12 * b * b:
         roots = []
     else:
-        big = -b - np.copysign(np.sqrt(b * b - a * c), b)
+        big = -b - np.copysign(np.sqrt(max(b * b - a * c, 0.0)), b)
         roots = sorted({float(big / a), float(c / big) if big else 0.0})
     marks = [-np.inf, *sorted(roots), np.inf]
     good = [

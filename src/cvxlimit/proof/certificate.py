@@ -37,9 +37,10 @@ _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 
-_STUCK = 1e-12
+_STUCK = (1e-9, 1e-12)
 """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be meant to
-move as one: what solvers leave where nothing moves is 1e-17 to 1e-14."""
+move as one; both are tried. Solvers leave 1e-17 to 1e-11 where nothing moves, and slips that are
+meant are as small as 3e-9 beside joints with friction of 1e6."""
 
 _GRIPPING = 100.0
 """Friction from which that matters: the flow rule asks for an opening of friction times the slip,
@@ -205,7 +206,8 @@ class Certifier:
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
             if not upper[1] or self.statics.contacts.friction.max() > _GRIPPING:
-                upper = _better(upper, self._upper_as_glued(u, x), -1.0)
+                for share in _STUCK:
+                    upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
             lower[2], lower[3], upper[2], upper[3],
@@ -277,14 +279,14 @@ class Certifier:
         sizes = block_sizes(self.strength.forces(x), self.size)
         return float((sizes if contacts is None else sizes[contacts]).max(initial=0.0))
 
-    def _upper_as_glued(self, u: FloatArray, x: FloatArray | None) -> _Bound:
+    def _upper_as_glued(self, u: FloatArray, x: FloatArray | None, share: float) -> _Bound:
         """The bound of the same mechanism with blocks glued that hardly move against each other.
 
         A mechanism of blocks glued together is one of the blocks themselves, so its bound holds
         for them. The contacts inside drop out, and with them what rounding makes of their slips,
         and whatever wedges their blocks: what is left can often be opened where the whole cannot.
         """
-        given = glued(self.assemblage, u, _STUCK) if self._can_reduce else None
+        given = glued(self.assemblage, u, share) if self._can_reduce else None
         if given is None:
             return np.inf, False, np.nan, np.nan
         whole, rates, contacts = given

@@ -1,0 +1,134 @@
+# ruff: noqa: E501 -- rows of Markdown tables cannot be broken
+"""The words of the atlas, between its tables: figures are filled in by :mod:`atlas`."""
+
+HEAD = """
+# Where methods fail
+
+A limit analysis asks how far a push on a dry-jointed structure can be scaled up before it falls.
+There are many ways to compute that number, and every one of them fails somewhere. This page shows
+where: families of small scenes were made to break methods, every method was asked about every scene,
+and each answer was judged by something that does not trust the one who gave it.
+
+`.venv/bin/python -m benchmarks.stability` measures everything and writes this page with its pictures
+(half an hour to an hour of one core; `--size 210` is a fifth of it; what is measured already is not
+measured again). `... run --study default` asks our default only, a minute or two.
+
+## In short: which method for which scene
+
+| you have | use | because |
+|---|---|---|
+| any scene, no interaction with bending | `solve(scene)`, the default | every answer carries a bracket computed outside the solver; none of those below was wrong |
+| friction above 1e5 beside friction below 1e-5, densities 1e8 apart and more | the default, and read its bracket | it may stay open: the status says so and the bounds hold |
+| a single solver you call yourself | any, but check its answer: `Certifier` | each of those tried says "optimal" to wrong numbers where weights, sizes or loads lie far apart |
+| interaction with bending | `interaction="certified"` | a bracket; it may be wide, but nothing refuted one |
+| to reproduce the paper's iteration | `interaction="fixed-point"`, old-value weight 0.8, signed moments | with independent moments, or with little blending, it wanders, cycles or dies on most walls |
+| blocks wedged between supports | the default | a solver left alone returns any of infinitely many states of self-stress |
+
+Answers fall into five classes:
+
+- **right**: within 1e-5 of the certified bracket;
+- **no answer, proved**: the dead load cannot stand, or the live load does no harm, and a mechanism or
+  forces that show it were found and checked;
+- **loose**: off by up to 0.1 %;
+- **honest failure**: the method says itself that it has no answer, with a cure;
+- **wrong**: called right by the method, and off by more than 0.1 %, or a claim that there is no answer
+  where there is one. For our own brackets, anything that contradicts them.
+
+The judge is the certificate, plain NumPy on the full scene, from forces and mechanisms alone;
+closed forms for stacks, single blocks, wedges and whatever else follows from equilibrium; and for
+every fourth scene a linear program written down a second time, with facets on either side of the
+cone. No solver's status is used.
+
+## The scenes
+"""
+
+DEFAULT = """
+## Our default: {wrong} wrong of {scenes}
+
+{scenes} scenes, {seconds} s of CPU in all: {right} certified to 1e-5, {none} with a proof that there
+is no answer, {honest} honest failures, {wrong} wrong. That is {share} with an answer. Of the certified
+ones, {proved} rest on no assumption at all on the size of forces or rates.
+
+![Width of the bracket of every scene, by family](atlas-widths.png)
+"""
+
+HONEST = """
+What is left open, and why. Joints with friction of 1e-6 beside joints with 1e6: slips are then known
+to 1e-15 and asked for to 1e-6 of that, past what double precision holds. Densities 1e8 apart: a
+solver's residual of 1e-10 of the total load is a hundredth of what the lightest block weighs, and
+the static bound pays for it. The bounds hold all the same; the status is "not certified", with exit
+code 4. What helped the others: a mechanism is also certified with those blocks glued together that
+it does not move, so that neither self-stress inside them nor rounding of slips that are zero weaken
+the bound; forces are also certified without the contacts that carry nothing, so that blocks without
+weight need no pressure on them.
+
+"""
+
+METHODS = """
+## Believing the solver
+
+{scenes} scenes and all methods: surface (conic, octagon), formulation (corner compressions, contact
+resultants, forces at vertices) and solver. *Solver believed* is the paper's problem as one writes it
+down (Eq. 9 with Eq. 24 or 25, the user's units), the solver's default settings, and its word taken:
+"optimal" with a number, "infeasible" for a dead load that cannot stand, "unbounded" for a live load
+that does no harm. *Checked* is this package with that one solver and the certificate behind it.
+
+Of {raw} answers believed, {raw_wrong} were wrong though called right. Of {checked} checked ones,
+{checked_wrong}: a solver that misses by more than {right} becomes an honest failure.
+
+![Share of each class, by method](atlas-outcomes.png)
+
+![Where solvers that are believed are wrong](atlas-wrong.png)
+
+How they fail: **boulders**, a pebble on a boulder: residuals are relative to the largest number, and
+the pebble is below them. **factors**, load factors of 1e-9 or 1e9: the tolerance is absolute.
+**grazing** and **propped**, loads that do next to no harm or none: "optimal" with whatever large
+number the iterations had reached. **frictions**, slippery beside gripping joints.
+"""
+
+CERTIFIED = """
+## With interaction: {refuted} brackets refuted of {brackets}
+
+Bending takes from torsion and shear what Eq. 30 says, and the problem is no longer convex. The
+certified method gives a bracket; here it has a budget of a second or two per scene. {scenes} scenes,
+independent and signed moments. Three things tried to refute each bracket: closed forms of determinate
+scenes, {closed} of them, scanned along their line of forces with Eq. 30 written down a second time;
+{states} admissible states found from fixed points and checked by that same second writing; and the
+bounds against each other. {five} brackets are within 5 %. {open} have no lower bound on this budget,
+which the status says.
+"""
+
+FIXED_POINT = """
+## The paper's fixed point
+
+It freezes the eccentricities, solves, blends the forces with the old ones and repeats (Eq. 41-43).
+Sixty iterations at most. *Converged* is the paper's test (Eq. 43); *cycling* returns to the same
+values three times over; *wandering* does neither; *diverged* reached eccentricities at which no load
+factor exists. A converged value is no bound of anything.
+
+![How the iteration ends, by weight of the old forces and family](atlas-fixed-point.png)
+"""
+
+ORDERS = """
+## The same scene, its blocks in another order
+
+{scenes} scenes, signed moments, old-value weight 0.8: six orders of the blocks and three solvers,
+{runs} runs. The last load factors of the fixed point lie up to {largest} apart (median {median}), in
+shares of the factor without interaction; those without interaction at most {plain}. The reason: optimal
+contact forces are not unique, which of them a solver returns depends on rounding, and the next
+eccentricities are made of them.
+
+![Last load factor by order and solver](atlas-orders.png)
+"""
+
+PEER = """
+## Beside compas_cra
+
+compas_cra (0.8.0, in an environment of its own: `run --study peer --peer PYTHON`) says whether a
+structure stands under its own weight. Its rigid-block equilibrium (RBE) has a force with friction at
+every vertex, eight facets, and allows tension at a high price: where much is needed, the structure
+falls. Our `vertex_forces` is the same model with a round cone. Tilting the structure turns weight into
+a push, so RBE should need no tension below our load factor and some above it; the table has the
+tension over the weight, at tilts of 0.9 to 1.1 of our load factor. It does the same job where loads are
+weights; it has no load factor, no bound, and no interaction.
+"""
