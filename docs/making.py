@@ -38,6 +38,11 @@ def notebook(path: Path) -> str:
     for cell in content.cells:
         if cell.cell_type == "markdown":
             cell.source = for_site(cell.source, "notebooks")
+        for output in cell.get("outputs", ()):
+            if not output.get("metadata", True):  # some tools write null, which MyST fails on
+                output.pop("metadata")
+            if output.output_type in ("display_data", "execute_result"):
+                output.setdefault("metadata", nbformat.from_dict({}))
     return str(nbformat.writes(content))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.util
+import itertools
 from pathlib import Path
 
 import pytest
@@ -34,11 +35,15 @@ def code_cells(notebook):
 
 
 def kinds(notebook):
-    """What every cell shows: kinds of output, whatever the figures in it."""
-    return [
-        [(output.output_type, sorted(output.get("data", ()))) for output in cell.outputs]
+    """What every cell shows: kinds of output, whatever the figures in it.
+
+    Printed lines arrive in one piece or in several, as it happens.
+    """
+    shown = [
+        [(output.output_type, *sorted(output.get("data", ()))) for output in cell.outputs]
         for cell in code_cells(notebook)
     ]
+    return [[kind for kind, _ in itertools.groupby(cell)] for cell in shown]
 
 
 def test_there_is_one_on_every_subject():
