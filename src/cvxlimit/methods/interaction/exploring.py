@@ -170,10 +170,10 @@ class Explorer:
         return self.evaluated(empty, goal)
 
     def narrowed_root(self, root: Node, goal: Goal) -> Explored:
-        """The root after narrowing as long as that gains."""
+        """The root after narrowing as long as that gains; without a lower bound nothing is cut."""
         self.solves, self.closed = 0, -np.inf
         node = root
-        while node.bound > goal.cut:
+        while node.bound > goal.cut > -np.inf:
             gap = node.bound - goal.cut
             node = self._narrowed(node, goal)
             if gap - (node.bound - goal.cut) < _GAIN * gap:
