@@ -26,9 +26,9 @@ from cvxlimit.masonry import BUILTIN, random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.moments import parse_moments
 from cvxlimit.methods.interaction.nodes import NodeProblem
 from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.methods.interaction.support import half_extent
 from cvxlimit.solvers import settings_for
 

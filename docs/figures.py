@@ -1,8 +1,8 @@
-"""Figures of the conventions: ``.venv/bin/python docs/figures.py docs/figures`` draws them anew.
+"""Figures of these pages: ``.venv/bin/python docs/figures.py docs/figures`` draws them anew.
 
-What they show is computed by the package, not drawn by hand: the frame is that of a detected
-contact, the effective area that of the forces, and the moments are those of a force at the pressure
-centre.
+The gallery is what :mod:`cvxlimit.plotting` makes of a solution. The figures of the conventions are
+drawn here, but what they show is computed by the package: the frame is that of a detected contact,
+the effective area that of the forces, and the moments are those of a force at the pressure centre.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from cvxlimit import Block, Load, Scene
+from cvxlimit import Block, Load, Scene, builtin_scene, plotting, solve
 from cvxlimit.geometry.polygons import effective_region, torsion_arm
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
@@ -42,6 +42,7 @@ def main() -> None:
             figure = draw()
             figure.savefig(folder / f"{name}.png", bbox_inches="tight", pad_inches=0.05)
             plt.close(figure)
+    gallery(folder)
 
 
 def two_blocks() -> Scene:
@@ -210,6 +211,27 @@ def dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], 
     middle = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     axes.text(*middle, text, ha="center", va="center", color=INK, bbox=paper)
+
+
+# --- gallery ------------------------------------------------------------------------------------
+
+GALLERY = {
+    "mechanism": "facade",
+    "cracks": "facade",
+    "utilisation": "facade",
+    "exploded": "facade",
+    "forces": "arch-on-piers",
+    "thrust": "arch-on-piers",
+}
+"""Kinds of pictures, and the built-in scene of each."""
+
+
+def gallery(folder: Path) -> None:
+    """One picture of each kind."""
+    solutions = {name: solve(builtin_scene(name)) for name in set(GALLERY.values())}
+    for kind, name in GALLERY.items():
+        figure = getattr(plotting, kind)(solutions[name])
+        figure.savefig(folder / f"{kind}.png", dpi=62)
 
 
 FIGURES = {

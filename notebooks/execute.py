@@ -15,7 +15,9 @@ from pathlib import Path
 
 import nbclient
 import nbformat
+import numpy as np
 from PIL import Image
+from scipy.spatial import cKDTree
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -41,10 +43,20 @@ def pictures(notebook: nbformat.NotebookNode) -> Iterator[dict[str, str]]:
 
 
 def smaller(picture: str) -> str:
-    """A picture (PNG in base64) in 128 colours: a quarter of the bytes, and looks the same."""
-    image = Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB")
+    """A picture (PNG in base64) in its 256 commonest colours: a third of the bytes.
+
+    Areas and lines keep their colours exactly; only the soft edges of letters change a little.
+    """
+    pixels = np.array(Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB"))
+    found, which, counts = np.unique(
+        pixels.reshape(-1, 3), axis=0, return_inverse=True, return_counts=True
+    )
+    kept = found[np.argsort(counts)[-256:]]
+    nearest = cKDTree(kept).query(found)[1].astype(np.uint8)  # Pillow's own is not exact
+    image = Image.fromarray(nearest[which].reshape(pixels.shape[:2])).convert("P")
+    image.putpalette(kept.astype(np.uint8).tobytes())
     file = io.BytesIO()
-    image.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    image.save(file, "PNG", optimize=True)
     return base64.b64encode(file.getvalue()).decode()
 
 

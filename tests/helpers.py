@@ -7,7 +7,7 @@ block by block in a loop, conditions are the paper's equations written out once 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -20,7 +20,7 @@ from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_sce
 from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
-from cvxlimit.methods.interaction.moments import parse_moments
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]
@@ -380,16 +380,7 @@ def partly_pressed(seed: int) -> Scene:
 def renumbered(scene: Scene, seed: int) -> Scene:
     """The same scene with its blocks in another order: contacts turn round with them."""
     order = np.random.default_rng(seed).permutation(len(scene.blocks))
-    return Scene(
-        tuple(scene.blocks[i] for i in order),
-        scene.supports,
-        scene.live,
-        scene.dead,
-        scene.friction,
-        scene.contact_friction,
-        scene.units,
-        scene.name,
-    )
+    return replace(scene, blocks=tuple(scene.blocks[i] for i in order))
 
 
 # Users' own surfaces, and single contacts of any shape.

@@ -6,8 +6,8 @@ Two normal forces and one shear per contact, SciPy's ``linprog``, nothing of the
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import coo_array, hstack
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+from scipy.sparse import coo_array, csr_array, diags_array, eye_array, hstack
 
 from cvxlimit.scene import Scene
 
@@ -72,3 +72,61 @@ def _friction_rows(friction: np.ndarray, shear: np.ndarray) -> coo_array:
              (rows, shear[index], np.repeat([1.0, -1.0], count))]  # fmt: skip
     row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
     return coo_array((value, (row, column)), shape=(2 * count, 3 * count + 1))
+
+
+def extreme_member(
+    scene: Scene, sign: int, force: float = 3.0, rate: float = 30.0, seconds: float = 60.0
+) -> tuple[float, float]:
+    """Lowest (sign 1) or highest (-1) zero-dilatancy load factor in the plane, and a bound on it.
+
+    Mixed-integer: forces in equilibrium and a mechanism of live power 1; at both ends of a contact
+    either the pressure is zero or the opening; it slides one way with all friction against it, or
+    the other, or not. Pressures are at most ``force`` total weights, rates at most ``rate`` where
+    the whole weight as live load would do power 1.
+    """
+    matrix = csr_array(_planar_equilibrium(scene)[0])
+    dead, live = (
+        np.column_stack([f[:, 0], f[:, 2], f[:, 4]]).ravel() / scene.total_weight
+        for f in (scene.dead_forces, scene.live_forces)
+    )
+    n, m = len(scene.contacts), matrix.shape[0]
+    each, ends, mu = eye_array(n), eye_array(2 * n), diags_array(scene.contacts.friction)
+    press, shear, most = matrix[:, : 2 * n], matrix[:, 2 * n :], hstack([mu, mu])
+    sizes = {"p": 2 * n, "t": n, "alpha": 1, "u": m, "right": n, "left": n,
+             "pressed": 2 * n, "to_right": n, "to_left": n}  # fmt: skip
+
+    def rows(low: object, high: object, **parts: object) -> LinearConstraint:
+        height = next(iter(parts.values())).shape[0]  # type: ignore[attr-defined]
+        blocks = [parts.get(name, csr_array((height, k))) for name, k in sizes.items()]
+        low, high = (np.broadcast_to(side, (height,)) for side in (low, high))
+        return LinearConstraint(hstack(blocks, format="csr"), low, high)
+
+    limits = [
+        rows(-dead, -dead, p=press, t=shear, alpha=csr_array(live[:, None])),
+        rows(1, 1, u=csr_array(live[None, :])),
+        rows(0, 0, u=shear.T, right=-each, left=each),
+        rows(0, np.inf, u=press.T),
+        rows(-np.inf, rate, u=press.T, pressed=rate * ends),
+        rows(-np.inf, 0, p=ends, pressed=-force * ends),
+        rows(0, np.inf, p=most, t=each),
+        rows(0, np.inf, p=most, t=-each),
+        rows(-np.inf, force, p=most, t=each, to_right=force * each),
+        rows(-np.inf, force, p=most, t=-each, to_left=force * each),
+        rows(-np.inf, 0, right=each, to_right=-rate * each),
+        rows(-np.inf, 0, left=each, to_left=-rate * each),
+        rows(-np.inf, 1, to_right=each, to_left=each),
+    ]
+    width = sum(sizes.values())
+    free = np.r_[2 * n : 3 * n + 1 + m]
+    low, high = np.zeros(width), np.concatenate(
+        [np.full(3 * n + 1 + m, force), np.full(2 * n, rate), np.ones(4 * n)]
+    )  # fmt: skip
+    low[free], high[free] = -np.inf, np.inf
+    goal = np.zeros(width)
+    goal[3 * n] = sign
+    whole = np.repeat([0, 1], [width - 4 * n, 4 * n])
+    options = {"time_limit": seconds, "mip_rel_gap": 1e-7}
+    answer = milp(goal, constraints=limits, bounds=Bounds(low, high), integrality=whole,
+                  options=options)  # fmt: skip
+    assert answer.x is not None, answer.message
+    return float(answer.x[3 * n]), float(sign * answer.mip_dual_bound)

@@ -9,7 +9,11 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Load, Scene, Solution, Units, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.masonry import random_wall
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.inner import InnerMethod
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
 from helpers import (
@@ -270,6 +274,31 @@ def test_a_load_that_presses_some_blocks_down_does_no_harm(scene: Scene, moments
     assert not carries.all()
     matrix, _, live = hand_equilibrium(scene)
     assert np.abs(matrix @ solution.forces.ravel() + live).max() < 1e-12 * np.abs(live).sum()
+
+
+@pytest.mark.parametrize("seed", [1, 9, 11])
+def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
+    """Forces admissible with every sign on its own are so with any; 1e-4 is where both stop."""
+    scene = random_wall(seed)
+    rule = Certified(branching_seconds=0.0)
+    independent, signed = (solve(scene, interaction=rule, moments=name) for name in MOMENTS)
+    assert np.isfinite(independent.bracket.lower)
+    assert signed.bracket.lower >= independent.bracket.lower * (1.0 - 1e-4)
+    assert interaction_excess(signed.forces, scene.contacts, "signed").max() <= (
+        1e-7 * scene.total_weight
+    )
+
+
+def test_borrowed_forces_are_admissible_and_as_good() -> None:
+    """Without any bound of its own, signed moments have that of independent signs."""
+    scene = random_wall(1)
+    own = solve(scene, interaction=Certified(branching_seconds=0.0)).bracket.lower
+    run = Run(scene, moments=SIGNED)
+    for _ in InnerMethod(run).borrowed(INDEPENDENT):
+        pass
+    assert run.best.bracket.lower >= own * (1.0 - 1e-4)
+    excess = interaction_excess(run.best.forces, scene.contacts, "signed")
+    assert excess.max() <= 1e-7 * scene.total_weight
 
 
 def test_corrupted_forces_fail_the_proof() -> None:

@@ -14,13 +14,19 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cvxlimit import builtin_scene, solve
+from cvxlimit import Tie, builtin_scene, settlement, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import fitted_exponent, pareto_front
 from cvxlimit.compare.models import PHASES, FrozenModel, Measurement, Method, Model, Stopwatch
+from cvxlimit.compare.physics import Settlement, Untied
 from cvxlimit.compare.reference import WIDTH, Reference
-from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.registry import (
+    choose,
+    interaction_registry,
+    physics_registry,
+    registry,
+)
 from cvxlimit.compare.rows import number_of_steps, side_by_side
 from cvxlimit.compare.runs import Failure, Limits, run_apart
 from cvxlimit.errors import InputError, ModelError
@@ -453,3 +459,39 @@ def test_stopwatch_books_seconds_once():
     watch.move(0.25 * before, "solve", "compile")
     assert sum(watch.seconds.values()) == pytest.approx(watch.total)
     assert watch.seconds["compile"] == pytest.approx(0.25 * before)
+
+
+class TestPhysics:
+    """Other physics of the same blocks, on one whose answers are known in closed form."""
+
+    def test_rows_of_all_models(self) -> None:
+        """A block of b/h = 0.4: it tips about its edge, or about its crushed toe at
+        (b - W / (f l)) / h with strength f; with mortar it takes more."""
+        scene = builtin_scene("single-block")
+        rows = {name: model.measure(scene) for name, model in physics_registry().items()}
+        for name in ("linear", "parabolic", "exact", "without-ties", "zero-dilatancy", "gilbert"):
+            assert rows[name].load_factor == pytest.approx(0.4, rel=1e-3)
+        for times in (10.0, 100.0):
+            crushed = rows[f"crushing/{times:g}"].load_factor
+            assert crushed == pytest.approx(0.4 * (1.0 - 1.0 / times), rel=1e-5)
+            field = rows[f"crushing/{times:g}/field"].load_factor
+            assert 0.4 * (1 - 1 / 8) * (1 - 1e-6) - 0.4 / times < field < 0.4  # eight cells across
+        assert rows["mortar"].load_factor > 0.401
+
+    def test_settlement_is_no_load_factor(self) -> None:
+        thrust = Settlement("thrust", support="right-abutment", direction=(1.0, 0.0, 0.0))
+        found = compare(builtin_scene("arch"), [thrust, "linear"], repeat=1, progress=False)
+        row, linear = found.rows
+        reaction = settlement(builtin_scene("arch"), "right-abutment", (1.0, 0.0, 0.0))
+        assert row.load_factor == pytest.approx(reaction.value, rel=1e-6)
+        assert row.error is None
+        assert row.reference == "no reference: no load factor"
+        assert linear.error < 1e-5  # type: ignore[operator]
+        with pytest.raises(ModelError, match="needs the id of the support"):
+            Settlement("thrust")
+
+    def test_what_ties_are_worth(self) -> None:
+        scene = replace(
+            builtin_scene("single-block"), ties=(Tie("ground", "b1", (0, 0, 0), (0, 0, 1), 1.0),)
+        )
+        assert Untied("untied").measure(scene).load_factor == pytest.approx(0.4, rel=1e-5)

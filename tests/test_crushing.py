@@ -18,6 +18,8 @@ from cvxlimit.masonry import single_block
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import PointFriction, at_centroids, at_corners
+from cvxlimit.plotting import plot
+from cvxlimit.plotting.crushing import crushed_zones
 from cvxlimit.surfaces import Condition, Norm, ParabolicTorsionShear, Rocking, YieldSurface
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 from helpers import assert_certified, regular, renumbered, rotations
@@ -230,3 +232,25 @@ class TestScene:
     def test_refused(self, value: object) -> None:
         with pytest.raises(InputError, match="compressive_strength of the scene must be"):
             builtin_scene("stack").with_strength(compressive=value)  # type: ignore[arg-type]
+
+
+class TestPicture:
+    def test_crushed_zone_by_hand(self, tmp_path: Path) -> None:
+        """A block of b x l = 0.4 x 0.4 tips about its crushed toe, N / (f l) wide along x."""
+        scene = builtin_scene("single-block").with_strength(compressive=200.0)
+        solution = solve(scene)
+        (zone,) = crushed_zones(scene, solution.forces)
+        width = scene.total_weight / (200.0 * 0.4)
+        along = zone.corners[:, 0]
+        assert along.min() == pytest.approx(0.4 - width, abs=1e-4)
+        assert along.max() == pytest.approx(0.4, abs=1e-4)
+        np.testing.assert_allclose(np.ptp(zone.corners[:, 1]), 0.4, atol=1e-4)
+        plot(scene, solution, tmp_path / "crushed.png")
+        assert (tmp_path / "crushed.png").stat().st_size > 0
+
+    def test_nothing_crushes_where_stone_is_strong(self) -> None:
+        """All contacts but the one that turns about its toe stay below their strength."""
+        scene = builtin_scene("stack").with_strength(compressive=1e6)
+        zones = crushed_zones(scene, solve(scene).forces)
+        assert len(zones) <= 1
+        assert not crushed_zones(builtin_scene("stack"), solve(builtin_scene("stack")).forces)

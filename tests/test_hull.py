@@ -22,8 +22,9 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.copies import Copies, copy_forces
 from cvxlimit.methods.interaction.flow import InteractionFlow
 from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED, parse_moments
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.methods.interaction.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
 from cvxlimit.solvers import default_ladder

@@ -42,7 +42,7 @@ STRENGTH = "plotting.strength"
 """Sees surfaces as well: how much of its strength a contact uses is theirs to say."""
 
 
-OWN_PICKLES = {"compare.runs", "studies.rows"}
+OWN_PICKLES = {"compare.runs", "methods.interaction.exploring", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 

@@ -16,6 +16,7 @@ from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.boxes import Boxes
 from cvxlimit.methods.interaction.hull import HullProblem
 from cvxlimit.methods.interaction.inner import InnerIterate, InnerMethod
 from cvxlimit.methods.interaction.lower_bound import LowerBounds
@@ -27,10 +28,12 @@ from cvxlimit.methods.interaction.majorants import (
     independent_rows,
     signed_rows,
 )
-from cvxlimit.methods.interaction.moments import INDEPENDENT, parse_moments
+from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.readings import parse_moments
 from cvxlimit.methods.interaction.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
+from cvxlimit.solvers import leading_ladder, settings_for
 from helpers import interaction_excess, named_scene, piles
 
 FloatArray = NDArray[np.float64]
@@ -446,3 +449,80 @@ def test_progress_is_told_and_stops_are_lazy() -> None:
     next(InnerMethod(run).iterates())
     assert len(run.history) == 1
     assert "box step from the middle" in told[-1]
+
+
+# Steps that lead the way, and what they cost.
+
+
+def test_rows_with_less_curvature_contain_those_with_more() -> None:
+    """At one point the load factor falls with curvature, and all of it is safe."""
+    scene = builtin_scene("tuff-wall")
+    relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
+    assert relaxed.forces is not None
+    method = inner(scene, "independent")
+    point = method.point(relaxed.forces)
+    tight = settings_for("CLARABEL", 1e-9)
+    shares = (1.0, 0.3, 0.1, 0.0)
+    states = [method.problem.solve(point, tight, curvature=share) for share in shares]
+    factors = [state.load_factor for state in states if state.load_factor is not None]
+    assert len(factors) == len(shares)
+    assert np.diff(factors).min() > 0.0
+    excess = [
+        INDEPENDENT.excess(s.forces, scene.contacts).max() for s in states if s.forces is not None
+    ]
+    weight = scene.total_weight
+    assert excess[0] <= 1e-8 * weight
+    assert excess[1] > 1e-6 * weight
+
+
+def test_boxes_shrink_only_where_forces_exceed() -> None:
+    """Two contacts pressed alike at a quarter point; only the one that twists has to shrink."""
+    contacts = stack_of(2, DIRECTIONS["along t1"]).contacts
+    forces = np.zeros((2, 6))
+    forces[:, COLUMN["N"]] = 1.0
+    forces[:, COLUMN["M2"]] = -0.25 * contacts.sides[:, 0]
+    forces[1, COLUMN["MT"]] = 0.5
+    for exploring in (True, False):
+        boxes = Boxes(contacts, SIGNED, 1.0, size=0.5)
+        boxes.follow(forces, exploring=exploring)
+        np.testing.assert_allclose(boxes.centre, [[0.5, 0.0]] * 2)
+        assert boxes.size[0] >= 0.5 > boxes.size[1]
+        over = interaction_excess(forces, contacts, "signed")
+        assert over[0] < 0.0
+        assert boxes.excess == pytest.approx(over[1])
+        assert boxes.largest == pytest.approx(over[1])
+
+
+def test_a_climb_that_cannot_reach_the_best_bound_is_given_up() -> None:
+    scene = builtin_scene("tuff-wall")
+    method = inner(scene, "independent")
+    free = list(method.climb(method.middle))
+    other = inner(scene, "independent")
+    other.run.best = other.run.best.raised(0.5, True, 0.5, None)
+    given_up = list(other.iterates())
+    hard = [iterate for iterate in given_up if iterate.kind == "hard"]
+    assert len(hard) < len(free)
+    assert other.run.best.bracket.lower == 0.5
+
+
+def test_no_rung_that_leads_runs_without_a_budget() -> None:
+    """Three iterations are not enough for anything: every problem ends there, and says so."""
+    rungs = [settings_for("CLARABEL", 1e-6, max_iter=3), settings_for("SCS", 1e-9, max_iters=3)]
+    for name in MOMENTS:
+        run = Run(builtin_scene("stack"), moments=parse_moments(name), ladder=rungs)
+        found = list(InnerMethod(run, most=6).iterates())
+        assert 0 < len(found) <= 7
+        assert all(i.lower <= 0.5 for i in found)
+    for rung in leading_ladder():
+        assert {"max_iter", "max_iters"} & set(rung.options)
+    assert settings_for("SCS").options["time_limit_secs"] > 0.0
+
+
+def test_a_loose_climb_ends_tightly() -> None:
+    """What loose solves cost the last bound is less than the gain that ends a climb."""
+    scene = stack_of(2, DIRECTIONS["twisted"])
+    method = inner(scene, "signed")
+    last = list(method.iterates())[-1]
+    best = brute_force(2, DIRECTIONS["twisted"], "signed")
+    assert last.state.load_factor is not None
+    assert method.run.best.bracket.lower >= best * (1.0 - 1e-4)

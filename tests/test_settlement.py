@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,12 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from cvxlimit import Block, Load, Scene, Status, builtin_scene, settlement
+from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, settlement
+from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io import read_result
 from cvxlimit.plotting import plot
+from cvxlimit.plotting.look import title
 from helpers import renumbered, rotations
 
 FloatArray = NDArray[np.float64]
@@ -125,3 +129,35 @@ def test_refusals() -> None:
             settlement(scene, *arguments)
     with pytest.raises(ModelError, match="knows no strength"):
         settlement(scene.with_strength(compressive=1e3), "p1", DOWN)
+
+
+def test_no_ties() -> None:
+    tie = Tie("p0", "beam", (0, 0.5, 0), (0, 0.5, 0.1), 1.0)
+    with pytest.raises(ModelError, match="settlement knows no ties"):
+        settlement(replace(beam_on_three(), ties=(tie,)), "p1", DOWN)
+
+
+class TestCommandLine:
+    def test_spreading_springing_with_file_and_picture(self, tmp_path: Path) -> None:
+        """The arch's least thrust, as :func:`settlement` has it; the file keeps what it is of."""
+        scene = builtin_scene("arch")
+        reaction = settlement(scene, "right-abutment", (1.0, 0.0, 0.0))
+        out, picture = tmp_path / "out.json", tmp_path / "arch.png"
+        arguments = ["settle", "arch", "--support", "right-abutment", "--direction", "1,0,0"]
+        assert run([*arguments, "--json", str(out), "--plot", str(picture)]) == 0
+        kept = read_result(out)
+        assert kept.load_factor == pytest.approx(reaction.value, rel=1e-9)
+        assert kept.lower <= kept.load_factor <= kept.upper
+        assert kept.quantity == "least reaction of right-abutment"
+        assert title(kept).startswith("arch, conic: least reaction of right-abutment 0.")
+        assert picture.stat().st_size > 0
+
+    @pytest.mark.parametrize("direction", ["down", "0,0", "0,0,0", "1;2;3"])
+    def test_no_direction(self, direction: str, capsys: pytest.CaptureFixture[str]) -> None:
+        arguments = ["settle", "arch", "--support", "right-abutment", "--direction", direction]
+        assert run(arguments) == 2
+        assert "direction" in capsys.readouterr().err
+
+    def test_no_support(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["settle", "arch", "--support", "pier", "--direction", "0,0,1"]) == 2
+        assert "left-abutment, right-abutment are" in capsys.readouterr().err

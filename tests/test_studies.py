@@ -104,14 +104,47 @@ class TestVaried:
 
 class TestTable:
     def test_it_is_what_single_calls_give(self) -> None:
-        frictions = [0.35, 0.5, 0.65]
-        table = quiet(builtin_scene("tuff-wall"), {"friction": frictions})
-        for row, friction in zip(table.itertuples(), frictions, strict=True):
-            solution = solve(builtin_scene("tuff-wall").with_friction(friction))
-            assert (row.load_factor, row.lower, row.upper) == (
-                solution.load_factor, solution.lower, solution.upper,
-            )  # fmt: skip
+        """Compiled once with Parameters, or anew for every call: the same problem, both proved."""
+        grid = {"friction": [0.35, 0.5, 0.65], "direction": [0.0, 30.0]}
+        table = quiet(builtin_scene("tuff-wall"), grid)
+        for row in table.itertuples():
+            scene = varied(
+                builtin_scene("tuff-wall"), friction=row.friction, direction=row.direction
+            )
+            solution = solve(scene)
+            assert row.lower <= solution.upper
+            assert solution.lower <= row.upper
+            assert row.load_factor == pytest.approx(solution.load_factor, rel=1e-5)
             assert row.note == solution.note == "both bounds are proved, up to rounding"
+
+    def test_rows_do_not_depend_on_those_before(self) -> None:
+        """Who solved what must not matter: a row alone is the same to the last digit."""
+        grid = [{"friction": f, "direction": d} for f in (0.4, 0.6) for d in (0.0, 20.0, 40.0)]
+        together = quiet(builtin_scene("tuff-wall"), grid)
+        for i in (5, 2, 0):
+            alone = quiet(builtin_scene("tuff-wall"), grid[i : i + 1])
+            assert without_times(alone).iloc[0].equals(without_times(together).iloc[i])
+
+    def test_problems_are_compiled_once(self, monkeypatch) -> None:
+        from cvxlimit.reductions import repeated
+
+        made = []
+        own = repeated.RepeatedProblem.__init__
+        monkeypatch.setattr(
+            repeated.RepeatedProblem,
+            "__init__",
+            lambda self, *given: made.append(1) or own(self, *given),
+        )
+        quiet(builtin_scene("tuff-wall"), {"friction": [0.4, 0.5, 0.6], "density": [1.0, 2.0]})
+        assert len(made) == 1
+
+    def test_friction_of_their_own_and_cohesion_are_not_lost(self) -> None:
+        """Contacts with their own friction take vectors of Parameters, cohesion takes none."""
+        rough = stone(height=0.5, contact_friction={("ground", "stone"): 0.35})
+        found = quiet(rough, {"friction": [0.1, 0.2]})["load_factor"]
+        assert found.to_list() == pytest.approx([0.35, 0.35], rel=1e-5)
+        glued = quiet(stone(height=0.5), {"friction": [0.1, 0.3], "cohesion": [0.0, 1.0]})
+        assert glued["load_factor"].to_list() == pytest.approx([0.1, 0.2, 0.3, 0.4], rel=1e-5)
 
     def test_geometries_are_searched_once(self, monkeypatch) -> None:
         from cvxlimit import scene as module

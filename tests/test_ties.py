@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.io import read_scene, write_scene
+from cvxlimit.plotting import plot
+from cvxlimit.plotting.crushing import yielding
 from helpers import rotations
 
 FloatArray = NDArray[np.float64]
@@ -104,3 +106,13 @@ def test_refusals() -> None:
         Tie(fixed, free, (0, 0, 0), (1, 0, 0), 0.0)
     with pytest.raises(InputError, match="has no length"):
         Tie(fixed, free, (0, 0, 0), (0, 0, 0), 1.0)
+
+
+def test_picture(tmp_path: Path) -> None:
+    """The tie that yields is told from the one that hangs slack."""
+    scene = tied_block(4.0)
+    pulled, slack = solve(scene), solve(scene.with_live(Load(acceleration=(-1.0, 0.0, 0.0))))
+    assert yielding(scene, pulled.forces).tolist() == [True]
+    assert yielding(scene, slack.forces).tolist() == [False]
+    plot(scene, pulled, tmp_path / "tied.png")
+    assert (tmp_path / "tied.png").stat().st_size > 0

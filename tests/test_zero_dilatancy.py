@@ -9,15 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
 from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result
-from cvxlimit.masonry import single_block
+from cvxlimit.masonry import running_bond, single_block, wall
+from cvxlimit.methods.complementarity import projected
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
-from helpers import hand_equilibrium, hand_torsion_arm, renumbered, yield_excess
+from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
+from planar import extreme_member
 
 FloatArray = NDArray[np.float64]
 
@@ -96,6 +100,81 @@ class TestWalls:
     def test_no_bracket(self, name: str) -> None:
         assert not solved(name).bracket.has_any
         assert solved(name).flow == "zero-dilatancy"
+
+
+class TestAllMembersKnown:
+    """Walls of five blocks, for which a mixed-integer search proves the lowest member."""
+
+    @pytest.mark.parametrize(("height", "friction"), [(0.4, 0.8), (0.6, 0.5)])
+    def test_lowest_is_found(self, height: float, friction: float) -> None:
+        scene = wall(
+            running_bond(2, 2),
+            unit=(0.4, 0.2, height),
+            density=20.0,
+            friction=friction,
+            live=Load(acceleration=(1, 0, 0)),
+        )
+        lowest, proved = extreme_member(scene, 1)
+        assert proved == pytest.approx(lowest, rel=1e-6)
+        highest, bound = extreme_member(scene, -1)
+        assert bound == pytest.approx(highest, rel=1e-6)
+        found = [member.load_factor for member in solve(scene, flow="zero-dilatancy").members]
+        assert found[0] == pytest.approx(lowest, rel=1e-6)
+        assert found[-1] <= highest * (1 + 1e-6)
+        assert lowest < 0.95 * highest  # far from unique
+
+
+class TestPolish:
+    """Newton's method on the equations of the fixed point."""
+
+    @given(st.integers(0, 1000))
+    @settings(max_examples=20)
+    def test_nearest_allowed_force(self, seed: int) -> None:
+        """Nearer than 2,000 others in the set, and derivatives as finite differences have them."""
+        rng = np.random.default_rng(seed)
+        force, limit = rng.normal(size=(1, 3)), rng.uniform(0.1, 2.0, 1)
+        found = projected(force, limit)
+        x = found.value[0]
+        assert np.hypot(x[0], x[1]) + abs(x[2]) <= limit[0] + 1e-12
+        other = rng.normal(size=(2000, 3))
+        size = np.hypot(other[:, 0], other[:, 1]) + np.abs(other[:, 2])
+        other *= (limit * rng.uniform(0.0, 1.0, 2000) ** 0.3 / size)[:, None]
+        nearest = np.linalg.norm(other - force, axis=1).min()
+        assert np.linalg.norm(x - force[0]) <= nearest + 1e-12
+        h = 1e-7
+        for k in range(3):
+            moved = projected(force + h * np.eye(3)[k], limit).value[0]
+            np.testing.assert_allclose((moved - x) / h, found.by_force[0, :, k], atol=1e-5)
+        moved = projected(force, limit + h).value[0]
+        np.testing.assert_allclose((moved - x) / h, found.by_limit[0], atol=1e-5)
+
+    def test_tuff_wall_in_space(self) -> None:
+        """From the start at the associated solution, to rounding; checked by hand."""
+        scene = builtin_scene("tuff-wall")
+        rule = ZeroDilatancy(starts=1, descents=0, tolerance=1e-9)
+        solution = solve(scene, interaction=rule)
+        assert solution.status is Status.CONVERGED
+        assert 0.3 < solution.load_factor < 0.423056  # below the associated factor
+        best = solution.members[0]
+        assert best.residual <= 1e-9
+        assert_exact(scene, best.forces, best.mechanism, best.load_factor)
+
+    def test_other_surfaces_go_without(self) -> None:
+        scene = builtin_scene("ferris-tin-loi-1")
+        rule = ZeroDilatancy(starts=1)
+        solution = solve(scene, torsion_shear="parabolic", interaction=rule)
+        assert solution.status is Status.CONVERGED
+        assert solution.load_factor <= ASSOCIATED[scene.name] * (1 + 1e-6)
+
+
+@given(rotations())
+@settings(max_examples=1)
+def test_rotation(turn: FloatArray) -> None:
+    """The first start is the same problem in any frame: so is the member that it leads to."""
+    scene = builtin_scene("ferris-tin-loi-1")
+    rule = ZeroDilatancy(starts=1)
+    lowest = solve(scene.moved(turn), interaction=rule).load_factor
+    assert lowest == pytest.approx(PUBLISHED[scene.name][0], rel=1e-5)
 
 
 class TestSmall:

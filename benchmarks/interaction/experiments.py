@@ -17,7 +17,8 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.moments import MOMENTS, Moments, Paper
+from cvxlimit.methods.interaction.moments import Moments
+from cvxlimit.methods.interaction.readings import MOMENTS, Paper
 
 AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
 """The paper's reading with the four choices of signs of the contacts' axes."""
@@ -110,7 +111,8 @@ def _tables() -> Iterator[Experiment]:
 
 def _brackets() -> Iterator[Experiment]:
     """Certified brackets and the paper's iteration beside them, on the exact cone."""
-    small = [name for name in BUILTIN if name not in ("s12-panel", "s10-panel", "dome")]
+    apart = ("tuff-wall", "s12-panel", "s10-panel", "dome")
+    small = [name for name in BUILTIN if name not in apart]
     for scene in ("tuff-wall", "s12-panel", *WALLS, *small, "dome", "s10-panel"):
         yield Experiment("brackets", scene, "none", FIRST)
         for moments in ("independent", "signed", "paper"):

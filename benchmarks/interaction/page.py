@@ -214,7 +214,8 @@ def brackets(pairs: Sequence[Pair]) -> list[str]:
 def _width(r: Result) -> str:
     if r.lower is None or not r.upper:
         return "-"
-    return f"{100.0 * (r.upper - r.lower) / r.upper:.2g} %"
+    width = 100.0 * (r.upper - r.lower) / r.upper
+    return f"{width:.2g} %" if width < 10.0 else f"{width:.0f} %"
 
 
 def _beside(iteration: Result, bracket: Result) -> str:
@@ -243,7 +244,7 @@ def summary(pairs: Sequence[Pair]) -> list[str]:
                 close = sum(w <= 1.0 for w in widths)
                 lines.append(
                     f"- {moments}, {count} {what}: {len(widths)} brackets, median width "
-                    f"{np.median(widths):.2g} %, widest {max(widths):.2g} %, {close} within 1 %."
+                    f"{np.median(widths):.2g} %, widest {max(widths):.1f} %, {close} within 1 %."
                 )
     return lines
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,7 @@ from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
 matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 Pair = tuple[Experiment, Result]
 
@@ -46,12 +48,14 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
             _history(ax, pairs, scene, names)
             _lines(ax, last, experiment)
             ax.set_title(f"{scene}, {'the paper' if len(names) == 4 else names[0]}", fontsize=10)
-            ax.legend(fontsize=7, loc="lower right", ncols=2)
+            _legend(ax, fontsize=7, loc="lower right", ncols=2)
         top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
         axes[row][0].set_ylim(0.0, top)
         for ax, names in zip(axes[row], columns, strict=True):
             _tell_outside(ax, _tables(pairs, scene, names), top)
         axes[row][0].set_ylabel("load factor")
+    for ax in axes.ravel():
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     for ax in axes[-1]:
         ax.set_xlabel("iteration (octagon, old-value weight 0.8)")
     figure.savefig(path, dpi=100)
@@ -90,6 +94,12 @@ def _history(ax: Axes, pairs: Sequence[Pair], scene: str, names: Sequence[str]) 
                 ax.axhspan(*bounds, color=colour, alpha=0.3, lw=1.5, label="certified (cone)")
 
 
+def _legend(ax: Axes, **options: Any) -> None:
+    """Unless nothing was drawn."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(**options)
+
+
 def _lines(ax: Axes, last: float | None, experiment: float | None) -> None:
     if last is not None:
         ax.axhline(last, color="k", ls="--", lw=1, label="the paper's last")
@@ -116,7 +126,8 @@ def widths(path: Path, pairs: Sequence[Pair]) -> None:
             ax.set_xscale("log")
             ax.set_yscale("log")
             ax.axhline(1.0, color="0.8", lw=1, zorder=0)
-            ax.legend(fontsize=6, ncols=3, loc="lower left")
+            ax.set_ylim(bottom=_LEAST / 30.0)  # room for the legend
+            _legend(ax, fontsize=6, ncols=3, loc="lower left")
     for ax in axes[-1]:
         ax.set_xlabel("CPU time, in whole analyses without interaction")
     for ax in axes[:, 0]:
@@ -189,7 +200,7 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
         ax.invert_yaxis()
         ax.axvline(last, color="k", ls="--", lw=1, label="the paper's last")
         ax.axvline(experiment, color="k", ls=":", lw=1, label="experiment")
-        ax.set_title(f"{scene}: iterates from the third on, last one dotted", fontsize=10)
+        ax.set_title(f"{scene}, third iterate to last (dot)", fontsize=9)
         ax.set_xlabel("load factor (octagon, old-value weight 0.8)")
-        ax.legend(fontsize=8)
+        _legend(ax, fontsize=8)
     figure.savefig(path, dpi=100)

@@ -191,6 +191,8 @@ class Solution:
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
+    quantity : str
+        What ``load_factor`` and the bracket are of: the load factor, or a support's reaction.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     """
@@ -214,6 +216,7 @@ class Solution:
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
     model: tuple[str, ...] = ()
+    quantity: str = "load factor"
     solved_scene: Scene | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -224,7 +227,8 @@ class Solution:
         if self.load_factor is None:
             return f"Solution({what}: {self.status})"
         inside = f" in {self.bracket}" if self.bracket.has_any else ""
-        return f"Solution({what}: load factor {rounded(self.load_factor)}{inside}, {self.status})"
+        value = f"{self.quantity} {rounded(self.load_factor)}"
+        return f"Solution({what}: {value}{inside}, {self.status})"
 
     @property
     def lower(self) -> float:

@@ -38,6 +38,7 @@ from cvxlimit.cli.report import (
     summary,
     warn_of_near_misses,
 )
+from cvxlimit.cli.settling import settle_command
 from cvxlimit.cli.showing import show_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import export, write_result
@@ -235,6 +236,7 @@ def _solve_command(
 app.command("explain")(explain_command)
 app.command("import")(import_command)
 app.command("show")(show_command)
+app.command("settle")(settle_command)
 
 
 @app.command("scenes")
@@ -291,7 +293,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    known = ("solve", "explain", "scenes", "import", "show")
+    known = ("solve", "explain", "scenes", "import", "show", "settle")
     return f"{arguments[0]} " if arguments[0] in known else ""
 
 

@@ -47,7 +47,7 @@ def summary(
         ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
         ("flow", "" if solution.flow == "associated" else solution.flow),
         ("interaction", _interaction(solution)),
-        ("load factor", Text(_load_factor(solution), style="bold")),
+        (one_line(solution.quantity), Text(_load_factor(solution), style="bold")),
         ("bracket", _bracket(solution, tolerance)),
         ("basis", "" if solution.note == advice(solution) else one_line(solution.note)),
         ("status", Text(str(solution.status), style=_style(solution.status))),

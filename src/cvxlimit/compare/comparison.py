@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING
 
 from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import Method, Model
-from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.registry import (
+    choose,
+    interaction_registry,
+    physics_registry,
+    registry,
+)
 from cvxlimit.compare.rows import Interrupted, Row, number_of_steps, side_by_side
 from cvxlimit.compare.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
@@ -160,8 +165,9 @@ def compare(
     ----------
     scene : Scene
     models : (sequence of) str or Model, or None
-        Names from :func:`cvxlimit.compare.registry.registry`, with ``*`` and ``?``, or your
-        own :class:`~cvxlimit.compare.models.Model`, with surfaces of your own if you like.
+        Names from :func:`cvxlimit.compare.registry.registry`, ``interaction_registry`` and
+        ``physics_registry`` beside it, with ``*`` and ``?``, or your own
+        :class:`~cvxlimit.compare.models.Model`, with surfaces of your own if you like.
         None is :data:`DEFAULT_MODELS`.
     repeat : int
         Runs per model.
@@ -216,7 +222,11 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     """Names looked up, patterns spread, each model once."""
     if isinstance(models, (str, Method)):
         models = [models]
-    known = [*registry().values(), *interaction_registry().values()]
+    known = [
+        *registry().values(),
+        *interaction_registry().values(),
+        *physics_registry().values(),
+    ]
     if not isinstance(models, Sequence):
         raise ModelError(f"models must be names or Model objects, got {models!r}")
     result: dict[str, Method] = {}

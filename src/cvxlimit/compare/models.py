@@ -70,12 +70,15 @@ class Method(ABC):
         Unique, in lower case, parts separated by ``/``.
     line : str
         Label of the chart's line that the method belongs to.
+    is_load_factor : bool
+        False for what is no load factor and has no reference to measure its error against.
     """
 
     name: str
     line: str
     interaction: str = "none"
     moments: str = "independent"
+    is_load_factor: ClassVar[bool] = True
 
     @abstractmethod
     def measure(self, scene: Scene) -> Measurement:
@@ -211,7 +214,7 @@ class Model(Method):
     @property
     def _stated(self) -> str:
         """The formulation, and how much of it where that is not the scene's choice."""
-        name = self.formulation.__name__.replace("_", " ")
+        name = _called(self.formulation)
         return name if self.model == "auto" else f"{name}, {self.model} model"
 
     @property
@@ -287,8 +290,8 @@ class FrozenModel(Model):
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
         from cvxlimit.methods.fixed_point import FrozenProblem
-        from cvxlimit.methods.interaction.moments import parse_moments
         from cvxlimit.methods.interaction.pressure import Pressure
+        from cvxlimit.methods.interaction.readings import parse_moments
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()
@@ -310,6 +313,12 @@ class FrozenModel(Model):
         )
         watch.lap("certify")
         return packed(state, bounds, watch, len(contacts))
+
+
+def _called(formulation: Formulation) -> str:
+    """Its name; of an object like a field of pressures, that of its class."""
+    name: str = getattr(formulation, "__name__", type(formulation).__name__)
+    return name.replace("_", " ")
 
 
 def packed(state: LimitState, bounds: Certificate, watch: Stopwatch, contacts: int) -> Measurement:

@@ -10,8 +10,10 @@ from fnmatch import fnmatchcase
 import cvxpy as cp
 
 from cvxlimit.compare.models import FrozenModel, Method, Model
+from cvxlimit.compare.physics import Strengthened, Untied
 from cvxlimit.errors import ModelError
-from cvxlimit.model.formulations import resultants, vertex_forces
+from cvxlimit.model.crushing import PlasticField
+from cvxlimit.model.formulations import corner_compressions, resultants, vertex_forces
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Rocking
 
@@ -87,17 +89,29 @@ def interaction_registry() -> dict[str, Method]:
 def physics_registry() -> dict[str, Method]:
     """Other models of the same contacts, by name, and the paper's to compare them with.
 
-    Each has a load factor of its own: errors are differences from the paper's cone.
+    Each has a load factor of its own: errors are differences from the paper's cone. Strengths are
+    multiples of the mean pressure on supports; for a support that moves see
+    :class:`~cvxlimit.compare.physics.Settlement`.
 
-    >>> list(physics_registry())
-    ['linear', 'parabolic', 'exact', 'vertex-forces', 'zero-dilatancy']
+    >>> [name for name in physics_registry() if "/" not in name][:6]
+    ['linear', 'parabolic', 'exact', 'vertex-forces', 'mortar', 'without-ties']
     """
     made = _Registry()
     made.add(Model("linear", "linear torsion-shear"))
     made.add(Model("parabolic", "parabolic torsion-shear", torsion_shear="parabolic"))
     made.add(Model("exact", "exact torsion-shear", torsion_shear="exact", tolerance=1e-3))
     made.add(Model("vertex-forces", "vertex forces", (Rocking(),), vertex_forces))
+    for times in (10.0, 100.0):
+        name = f"crushing/{times:g}"
+        made.add(Strengthened(name, "effective rectangle", compressive=times))
+        field = PlasticField(corner_compressions)
+        made.add(
+            Strengthened(f"{name}/field", "plastic field", formulation=field, compressive=times)
+        )
+    made.add(Strengthened("mortar", "mortar", cohesion=0.2, tensile=0.1))
+    made.add(Untied("without-ties", "without ties"))
     made.add(Model("zero-dilatancy", "zero dilatancy", flow="zero-dilatancy", tolerance=1e-4))
+    made.add(Model("gilbert", "Gilbert's scheme", flow="gilbert", tolerance=1e-3))
     return made.methods
 
 

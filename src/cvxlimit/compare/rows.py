@@ -16,6 +16,7 @@ from cvxlimit.compare.runs import Failure, Limits, run_apart
 from cvxlimit.scene import Scene
 
 Advance = Callable[[str], None]
+_Question = tuple[str, str, bool]
 
 
 class Truth(NamedTuple):
@@ -85,6 +86,8 @@ class Interrupted(KeyboardInterrupt):
 
 def find_truth(method: Method, scene: Scene, limits: Limits) -> Truth:
     """The reference that fits the method's interaction, in a process of its own."""
+    if not method.is_load_factor:
+        return Truth(Bracket(), "no reference: no load factor")
     reference = Reference(interaction=method.interaction, moments=method.moments)
     found = run_apart(reference, scene, limits)
     if isinstance(found, Failure):
@@ -111,7 +114,7 @@ def side_by_side(
     Interrupted
         On Ctrl-C, with the rows of what was measured before.
     """
-    truths: dict[tuple[str, str], Truth] = {}
+    truths: dict[_Question, Truth] = {}
     for method in methods:
         if _question(method) not in truths:
             truths[_question(method)] = find_truth(method, scene, reference_limits or limits)
@@ -128,9 +131,9 @@ def side_by_side(
     return [tally.row for tally in tallies]
 
 
-def _question(method: Method) -> tuple[str, str]:
+def _question(method: Method) -> _Question:
     """Methods with the same one are measured against the same reference."""
-    return method.interaction, method.moments
+    return method.interaction, method.moments, method.is_load_factor
 
 
 @dataclass

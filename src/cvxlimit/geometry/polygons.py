@@ -133,10 +133,21 @@ def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArr
     (2,); returns corners (m, 2) counter-clockwise: two of them for a centre on an edge, one in a
     corner, none outside.
     """
+    return effective_regions(corners, np.asarray(pressure_centre, dtype=float)[None])[0]
+
+
+def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[FloatArray]:
+    """:func:`effective_region` of one contact for many pressure centres (p, 2)."""
     points = np.asarray(corners, dtype=float)
-    e = np.asarray(pressure_centre, dtype=float)
-    reach = float(np.abs(points - e).max())
-    (region,) = _overlaps(points[None], 2.0 * e - points[None], 1e-12 * reach)
+    centres = np.asarray(pressure_centres, dtype=float)
+    reach = np.abs(points - centres[:, None]).max(axis=(1, 2))
+    both = np.broadcast_to(points, (len(centres), *points.shape))
+    regions = _overlaps(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
+    return [_region(region, float(r)) for region, r in zip(regions, reach, strict=True)]
+
+
+def _region(region: FloatArray, reach: float) -> FloatArray:
+    """A region that has an area, or the ends of what is left of it."""
     if len(region) > 2 and area_and_centroid(region)[0] > 1e-12 * reach**2:
         return region
     return _ends(region, 1e-9 * reach)
@@ -212,7 +223,9 @@ def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
     return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
-def _overlaps(first: FloatArray, second: FloatArray, tolerance: float = 0.0) -> list[FloatArray]:
+def _overlaps(
+    first: FloatArray, second: FloatArray, tolerance: FloatArray | float = 0.0
+) -> list[FloatArray]:
     """Sutherland and Hodgman's clipping, all pairs at once; points within the tolerance stay.
 
     Not GEOS: it loses overlaps of polygons that share a corner and have nearly parallel edges
@@ -227,13 +240,17 @@ def _overlaps(first: FloatArray, second: FloatArray, tolerance: float = 0.0) -> 
 
 
 def _clipped(
-    corners: FloatArray, count: IntArray, start: FloatArray, edge: FloatArray, tolerance: float
+    corners: FloatArray,
+    count: IntArray,
+    start: FloatArray,
+    edge: FloatArray,
+    tolerance: FloatArray | float,
 ) -> tuple[FloatArray, IntArray]:
     """Polygons (p, k, 2), the first ``count`` of their corners, left of lines (p, 2)."""
     pairs, width = corners.shape[:2]
     offset = corners - start[:, None]
     side = edge[:, None, 0] * offset[:, :, 1] - edge[:, None, 1] * offset[:, :, 0]
-    side += tolerance * np.linalg.norm(edge, axis=1)[:, None]
+    side += (tolerance * np.linalg.norm(edge, axis=1))[:, None]
     place = np.arange(width)
     following = np.where(place + 1 < count[:, None], place + 1, 0)
     ahead = np.take_along_axis(corners, following[:, :, None], axis=1)

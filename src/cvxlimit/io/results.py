@@ -34,7 +34,7 @@ _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
     "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
 )  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members", "model")
+_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members", "model", "quantity")
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 _NO_BOUND = {"lower": -math.inf, "upper": math.inf}
@@ -145,6 +145,8 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["bracket"] = _bracket_to_dict(solution.bracket)
         if solution.torsion_shear != "linear":
             document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
+        if solution.quantity != "load factor":
+            document["quantity"] = text(solution.quantity, "quantity")
         if solution.flow != "associated":
             document["flow"] = text(solution.flow, "flow")
             document["members"] = [_member_to_dict(member) for member in solution.members]
@@ -196,6 +198,7 @@ this is not a result file
             versions=_versions(top.get("versions", {})),
             torsion_shear=text(top.get("torsion_shear", "linear"), "torsion_shear"),
             flow=text(top.get("flow", "associated"), "flow"),
+            quantity=text(top.get("quantity", "load factor"), "quantity"),
             members=tuple(
                 _member(i, x) for i, x in enumerate(items(top.get("members", []), "members"))
             ),

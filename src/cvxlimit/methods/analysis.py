@@ -155,9 +155,16 @@ class _Climb:
         run = self.run
         run.reductions = reduction.names
         with run.clock.phase("compile"):
-            self.problem = ReducedProblem(self.reductions.assemblage, run.surfaces, reduction)
+            self.problem = self._compiled(reduction)
             ladder = run.ladder or self.problem.ladder(self.tolerance)
         self.ladder = [settings for settings in ladder if suits(settings, self.problem.problem)]
+
+    def _compiled(self, reduction: Reduction) -> ReducedProblem:
+        """The problem, compiled anew unless the run shares what is compiled with others."""
+        assemblage, surfaces = self.reductions.assemblage, self.run.surfaces
+        shared = self.run.repeats
+        found = None if shared is None else shared.problem(assemblage, surfaces, reduction)
+        return found or ReducedProblem(assemblage, surfaces, reduction)
 
     def _all(self) -> Iterator[Status | None]:
         with self.run.clock.phase("certify"):

@@ -44,6 +44,10 @@ _TRIES = 6
 
 _DAMPING, _LEAST_DAMPING, _FACTOR = 1e-3, 1e-10, 8.0
 
+_ROUNDING = 1e-13
+"""Least damping over the largest diagonal entry: with less, rounding made matrices indefinite, and
+SuperLU's symmetric mode, which does not pivot, did not return."""
+
 _SLOW, _PATIENCE = 0.7, 3
 """Steps that leave more than this share of the squared residual are slow; so many end the polish:
 on the tuff wall and the panel S12 they did not recover."""
@@ -236,13 +240,17 @@ class _Equations:
 
     def _damped(self, square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray | None:
         """The step with (square + weight) step = down; None where rounding makes that singular."""
-        matrix = (square + weight * sp.eye_array(len(down))).tocsc()
+        largest = float(square.diagonal().max())
+        if not np.isfinite(largest):
+            return None
+        each = sp.eye_array(len(down))
+        if self._order is None:
+            self._order = _elimination_order((square + largest * each).tocsc())
+        matrix = (square + max(weight, _ROUNDING * largest) * each).tocsc()
+        ordered = matrix[self._order][:, self._order].tocsc()
         step = np.empty_like(down)
         try:
-            if self._order is None:
-                self._order = _elimination_order(matrix)
-            ordered = matrix[self._order][:, self._order]
-            step[self._order] = factorised(ordered.tocsc())(down[self._order])
+            step[self._order] = factorised(ordered)(down[self._order])
         except RuntimeError:
             return None
         return step

@@ -122,6 +122,8 @@ class Run:
         Of the scene, computed once.
     given : Scene
         The scene as it was given; mortar may have become loads in :attr:`scene`.
+    repeats : Repeats or None
+        Compiled problems that the run shares with others.
     surfaces : tuple of YieldSurface, surface : str
         Asked for, and their name.
     moments : Moments
@@ -176,6 +178,7 @@ class Run:
         if not isinstance(scene, Assemblage):
             check_scene(scene)
         self.given = scene.scene if isinstance(scene, Assemblage) else scene
+        self.repeats = scene.repeats if isinstance(scene, Assemblage) else None
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
         with self.clock.phase("compile"):

@@ -103,11 +103,13 @@ class _OnMechanism:
     """Plus or minus the load factor, less the power that forces have on a mechanism.
 
     ``power`` (n, 6) is linear in forces: what contacts do, and friction takes up. Not negative, and
-    zero for forces that go with the mechanism. A Parameter, scaled like the load factor.
+    zero for forces that go with the mechanism. ``chance`` (n,) is a little cost of normal forces.
+    Parameters, scaled like the load factor.
     """
 
     sign: float
     power: cp.Parameter
+    chance: cp.Parameter
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
         """See :class:`~cvxlimit.model.problem.Objective`."""
@@ -115,7 +117,8 @@ class _OnMechanism:
         total = sum(
             self.power[:, column] @ forces.components[name] for name, column in COLUMN.items()
         )
-        return Terms(self.sign * alpha - _PRICE * total, dead, live)
+        little = self.chance @ forces.components["N"]
+        return Terms(self.sign * alpha - _PRICE * total - little, dead, live)
 
 
 class ExtremeForces:
@@ -132,13 +135,22 @@ class ExtremeForces:
     def __init__(self, run: Run, verifier: Verifier, sign: float) -> None:
         self.run, self.verifier = run, verifier
         self.power = cp.Parameter((len(run.contacts), len(COMPONENTS)))
-        objective = _OnMechanism(sign, self.power)
+        self.chance = cp.Parameter(len(run.contacts), nonneg=True)
+        objective = _OnMechanism(sign, self.power, self.chance)
         self.problem = LimitProblem(run.assemblage, run.surfaces, objective=objective)
 
     def on(
-        self, mechanism: FloatArray, ladder: Sequence[SolverSettings]
+        self,
+        mechanism: FloatArray,
+        ladder: Sequence[SolverSettings],
+        random: np.random.Generator | None = None,
     ) -> tuple[LimitState, SolverSettings]:
-        """Forces on a mechanism (free blocks, 6), which the state keeps, and what found them."""
+        """Forces on a mechanism (free blocks, 6), which the state keeps, and what found them.
+
+        With ``random``, some that are nearly extreme: as few contacts pressed as chance prefers.
+        """
+        n = len(self.run.contacts)
+        self.chance.value = np.zeros(n) if random is None else _NUDGE * random.uniform(size=n) ** 2
         rates = self.run.assemblage.statics.relative_rates(mechanism)
         self.power.value = self.run.scaling.live * self.verifier.work(rates)
         state, rung = self.run.climb(self.problem.solve, ladder)
@@ -201,6 +213,9 @@ class MechanismsOfForces:
         """Costs (count,) far below those of power: it is what must vanish."""
         return _LITTLE * self.random.uniform(0.0, 1.0, count) ** 2
 
+
+_NUDGE = 0.02
+"""Size of random costs of normal forces, in load factors per total load."""
 
 _LITTLE = 1e-3
 """Size of random costs, beside power at :data:`_PRICE`."""

@@ -43,8 +43,9 @@ class Reaction:
     bracket : Bracket
         Of the value, recomputed outside the solver.
     solution : Solution
-        Of the limit problem behind it, whose load factor is the reaction less one that is
-        possible; its forces and mechanism are those of the reaction.
+        The same with forces, mechanism, status and history: its ``load_factor`` and bracket are the
+        reaction's, its ``quantity`` says so. The history's load factors are those of the limit
+        problem behind it: changes of the reaction from one that is possible.
     """
 
     value: float | None
@@ -106,6 +107,8 @@ def settlement(
         raise InputError("direction of the settlement must not be zero")
     along = vector / np.linalg.norm(vector)
     contacts = scene.contacts
+    if scene.ties:
+        raise ModelError("settlement knows no ties yet: leave ties out")
     if np.isfinite(contacts.compressive_strength).any() or np.any(contacts.tensile_strength):
         raise ModelError(
             "settlement knows no strength of stone or mortar yet: leave compressive_strength and "
@@ -114,12 +117,11 @@ def settlement(
     sign = 1.0 if which == _LEAST else -1.0
     guided, possible = _guided(scene, support, along, sign, surface)
     solution = replace(drive(Convex(tolerance), Run(guided, surface)), solved_scene=scene)
-    return _reaction(solution, guided, support, along, possible, sign)
+    return _reaction(solution, support, along, possible, sign)
 
 
 def _reaction(
     solution: Solution,
-    guided: Assemblage,
     support: str,
     along: FloatArray,
     possible: float,
@@ -137,6 +139,13 @@ def _reaction(
         rates = dict(solution.mechanism)
         rates[support] = np.append(along * (along @ rates[support][:3]), np.zeros(3))
         solution = replace(solution, mechanism=rates)
+    which = _LEAST if sign > 0.0 else _LARGEST
+    solution = replace(
+        solution,
+        load_factor=value,
+        bracket=bracket,
+        quantity=f"{which} reaction of {support}",
+    )
     return Reaction(value, bracket, solution)
 
 

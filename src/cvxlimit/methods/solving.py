@@ -14,7 +14,8 @@ from cvxlimit.methods.driver import Progress, Rule, Run, drive
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.gilbert import Gilbert
-from cvxlimit.methods.interaction.moments import MOMENTS, Moments, parse_moments
+from cvxlimit.methods.interaction.moments import Moments
+from cvxlimit.methods.interaction.readings import MOMENTS, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions

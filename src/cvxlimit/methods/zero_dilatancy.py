@@ -51,9 +51,16 @@ _NATURAL = 4.0
 """Largest random price where no iterate has told its size yet, over friction at a rate at which the
 whole live load does power 1: blocks that wedge each other need some price to have a solution."""
 
+_SCALES = (30.0, 5.0, 1.0)
+"""Random prices over the last iterate's largest, in turn: on a wall of six blocks whose solutions a
+mixed-integer search knows, only prices far above found the lowest branch."""
+
 _POLISH = 10
 """Iterates between attempts to solve the equations of the fixed point from where it is: an attempt
 takes as long as about five iterates."""
+
+_WALK = 6
+"""Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +164,7 @@ class _Search:
     last: Member | None = None
     failed: int = 0
     tried: int = 0
+    walk: tuple[Member, LimitState] | None = None
 
     def __post_init__(self) -> None:
         run = self.run
@@ -244,6 +252,7 @@ class _Search:
         self.iterations = 0
         natural = _NATURAL * float(self.run.contacts.friction.max()) / self.run.scaling.live
         size = natural if self.typical is None else float(np.max(self.typical))
+        size *= _SCALES[self.at_start % len(_SCALES)]
         self.prices = size * self.random.uniform(0.0, 1.0, len(self.prices)) ** 2
 
     def _seek_extremes(self, member: Member) -> None:
@@ -255,22 +264,38 @@ class _Search:
                 self.found.append(found)
 
     def _descend(self, mechanisms: MechanismsOfForces) -> None:
-        """A mechanism that goes with the forces of the lowest member, and the lowest on that."""
+        """A mechanism that goes with the forces of a member, and low forces on that.
+
+        A walk of a few steps, each from where the last one led, begins at the lowest member and
+        begins again when it comes below that.
+        """
+        lowest = min(self.found, key=lambda found: found[0].load_factor)
+        if self.walk is None or self.tried % _WALK == 0:
+            self.walk = lowest
         self.tried += 1
-        best, state = min(self.found, key=lambda found: found[0].load_factor)
         with self.run.clock.phase("solve"):
-            mechanism = mechanisms.of(state, self.ladder[0])
+            mechanism = mechanisms.of(self.walk[1], self.ladder[0])
         if mechanism is None:
+            self.walk = None
             return
-        found = self._on(self.lowest, mechanism, f"descent {self.tried}")
-        if found is not None and found[0].load_factor < best.load_factor:
-            self.found.append(found)
+        label = f"descent {self.tried}"
+        chance = None if self.tried % 2 else self.random
+        step = self._on(self.lowest, mechanism, label, chance)
+        if step is None:
+            return
+        self.walk = step
+        if step[0].load_factor < lowest[0].load_factor:
+            self.found.append(step)
 
     def _on(
-        self, extreme: ExtremeForces, mechanism: FloatArray, label: str
+        self,
+        extreme: ExtremeForces,
+        mechanism: FloatArray,
+        label: str,
+        chance: np.random.Generator | None = None,
     ) -> tuple[Member, LimitState] | None:
         """Extreme forces on a mechanism, if they pass all checks."""
-        state, rung = extreme.on(mechanism, self.ladder)
+        state, rung = extreme.on(mechanism, self.ladder, chance)
         member = self.verifier.member(state, label, 1)
         note = None if member is None else member.residual
         self.run.note(state, f"{rung}, {label}", change=note)

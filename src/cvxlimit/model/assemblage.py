@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,6 +36,9 @@ class Assemblage:
     scaling : Scaling
     balance : Balance
         Brings forces into equilibrium with the least change.
+    repeats : Repeats or None
+        What problems of scenes like this one share, once compiled
+        (:class:`cvxlimit.reductions.repeated.Repeats`); None for a scene that is solved once.
 
     Example
     -------
@@ -48,6 +52,7 @@ class Assemblage:
     statics: Statics
     scaling: Scaling
     balance: Balance
+    repeats: Any = None
 
     @classmethod
     def of(cls, scene: Scene | Assemblage, scaling: Scaling | None = None) -> Assemblage:
@@ -71,7 +76,7 @@ class Assemblage:
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         statics = replace(self.statics.under(dead, live), contacts=scene.contacts)
         statics.__dict__["matrix"] = self.statics.matrix
-        return Assemblage(scene, statics, Scaling.of(scene), self.balance)
+        return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.repeats)
 
     def balanced_by(self, balance: Balance) -> Assemblage:
         """The same with another way to restore equilibrium."""

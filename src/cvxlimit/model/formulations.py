@@ -255,8 +255,8 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
 
     The hull of all pressure fields with friction at every point, hence the least restrictive model
     of interaction with bending: pressed at its centre a square resists 1.85 times the torsion of a
-    uniform pressure, pressed at a corner none. It states its own strength: give ``[Rocking()]`` as
-    surface.
+    uniform pressure, pressed at a corner none. Cohesion is shared equally by the corners. It states
+    its own strength: give ``[Rocking()]`` as surface.
 
     >>> from cvxlimit import builtin_scene, solve
     >>> from cvxlimit.surfaces import Rocking
@@ -270,7 +270,11 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
         Part("v1", {"V1": 1, "MT": -y}, j),
         Part("v2", {"V2": 1, "MT": x}, j),
     ]
-    coulomb = Condition([Norm({"v1": 1}, {"v2": 1})], {"n": contacts.friction[j]}, j)
+    resistance: dict[str, float | FloatArray] = {"n": contacts.friction[j]}
+    if np.any(contacts.cohesion):
+        corners = np.diff(contacts.corner_start)
+        resistance[CONSTANT] = (contacts.cohesion * contacts.area / corners)[j]
+    coulomb = Condition([Norm({"v1": 1}, {"v2": 1})], resistance, j)
     return ForceModel(contacts, parts, [coulomb])
 
 

@@ -120,7 +120,8 @@ def title(solution: Solution) -> str:
     doubt = "" if solution.status.is_good else f" ({solution.status})"
     digits = _decimals(solution.load_factor)
     inside = f" in {outward_bracket(solution)}" if solution.bracket.has_any else ""
-    return f"{what}: load factor {solution.load_factor:.{digits}f}{inside}{doubt}"
+    what += f": {printable(solution.quantity)}"
+    return f"{what} {solution.load_factor:.{digits}f}{inside}{doubt}"
 
 
 def outward_bracket(solution: Solution) -> str:

@@ -19,6 +19,7 @@ from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Decal, Marking, annotated
 from cvxlimit.plotting.camera import Camera, camera_from, thin_axis
+from cvxlimit.plotting.crushing import overlay as yielding_overlay
 from cvxlimit.plotting.drawing import Bar, Drawing, SceneFigure, camera_for, drawn
 from cvxlimit.plotting.look import (
     KIND_COLOURS,
@@ -135,6 +136,7 @@ def mechanism_drawing(scene: Scene, solution: Solution, moving: Motion) -> Drawi
         notes=annotated(scene),
         bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
         blocks="block (no mechanism)",
+        overlay=yielding_overlay(scene, solution, moving),
     )
 
 

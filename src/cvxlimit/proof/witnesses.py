@@ -8,7 +8,8 @@ with one sparse factorisation, and checked by whoever uses them.
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.strength import Strength
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,6 +39,11 @@ walls of 1,000 contacts and more they do not end at all: a solver does
 _ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
 """Least corner compression, as a share of what the lighter of the two blocks would give if its
 load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
+
+
+_PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
+_MOST_STATES = 100
+"""States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
 
 
 class Witnesses:
@@ -81,8 +88,34 @@ class Witnesses:
         while possible and self._dead_state is None and self._attempted < attempts:
             share, iterations = _ATTEMPTS[self._attempted]
             self._attempted += 1
-            self._dead_state = self._find_dead_state(share * self._fair_compression(), iterations)
+            self._dead_state = self._remembered(
+                ("dead state", share, iterations, self.statics.dead.tobytes()),
+                partial(self._find_dead_state, share * self._fair_compression(), iterations),
+            )
         return self._dead_state
+
+    def _remembered(
+        self, what: tuple[object, ...], seek: Callable[[], FloatArray | None]
+    ) -> FloatArray | None:
+        """What is sought, from another scene of the same geometry and strength if there was one.
+
+        Only under surfaces that are told by their type and cone.
+        """
+        states = getattr(self.assemblage.repeats, "states", None)
+        surfaces, contacts = self.strength.surfaces, self.statics.contacts
+        if states is None or not all(type(s) in _PLAIN for s in surfaces):
+            return seek()
+        key = (
+            what,
+            tuple((type(s).__name__, str(s.cone)) for s in surfaces),
+            contacts.friction.tobytes(),
+            contacts.cohesion.tobytes(),
+        )
+        if key not in states:
+            if len(states) >= _MOST_STATES:
+                states.clear()
+            states[key] = seek()
+        return states[key]
 
     def _fair_compression(self) -> FloatArray:
         """Dead load of each corner's lighter block over that block's number of corners, (m,).
@@ -161,6 +194,9 @@ class Witnesses:
         """
         if not self._can_project:
             return None
+        return self._remembered(("opening field",), self._find_opening_field)
+
+    def _find_opening_field(self) -> FloatArray | None:
         matrix, weights = self._balance.matrix, self._balance.weights
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
         for _ in range(_OPENING_ITERATIONS):

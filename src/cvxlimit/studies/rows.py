@@ -7,7 +7,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from inspect import Signature, signature
 from typing import Any
 
@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.variations import varied
@@ -65,7 +66,7 @@ class Structures:
             return scene
         known = self._known.get(scene.geometry)
         if known is None:
-            made = Assemblage.of(scene)
+            made = replace(Assemblage.of(scene), repeats=Repeats())
             self._known[scene.geometry] = made
             if len(self._known) > _STRUCTURES:
                 self._known.popitem(last=False)

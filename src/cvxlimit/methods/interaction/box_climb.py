@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.boxes import Boxes
 from cvxlimit.methods.interaction.copies import Copies
-
-if TYPE_CHECKING:
-    from cvxlimit.methods.interaction.inner import InnerIterate, InnerMethod
+from cvxlimit.methods.interaction.hull import HullProblem
+from cvxlimit.methods.interaction.lower_bound import LowerBound
+from cvxlimit.methods.interaction.majorants import Point
+from cvxlimit.methods.interaction.moments import Moments
+from cvxlimit.methods.interaction.safe_step import SafeStep
+from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
 
@@ -33,16 +39,74 @@ _NOISE = 2e-5
 """Largest excess of a contact, over the total load, that may be due to loose solves alone."""
 
 
+@dataclass(frozen=True, eq=False)
+class InnerIterate:
+    """One solve of the inner method.
+
+    Attributes
+    ----------
+    kind : str
+        ``"hard"`` or ``"frozen"`` (safe by construction), ``"soft"`` or ``"box"``.
+    state : LimitState
+    slack : float
+        Violation bought by a soft step, over total load x contact size.
+    bound : LowerBound or None
+        What the checker made of the forces; None if there are none.
+    """
+
+    kind: str
+    state: LimitState
+    slack: float
+    bound: LowerBound | None
+
+    @property
+    def lower(self) -> float:
+        """The bound; -inf where the checker refused the forces."""
+        return -np.inf if self.bound is None else self.bound.value
+
+    @property
+    def is_safe(self) -> bool:
+        """True if the checker accepted the forces."""
+        return self.bound is not None and self.bound.is_accepted
+
+
+class Steps(Protocol):
+    """What boxes need of :class:`cvxlimit.methods.interaction.inner.InnerMethod`."""
+
+    run: Run
+    moments: Moments
+    contacts: Contacts
+    problem: SafeStep
+    gain: float
+    leading: tuple[SolverSettings, ...]
+
+    @property
+    def hull(self) -> HullProblem:
+        """Problems over copies."""
+
+    def copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
+        """The best over ``copies``."""
+
+    def frozen(self, centre: FloatArray) -> InnerIterate:
+        """Contacts pressed at ``centre`` (n, 2)."""
+
+    def safe(self, kind: str, solver: Solver, before: Sequence[SolverSettings]) -> InnerIterate:
+        """A safe problem, with each further rung where the checker refuses its forces."""
+
+    def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
+        """Where to build a step at ``forces`` (n, 6)."""
+
+
 class BoxClimb:
     """Box steps (:mod:`boxes`), and the safe problems that follow them, of one method.
 
     Parameters
     ----------
-    to : InnerMethod
+    to : Steps
         What solves the problems and keeps the bounds.
     """
 
-    def __init__(self, to: InnerMethod) -> None:
+    def __init__(self, to: Steps) -> None:
         self.to, self._freezes = to, True
 
     def boxes(self, forces: FloatArray | None) -> Boxes:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
+from cvxlimit.methods.interaction.cells import cells
 from cvxlimit.methods.interaction.support import half_extent, rectangle_arm
 from cvxlimit.model.formulations import ForceVariables
 
@@ -53,6 +54,10 @@ class Copies:
         Point about which it is taken, as fractions too: with signed moments the centre.
     limited : (k,) bool
         True where Eq. 27 stands beside Eq. 30.
+    arm : (k,)
+        c over the contact's c_T where it is not that of ``centre``; NaN elsewhere.
+    drag : (k, 2)
+        kappa where it is not that of ``centre``; NaN elsewhere.
     """
 
     contact: IntArray
@@ -61,6 +66,8 @@ class Copies:
     signed: NDArray[np.bool_]
     lever: FloatArray
     limited: NDArray[np.bool_]
+    arm: FloatArray
+    drag: FloatArray
 
     def __len__(self) -> int:
         return len(self.contact)
@@ -96,7 +103,7 @@ def pinned_copies(
     spread = np.broadcast_to(around, centre.shape)
     about = centre if lever is None else lever
     signed, limited = np.ones(len(rows), dtype=bool), np.full(len(rows), is_limited)
-    return Copies(rows, centre, spread, signed, about, limited)
+    return Copies(rows, centre, spread, signed, about, limited, *_as_pressed(rows))
 
 
 def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -> Copies:
@@ -109,7 +116,36 @@ def spread_copies(rows: IntArray, centre: FloatArray, free: NDArray[np.bool_]) -
         none,
         np.zeros(centre.shape),
         none,
+        *_as_pressed(rows),
     )
+
+
+def _as_pressed(rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    return np.full(len(rows), np.nan), np.full((len(rows), 2), np.nan)
+
+
+def cell_copies(
+    contacts: Contacts, chosen: NDArray[np.bool_], boxes: FloatArray, signed: bool
+) -> Copies:
+    """Copies at the corners of the cells (:mod:`cells`) of ``chosen`` (n,) polygons in boxes."""
+    half, found = half_extent(contacts), [Copies.none()]
+    for j in np.flatnonzero(chosen).tolist():
+        low, high = (half[j] * boxes[j, :, side] for side in (0, 1))
+        part = cells(contacts.corners_of(j), low, high)
+        k, place = len(part.arm), part.place / half[j]
+        found.append(
+            Copies(
+                np.full(k, j),
+                place,
+                np.zeros((k, 2)),
+                np.full(k, signed),
+                place,
+                np.zeros(k, dtype=bool),
+                part.arm / contacts.torsion_arm[j],
+                part.drag,
+            )
+        )
+    return found[0].joined(*found[1:])
 
 
 def corner_copies(contacts: Contacts, chosen: NDArray[np.bool_]) -> Copies:
@@ -134,7 +170,9 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     """c (k,) of the copies, in the unit of ``contacts``; exactly zero in corners."""
     half = half_extent(contacts)[copies.contact]
     arm = rectangle_arm(half, half * (np.abs(copies.centre) + copies.spread))
-    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact]):
+    given = np.isfinite(copies.arm)
+    arm[given] = (copies.arm * contacts.torsion_arm[copies.contact])[given]
+    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given):
         e = half[k] * copies.centre[k]
         arm[k] = mean_distance(effective_region(contacts.corners_of(copies.contact[k]), e), e)
     return np.where(arm > _POINT * half.min(axis=1), arm, 0.0)
@@ -239,8 +277,10 @@ class _CopyForces:
         fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
         eps = self.half[k] * (fixed + self.copies.spread[k])
         total = cp.Constant(np.zeros(len(k)))
+        given = np.isfinite(self.copies.drag[k]).all(axis=1) & ~self.copies.signed[k]
         for column in (0, 1):
             weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+            weight = np.where(given, self.copies.drag[k, column], weight)
             rows = np.flatnonzero(weight > 0.0)
             if len(rows):
                 size = cp.Variable(len(rows))

@@ -17,7 +17,6 @@ dead load off at a price, and its mechanism then has a bound of minus that price
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -35,7 +34,9 @@ from cvxlimit.methods.interaction.pressure import Pressure
 from cvxlimit.methods.interaction.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import Scaling, Statics
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, installed, settings_for
 from cvxlimit.surfaces import Rocking
 
@@ -114,11 +115,15 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """What came of a node: those still open, the largest bound of what was closed, and the cost."""
+    """What came of a node: those still open, the largest bound of what was closed, and the cost.
+
+    ``solvers`` are the names of those that ran in its process so far.
+    """
 
     open: tuple[Node, ...]
     closed: float
     solves: int
+    solvers: frozenset[str]
 
 
 class Explorer:
@@ -151,12 +156,13 @@ class Explorer:
         self.statics = self.certifier.statics
         self.problem = NodeProblem(assemblage)
         self.solves = 0
+        self.solvers: set[str] = set()
         self.closed = -np.inf
 
     @property
     def can_split(self) -> NDArray[np.bool_]:
-        """Contacts (n,) whose states depend on boxes."""
-        return np.asarray(self.contacts.is_rectangle)
+        """Contacts (n,) whose states in boxes are known."""
+        return np.asarray(self.contacts.is_rectangle | self.moments.splits_polygons)
 
     def root(self, goal: Goal) -> Node:
         """All pressure centres."""
@@ -196,7 +202,7 @@ class Explorer:
     def _explored(self, nodes: Sequence[Node], goal: Goal) -> Explored:
         still = tuple(node for node in nodes if node.bound > goal.cut)
         closed = max([self.closed, *(n.bound for n in nodes if n.bound <= goal.cut)])
-        return Explored(still, closed, self.solves)
+        return Explored(still, closed, self.solves, frozenset(self.solvers))
 
     def evaluated(self, node: Node, goal: Goal) -> Node:
         """Solve, certify, add copies; a solver's failure leaves the bound and forces as given."""
@@ -223,6 +229,7 @@ class Explorer:
     def _solve(self, copies: Copies, price: float | None) -> LimitState:
         for settings in self.ladder:
             self.solves += 1
+            self.solvers.add(settings.name)
             state = self.problem.solve(copies, settings, price)
             if state.mechanism is not None or state.outcome.claims_no_optimum:
                 break
@@ -358,29 +365,35 @@ def node_ladder() -> tuple[SolverSettings, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """An explorer on its way to another process: ``key`` names it, ``made_of`` is pickled once."""
+    """An explorer on its way to another process: what it is made of, and ``key``, its name."""
 
     key: str
-    made_of: bytes
+    scene: Scene
+    statics: Statics
+    scaling: Scaling
+    moments: Moments
+    ladder: tuple[SolverSettings, ...]
+    opening: FloatArray | None
 
     @classmethod
     def of(cls, key: str, explorer: Explorer, assemblage: Assemblage) -> Task:
         """For the same scene, moments and solvers."""
-        parts = (
-            assemblage.scene, assemblage.statics, assemblage.scaling, explorer.moments,
-            explorer.ladder, explorer.certifier.witnesses.opening_field,
+        opening = explorer.certifier.witnesses.opening_field
+        return cls(
+            key, assemblage.scene, assemblage.statics, assemblage.scaling, explorer.moments,
+            explorer.ladder, opening,
         )  # fmt: skip
-        return cls(key, pickle.dumps(parts))
 
     def __call__(self, node: Node, goal: Goal) -> Explored:
         """Explore a node in this process, which keeps the explorer for the next one."""
-        if self.key not in _known:
-            scene, statics, scaling, moments, ladder, opening = pickle.loads(self.made_of)
-            balance = Balance(statics, corner_compressions(statics.contacts))
-            assemblage = Assemblage(scene, statics, scaling, balance)
+        explorer = _known.get(self.key)
+        if explorer is None:
+            balance = Balance(self.statics, corner_compressions(self.statics.contacts))
+            assemblage = Assemblage(self.scene, self.statics, self.scaling, balance)
+            explorer = Explorer(assemblage, self.moments, self.ladder, self.opening)
             _known.clear()
-            _known[self.key] = Explorer(assemblage, moments, ladder, opening)
-        return _known[self.key].explore(node, goal)
+            _known[self.key] = explorer
+        return explorer.explore(node, goal)
 
 
 _known: dict[str, Explorer] = {}

@@ -6,8 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.copies import cell_copies
 from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.support import Support, half_extent, whole_boxes
+from cvxlimit.methods.interaction.support import (
+    Support,
+    corner_power,
+    half_extent,
+    is_whole,
+    shear_support,
+    whole_boxes,
+)
 from cvxlimit.model.flow import Shortfall
 
 FloatArray = NDArray[np.float64]
@@ -30,8 +38,8 @@ class InteractionFlow:
     moments : Moments
     boxes : (n, 2, 2) array, optional
         Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Polygons that are not rectangles always count as a whole. With
-        independent signs a range that contains zero inside is widened to a symmetric one.
+        :func:`half_extent`. Arms of polygons that are not rectangles are sampled where a box
+        does not hold all of one (:mod:`cells`).
     """
 
     def __init__(
@@ -41,7 +49,9 @@ class InteractionFlow:
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._others = np.flatnonzero(~contacts.is_rectangle)
+        boxed = moments.splits_polygons & ~is_whole(self.boxes) & ~contacts.is_rectangle
+        self._cells = cell_copies(contacts, boxed, self.boxes, moments.is_about_centre)
+        self._others = np.flatnonzero(~contacts.is_rectangle & ~boxed)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
@@ -73,9 +83,24 @@ class InteractionFlow:
         others = self._others
         if len(others):
             power[others] = self.moments.polygon_power(w[others], self.contacts, others)
+        np.maximum.at(power, self._cells.contact, self._cell_power(w))
         rows = self._rectangles
         if len(rows):
             power[rows], centre[rows] = self.moments.support(
                 w[rows], self.half[rows], friction[rows], self.boxes[rows], halvings
             )
         return power + w[:, COLUMN["N"]], centre
+
+    def _cell_power(self, w: FloatArray) -> FloatArray:
+        """Power (k,) at the corners of cells; see :mod:`cells`."""
+        copies = self._cells
+        j, e = copies.contact, self.half[copies.contact] * copies.centre
+        friction, rates = self.contacts.friction[j], w[j]
+        torsion = copies.arm * self.contacts.torsion_arm[j] * np.abs(rates[:, COLUMN["MT"]])
+        if self.moments.is_about_centre:
+            return corner_power(rates, e, friction, torsion)
+        shear = np.abs(rates[:, [COLUMN["V1"], COLUMN["V2"]]])
+        slope = shear_support(shear, np.ones(len(j)), copies.drag)
+        moments = rates[:, COLUMN["M1"]] * e[:, 1] - rates[:, COLUMN["M2"]] * e[:, 0]
+        result: FloatArray = moments + friction * np.maximum(torsion, slope)
+        return result

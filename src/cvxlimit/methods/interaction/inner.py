@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,10 +32,10 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.box_climb import BoxClimb
+from cvxlimit.methods.interaction.box_climb import BoxClimb, InnerIterate
 from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.hull import HullProblem
-from cvxlimit.methods.interaction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
+from cvxlimit.methods.interaction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.majorants import Point
 from cvxlimit.methods.interaction.moments import Moments
 from cvxlimit.methods.interaction.safe_step import SafeStep
@@ -47,6 +46,8 @@ from cvxlimit.solvers import (
     leading_ladder,
     settings_for,
 )
+
+__all__ = ["InnerIterate", "InnerMethod"]
 
 FloatArray = NDArray[np.float64]
 
@@ -69,6 +70,9 @@ Moved in by 0.05 or 0.2 it was 0.12604 from all of five."""
 _TIGHT = 1e-9
 """Clarabel's tolerance for the last step of a climb."""
 
+_RELAXED = 1e-4
+"""How far copies are added to a stricter reading's relaxation: as in a run of its own."""
+
 _LEAST = 1e-7
 """Compression, over the total load, from which a pressure centre means something."""
 
@@ -85,37 +89,6 @@ _LOST = 0.1
 _HOPE, _FIRST_RATIO = 2.0, 0.7
 """A start is given up when twice the gain predicted for it would not reach the best bound. Gains of
 hard steps fall by 0.4 to 0.7 per step; until there are two the slower is assumed."""
-
-
-@dataclass(frozen=True, eq=False)
-class InnerIterate:
-    """One solve of the inner method.
-
-    Attributes
-    ----------
-    kind : str
-        ``"hard"`` or ``"frozen"`` (safe by construction), ``"soft"`` or ``"box"``.
-    state : LimitState
-    slack : float
-        Violation bought by a soft step, over total load x contact size.
-    bound : LowerBound or None
-        What the checker made of the forces; None if there are none.
-    """
-
-    kind: str
-    state: LimitState
-    slack: float
-    bound: LowerBound | None
-
-    @property
-    def lower(self) -> float:
-        """The bound; -inf where the checker refused the forces."""
-        return -np.inf if self.bound is None else self.bound.value
-
-    @property
-    def is_safe(self) -> bool:
-        """True if the checker accepted the forces."""
-        return self.bound is not None and self.bound.is_accepted
 
 
 class InnerMethod:
@@ -184,9 +157,13 @@ class InnerMethod:
             return
         if state.load_factor <= run.best.bracket.lower:
             return
+        aside = run.aside(run.scene)
+        aside.moments = stricter
+        outer = UpperBound(aside)
+        outer.search(_RELAXED, (*self.leading, *self.tight))
         other = copy(self)
         other.moments, other.problem = stricter, SafeStep(run.assemblage, stricter)
-        for start in (state.forces, None):
+        for start in (outer.state.forces if outer.state else state.forces, None):
             yield from other.iterates(start)
 
     def stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
@@ -232,12 +209,12 @@ class InnerMethod:
             gains.append(gain)
             if gain > 0.0:
                 here = self.point(forces, at)
-            if gain < self.gain * abs(iterate.lower):
-                if reach == 0.0 or gain > 0.0:
-                    return
-                reach = 0.0
-            if best + _HOPE * _predicted(gains) < self._mark:
+            least, hope = self.gain * abs(iterate.lower), _predicted(gains)
+            if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
+            if best + _HOPE * hope < self._mark:
+                return
+            reach = reach if gain > 0.0 else 0.0
             at = here if before is None or reach == 0.0 else self._ahead(here, before, reach)
             before = here
 

@@ -1,23 +1,23 @@
 """How Eq. 30 adds moments: one object per reading, which knows all that depends on it.
 
-Everything else in this package takes such an object. A further reading is one more class.
+Everything else in this package takes such an object. A further reading is one more class; those
+with Eq. 27 beside Eq. 30, the paper's own among them, and all names are in :mod:`readings`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import Any, ClassVar, Protocol
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.copies import (
     Copies,
+    cell_copies,
     corner_copies,
     level_places,
     pinned_copies,
@@ -41,21 +41,15 @@ from cvxlimit.methods.interaction.support import (
     corner_support,
     free_sign,
     independent_support,
+    is_whole,
     mixed_sign,
     signed_support,
     whole_boxes,
-)
-from cvxlimit.methods.interaction.tied import (
-    TiedRows,
-    limited_signed_rows,
-    limited_support,
-    polygon_support,
 )
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.frozen import (
     Eccentricity,
-    LimitedTorsionShearBending,
     SignedTorsionShearBending,
     TorsionShearBending,
 )
@@ -101,6 +95,10 @@ class Moments(ABC):
         Largest power of true states on rectangles (:mod:`support`).
     is_limited : bool
         True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
+    splits_polygons : bool
+        True if bounds are known for contacts of other shapes that press in a box (:mod:`cells`).
+    is_about_centre : bool
+        True if torsion is taken about the pressure centre there.
     balance : float
         k^2 of the product bounds of safe steps, in units of (half side / friction).
     reach : float
@@ -118,6 +116,8 @@ class Moments(ABC):
     inscribed: Callable[[FloatArray], Rectangle]
     support: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], Support]
     is_limited: ClassVar[bool] = False
+    splits_polygons: ClassVar[bool] = False
+    is_about_centre: ClassVar[bool] = True
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
@@ -179,6 +179,13 @@ class Moments(ABC):
     def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
 
+    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """Those of contacts that are not rectangles: friction at their corners, or, where a box
+        holds less than all and this reading splits polygons, the corners of cells."""
+        boxed = ~contacts.is_rectangle & ~is_whole(boxes) & self.splits_polygons
+        inside = cell_copies(contacts, boxed, boxes, self.is_about_centre)
+        return corner_copies(contacts, ~contacts.is_rectangle & ~boxed).joined(inside)
+
     @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
@@ -199,6 +206,8 @@ class Independent(Moments):
     """
 
     name = "independent"
+    splits_polygons = True
+    is_about_centre = False
     starts = ("relaxation", "middle")
     frozen = TorsionShearBending
     fields = staticmethod(forces_with_sizes)
@@ -241,7 +250,7 @@ class Independent(Moments):
         ]
         places = level_places(contacts.is_rectangle, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
+        return self.polygon_copies(contacts, boxes).joined(*inside)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -268,6 +277,7 @@ class Signed(Moments):
     """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
 
     name = "signed"
+    splits_polygons = True
     starts: ClassVar[tuple[str, ...]] = ("relaxation",)
     frozen = SignedTorsionShearBending
     fields = staticmethod(plain_forces)
@@ -296,16 +306,17 @@ class Signed(Moments):
         """Corners of boxes, and their corners at zero; friction at the corners of whole contacts,
         whatever their shape."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
-        whole = ~contacts.is_rectangle | (np.abs(boxes) >= 1.0).all(axis=(1, 2))
+        whole = contacts.is_rectangle & is_whole(boxes)
         mixed = mixed_sign(boxes)
         levels = [
             (boxes[..., 1], np.ones_like(mixed)),
             (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
             (np.zeros(mixed.shape), mixed),
         ]
-        places = level_places(~whole, levels)
+        rectangles = contacts.is_rectangle & ~whole
+        places = level_places(rectangles, levels)
         inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, whole).joined(*inside)
+        return corner_copies(contacts, whole).joined(self.polygon_copies(contacts, boxes), *inside)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
@@ -325,142 +336,4 @@ def _halved(low: float, high: float, at: float) -> list[float]:
     return [low, float(np.clip(at, low + reserve, high - reserve)), high]
 
 
-class SignedTorsionBending(Signed):
-    """Signed moments with Eq. 27 beside Eq. 30: abs(MT) <= c mu N, about the contact's own centre.
-
-    The paper updates both in every iteration (its section 4). Statics does not ask for the second:
-    torsion about the pressure centre is what friction resists. It is here because the iteration
-    then no longer jumps above its first factor.
-    """
-
-    name = "signed-torsion-bending"
-    is_limited = True
-    frozen = LimitedTorsionShearBending
-    fields = staticmethod(plain_forces)
-    rows = staticmethod(limited_signed_rows)
-
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """With Eq. 27, for the reading's lever."""
-        return limited_support(self.lever, w, half, friction, boxes, halvings)
-
-    def lever(self, e: FloatArray) -> FloatArray:
-        """The point (..., 2) about which Eq. 30 takes torsion, for pressure centres (..., 2)."""
-        return e
-
-    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Torsion about the lever, and Eq. 27."""
-        return pinned_copies(rows, centre, lever=self.lever(centre), is_limited=True)
-
-    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
-        """As with signed moments: the lever moves no farther than the pressure centre."""
-        pinned = super().safe_copies(contacts, centre, reach)
-        limited = np.ones(len(pinned), dtype=bool)
-        return replace(pinned, lever=self.lever(pinned.centre), limited=limited)
-
-    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """Corners of boxes, and their corners at zero, also for whole contacts: what friction in
-        their corners does is limited by Eq. 27. Corners of polygons as with signed moments."""
-        boxes = whole_boxes(contacts) if boxes is None else boxes
-        has_zero = (boxes[..., 0] < 0.0) & (boxes[..., 1] > 0.0)
-        levels = [
-            (boxes[..., 1], np.ones_like(has_zero)),
-            (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
-            (np.zeros(has_zero.shape), has_zero),
-        ]
-        places = level_places(contacts.is_rectangle, levels)
-        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, ~contacts.is_rectangle).joined(*inside)
-
-
-class Paper(SignedTorsionBending):
-    """abs(MT + s1 abs(e2) V1 + s2 abs(e1) V2) with tied signs, and Eq. 27 beside it.
-
-    Eq. 30 as the paper prints it carries the superscript "tsb,1,2": two functions, like Eq. 24 and
-    27, so that its signs change together, with absolute eccentricities. Its iteration then meets
-    the paper's last column. It is not indifferent to the frame: a contact's axes turned by 180
-    degrees about its normal change the signs of V1 and V2 but not of MT. ``signs`` = (s1, s2) says
-    which of the four choices is meant, for all contacts alike; which one the paper's authors made
-    is not known, and none is right. Independent signs contain all of them and are the safe reading;
-    signed moments are statics.
-
-    Every state that is admissible with independent signs is so here, for any signs:
-    abs(MT) + abs(e2 V1) + abs(e1 V2) <= c (mu N - abs(V)) implies both conditions.
-
-    Example
-    -------
-    >>> Paper().name, Paper((1, -1)).name
-    ('paper', 'paper (+V1 -V2)')
-    """
-
-    name = "paper"
-    starts = ("relaxation", "middle")
-    fields = staticmethod(forces_with_sizes)
-    inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
-
-    def __init__(self, signs: tuple[int, int] = (1, 1)) -> None:
-        if tuple(signs) not in _AXES:
-            raise ModelError(f"signs must be two of 1 and -1, got {signs!r}")
-        self.signs = signs
-        self.rows = TiedRows(signs)
-        if signs != (1, 1):
-            self.name = "paper ({}V1 {}V2)".format(*("+" if s > 0 else "-" for s in signs))
-
-    def lever(self, e: FloatArray) -> FloatArray:
-        """(-s2 abs(e1), s1 abs(e2)): MT - d1 V2 + d2 V1 is then the torque."""
-        return np.abs(e) * np.array([-self.signs[1], self.signs[0]])
-
-    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """See the class."""
-        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
-        one, two = self.signs
-        return np.abs(mt + one * np.abs(at.e2) * v1 + two * np.abs(at.e1) * v2)
-
-    def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
-        """The lever."""
-        d1, d2 = self.lever(np.stack([at.e1, at.e2], axis=1)).T
-        return super().eccentricity(Pressure(d1, d2, at.arm), contacts)
-
-    def polygon_power(self, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
-        """With the largest arm a contact of that size may have: friction at the corners bounds
-        torsion about the pressure centre, not about another point."""
-        return polygon_support(self.lever, w, contacts, rows)
-
-    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
-        """Steps."""
-        return to.stepped(start)
-
-
-_AXES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-"""Choices of signs: turning a contact's axes by 180 degrees, or mirroring one of them."""
-
 INDEPENDENT, SIGNED = Independent(), Signed()
-
-MOMENTS = {m.name: m for m in (INDEPENDENT, SIGNED, SignedTorsionBending(), Paper())}
-"""By name, as options and files have them."""
-
-
-def parse_moments(moments: str | Moments) -> Moments:
-    """The reading of this name; one of your own is returned as it is.
-
-    Raises
-    ------
-    ModelError
-        If there is none of this name.
-
-    Example
-    -------
-    >>> str(parse_moments("signed"))
-    'signed'
-    """
-    if isinstance(moments, Moments):
-        return moments
-    if moments not in MOMENTS:
-        raise ModelError(f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}")
-    return MOMENTS[moments]

@@ -155,12 +155,13 @@ class _Layout:
         self._force("M2", every, self.pressed, -e1)
         self.shears = np.flatnonzero(copies.signed | (self.arm > 0.0))
         self.twists = np.flatnonzero(self.arm > 0.0)
-        shears, about = self.shears, np.where(copies.signed, 1.0, 0.0)
+        shears = self.shears
+        about = np.where(copies.signed[:, None], half * copies.lever, 0.0)[shears]
         self.v1, self.v2 = self._new(len(shears)), self._new(len(shears))
         self._force("V1", shears, self.v1, 1.0)
         self._force("V2", shears, self.v2, 1.0)
-        self._force("MT", shears, self.v1, -(about * e2)[shears])
-        self._force("MT", shears, self.v2, (about * e1)[shears])
+        self._force("MT", shears, self.v1, -about[:, 1])
+        self._force("MT", shears, self.v2, about[:, 0])
         self.tau = self._new(len(self.twists))
         idle = np.ones(len(copies), dtype=bool)
         idle[shears] = self.friction[shears] <= 0.0
@@ -170,17 +171,39 @@ class _Layout:
             reach = (half * copies.spread)[:, axis]
             spread = np.flatnonzero(reach > 0.0)
             self._add_bounded(moment, spread, reach[spread], self.pressed[spread])
-        self._add_bounded("MT", self.twists, self.arm[self.twists], self.tau)
+        own = copies.limited[self.twists]
+        twists = self.twists[~own]
+        self._add_bounded("MT", twists, self.arm[twists], self.tau[~own])
+        self._limit_torsion(about, self.twists[own], self.tau[own])
         self.drag = self._drags()
+
+    def _limit_torsion(self, about: FloatArray, twists: IntArray, tau: IntArray) -> None:
+        """Eq. 27: torsion of their own for limited copies, which with what their shear does about
+        the contact's centre is at most c mu N."""
+        limited = np.flatnonzero(self.copies.limited[self.shears])
+        k = self.shears[limited]
+        own = self._new(len(twists))
+        self._force("MT", twists, own, 1.0)
+        place = np.searchsorted(k, twists)
+        for sign in (1.0, -1.0):
+            self._row(len(twists), (own, sign), (tau, -self.arm[twists]))
+            rows = self.nonneg + np.arange(len(k))
+            self.signs.append((rows, self.v1[limited], -sign * about[limited, 1]))
+            self.signs.append((rows, self.v2[limited], sign * about[limited, 0]))
+            self.signs.append((rows[place], own, np.full(len(own), sign)))
+            self.signs.append((rows, self.pressed[k], -self.arm[k] * self.friction[k]))
+            self.nonneg += len(k)
 
     def _drags(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
         """kappa . (abs(V1), abs(V2)): places among the copies that shear, columns, weights."""
         k = self.shears
         fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
         eps = self.half[k] * (fixed + self.copies.spread[k])
+        given = np.isfinite(self.copies.drag[k]).all(axis=1) & ~self.copies.signed[k]
         found = []
         for axis, shear in enumerate((self.v1, self.v2)):
             weight = eps[:, 1 - axis] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+            weight = np.where(given, self.copies.drag[k, axis], weight)
             rows = np.flatnonzero(weight > 0.0)
             size = self._new(len(rows))
             for sign in (1.0, -1.0):
@@ -209,9 +232,9 @@ class _Layout:
         rows = len(COMPONENTS) * self.copies.contact[k] + COLUMN[component]
         self.entries.append((rows, columns, np.broadcast_to(values, rows.shape)))
 
-    def _row(self, count: int, *terms: tuple[IntArray, float]) -> None:
+    def _row(self, count: int, *terms: tuple[IntArray, FloatArray | float]) -> None:
         rows = self.nonneg + np.arange(count)
-        self.signs += [(rows, columns, np.full(count, value)) for columns, value in terms]
+        self.signs += [(rows, columns, np.broadcast_to(v, count)) for columns, v in terms]
         self.nonneg += count
 
     def _bounded_below(self, columns: IntArray) -> None:

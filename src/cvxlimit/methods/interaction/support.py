@@ -67,6 +67,11 @@ def whole_boxes(contacts: Contacts) -> FloatArray:
     return np.tile([-1.0, 1.0], (len(contacts), 2, 1))
 
 
+def is_whole(boxes: FloatArray) -> NDArray[np.bool_]:
+    """True (n,) for boxes of all pressure centres."""
+    return np.asarray((np.abs(boxes) >= 1.0).all(axis=(1, 2)))
+
+
 def rectangle_arm(half: FloatArray, eps: FloatArray) -> FloatArray:
     """c (k,) of Eq. 26 for half sides and eccentricities (k, 2); exactly 0 in the corner."""
     sides = 2.0 * np.maximum(half - eps, 0.0)

@@ -1,0 +1,107 @@
+"""The page on interaction: made from results, and from one command."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.interaction import __main__ as command
+from benchmarks.interaction.experiments import (
+    READINGS,
+    Experiment,
+    Result,
+    experiments,
+    run,
+    scene_of,
+)
+from benchmarks.interaction.page import TABLES, brackets, readings, spread
+
+from cvxlimit.cli.main import run as run_cli
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def result(factors: list[float], lower: float | None = None, upper: float | None = None) -> Result:
+    """As if measured."""
+    return Result(
+        "not converged", factors[-1], lower, upper, 2.0, 888, len(factors), tuple(factors)
+    )
+
+
+def test_experiments_are_told_apart_and_name_what_exists() -> None:
+    every = list(experiments())
+    assert len({e.key for e in every}) == len(every)
+    assert {e.moments for e in every} <= {*READINGS, "none"}
+    axes = {e.moments for e in every if e.part == "tables" and e.scene == "s12-panel"}
+    assert len([name for name in axes if name.startswith("paper")]) == 4
+
+
+def test_other_orders_are_the_same_wall() -> None:
+    one, other = (scene_of(Experiment("orders", "tuff-wall", "paper", order=k)) for k in (-1, 3))
+    assert [b.id for b in one.blocks] != [b.id for b in other.blocks]
+    assert {b.id for b in one.blocks} == {b.id for b in other.blocks}
+    assert len(one.contacts) == len(other.contacts)
+
+
+def test_figures_of_the_tables() -> None:
+    """0.137 is the paper's; 0.1370 to 0.1411 is +0.0 to +3.0 % of it; 0.09 is 10 % below 0.1."""
+    pairs = [
+        (
+            Experiment("tables", "s12-panel", "paper", surface="octagon"),
+            result([0.18, 0.1, 0.137, 0.1411]),
+        ),
+        (
+            Experiment("brackets", "s12-panel", "paper", "certified"),
+            result([0.11], lower=0.1, upper=0.11),
+        ),
+        (Experiment("brackets", "s12-panel", "paper"), result([0.18, 0.09])),
+    ]
+    (line,) = spread(pairs)
+    assert "0.1370 to 0.1411 (+0.0 % to +3.0 %)" in line
+    assert any("[0.1000, 0.1100]" in row and "0.1800" in row for row in readings(pairs))
+    assert any("9.1 %" in row and "-10.0 %" in row for row in brackets(pairs))
+
+
+def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was never run comes first, results are kept, and the page's words stay."""
+    shutil.copy(DOCS / "interaction.md", tmp_path)
+    monkeypatch.setattr(command, "run_apart", run)
+    options = ["--docs", str(tmp_path), "--parts", "brackets", "--scenes", "single-block"]
+    command.main([*options, "--budget", "120", "--write"])
+    found = command.load(tmp_path / "interaction.json")
+    kinds = [(e.moments, e.kind, r.status) for e, r in found.values()]
+    assert ("signed", "certified", "certified") in kinds
+    assert all(r.measured for _, r in found.values())
+    factors = [r.load_factor for _, r in found.values()]
+    assert np.allclose(factors, 0.4, rtol=1e-4)  # the fixed point's tolerance
+    text = (tmp_path / "interaction.md").read_text(encoding="utf-8")
+    assert "| single-block | 1 | independent | [0.4000, 0.4000]" in text
+    old = (DOCS / "interaction.md").read_text(encoding="utf-8")
+    assert text.split("<!--")[0] == old.split("<!--")[0]
+    assert all(f"<!-- {name} -->" in text for name in TABLES)
+    pictures = ("interaction.png", "interaction-width.png", "paper-reading.png")
+    assert all((tmp_path / name).exists() for name in pictures)
+    every = [e for e in experiments() if e.scene in ("single-block", "stack")]
+    waiting = command.due(every, found, ("brackets",), None)
+    assert [e.scene for e in waiting] == ["stack"] * 5 + ["single-block"] * 5
+
+
+def test_time_is_kept() -> None:
+    """Interrupted before its first solve ends, a run says so."""
+    stopped = run(Experiment("brackets", "stack", "signed"), -1.0)
+    assert stopped.load_factor is None
+    assert "stopped" in stopped.status
+
+
+def test_the_command_line_knows_the_readings(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    for moments in ("paper", "signed-torsion-bending"):
+        options = ["--interaction", "certified", "--moments", moments, "--json", str(out)]
+        assert run_cli(["solve", "single-block", *options]) == 0
+        document = json.loads(out.read_text(encoding="utf-8"))
+        assert document["moments"] == moments
+        assert document["lower"] <= 0.4 + 1e-6
+        assert document["upper"] >= 0.4 - 1e-6

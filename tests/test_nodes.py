@@ -1,0 +1,142 @@
+"""Nodes of branch and bound: the problem as arrays, how far pressure reaches, states in boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from cvxlimit import Block, Load, Scene
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.masonry import random_wall, single_block
+from cvxlimit.methods.interaction.cells import arms_at, cells
+from cvxlimit.methods.interaction.flow import InteractionFlow
+from cvxlimit.methods.interaction.hull import HullProblem
+from cvxlimit.methods.interaction.nodes import NodeProblem, Reach
+from cvxlimit.methods.interaction.pressure import effective_arm
+from cvxlimit.methods.interaction.readings import MOMENTS
+from cvxlimit.methods.interaction.support import half_extent, whole_boxes
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.solvers import settings_for
+from test_hull import hexagons, prism, states, tangential
+
+FloatArray = NDArray[np.float64]
+
+TIGHT = settings_for("CLARABEL", 1e-9)
+
+
+def random_boxes(contacts: Contacts, rng: np.random.Generator) -> FloatArray:
+    """Boxes (n, 2, 2), of one sign, of both evenly and unevenly, and some whole."""
+    ends = np.sort(rng.uniform(-1.0, 1.0, (len(contacts), 2, 2)), axis=2)
+    even = rng.random((len(contacts), 2)) < 0.3
+    ends[even, 0] = -ends[even, 1]
+    boxes = np.sort(ends, axis=2)
+    whole = rng.random(len(contacts)) < 0.3
+    return np.where(whole[:, None, None], whole_boxes(contacts), boxes)
+
+
+@pytest.mark.parametrize("name", sorted(MOMENTS))
+@pytest.mark.parametrize("scene", [random_wall(23), hexagons()], ids=["rectangles", "polygons"])
+def test_the_same_as_cvxpy_compiles(scene: Scene, name: str) -> None:
+    """Both paths to the same problem: same load factor and the same forces and powers."""
+    moments, rng = MOMENTS[name], np.random.default_rng(3)
+    assemblage = Assemblage.of(scene)
+    written, compiled = NodeProblem(assemblage), HullProblem(assemblage)
+    for boxes in (None, random_boxes(scene.contacts, rng)):
+        copies = moments.box_copies(scene.contacts, boxes)
+        ours = written.solve(copies, TIGHT, relief_price=10.0)
+        theirs = compiled.solve(copies, TIGHT, relief_price=10.0)
+        assert ours.load_factor is not None
+        assert ours.load_factor == pytest.approx(theirs.load_factor, rel=1e-6, abs=1e-6)
+        assert ours.mechanism is not None
+        live = float((scene.live_forces * ours.mechanism).sum())
+        assert live == pytest.approx(1.0, rel=1e-6)
+
+
+def prisms(corners: int) -> Contacts:
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    blocks = (ground, prism("b1", corners, 0.0, 0.4))
+    return Scene(blocks, ("ground",), Load(acceleration=(1.0, 0.0, 0.0)), friction=0.6).contacts
+
+
+@pytest.mark.parametrize("name", ["independent", "signed"])
+@pytest.mark.parametrize("corners", [3, 4, 6, 8])
+def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str) -> None:
+    """True states pressed anywhere in a box, against the support that certificates use."""
+    contacts, rng = prisms(corners), np.random.default_rng(corners)
+    half, corner = half_extent(contacts), contacts.corners_of(0)
+    for _ in range(6):
+        boxes = random_boxes(contacts, rng)
+        weights = rng.dirichlet(np.full(len(corner), 0.5), 200)
+        e = weights @ corner
+        inside = ((e / half >= boxes[0, :, 0]) & (e / half <= boxes[0, :, 1])).all(axis=1)
+        e = e[inside]
+        if not len(e):
+            continue
+        flow = InteractionFlow(contacts, MOMENTS[name], boxes)
+        every = [effective_arm(x[[0]], x[[1]], contacts)[0] for x in e]
+        for _ in range(10):
+            rates = rng.normal(size=(1, 6))
+            bound = flow.shortfall(-rates).missing[0]
+            way = tangential(e, np.array(every), 0.6, name, rng.normal(size=(len(e), 3)))
+            forces = states(e, way)
+            forces[:, COLUMN["M1"]], forces[:, COLUMN["M2"]] = e[:, 1], -e[:, 0]
+            assert (forces @ rates[0]).max() <= bound + 1e-9
+
+
+@pytest.mark.parametrize("corners", [3, 5, 6, 8])
+def test_arms_of_cells_are_nowhere_too_small(corners: int) -> None:
+    """At other points than those sampled: some sum over corners of cells has the arm at least."""
+    polygon, rng = prisms(corners).corners_of(0), np.random.default_rng(corners)
+    size = np.abs(polygon).max(axis=0)
+    for _ in range(8):
+        low = rng.uniform(-1.0, 0.8, 2) * size
+        high = low + rng.uniform(0.02, 1.0) * size
+        found = cells(polygon, low, high)
+        for e in low + rng.random((10, 2)) * (high - low):
+            arm = float(arms_at(polygon, e[None])[0])
+            if arm > 0.0:  # inside the polygon
+                sums = np.vstack([found.place.T, np.ones(len(found.arm))])
+                most = linprog(-found.arm, A_eq=sums, b_eq=[*e, 1.0])
+                assert most.status == 0
+                assert arm <= -most.fun * (1.0 + 1e-9)
+
+
+def test_cells_tend_to_the_true_arm() -> None:
+    """Margins fall faster than boxes shrink."""
+    polygon = prisms(6).corners_of(0)
+    e = np.array([0.11, 0.07])
+    excess = []
+    for width in (0.1, 0.01, 0.001):
+        found = cells(polygon, e - width / 2.0, e + width / 2.0)
+        excess.append(float(found.arm.max()) / float(arms_at(polygon, e[None])[0]) - 1.0)
+    assert excess[1] <= 0.2 * excess[0]
+    assert excess[2] <= 0.2 * excess[1] + 1e-9
+
+
+@pytest.mark.parametrize("name", sorted(MOMENTS))
+def test_how_far_pressure_reaches(name: str) -> None:
+    """One block: pressure moves with the push, e1 = alpha h / 2, so it is nowhere nearer to the
+    middle than that for a load factor of 0.2, and reaches the edge at 0.4."""
+    scene = single_block((0.4, 0.4, 1.0), friction=0.7)
+    assemblage = Assemblage.of(scene)
+    copies = MOMENTS[name].box_copies(scene.contacts)
+    reach = Reach(NodeProblem(assemblage), copies, 0.2)
+    ends = []
+    for axis in (0, 1):
+        for sign in (-1.0, 1.0):
+            found = reach.furthest(0, axis, sign, TIGHT)
+            assert found is not None
+            ends.append(sign * found[0])
+    along = np.array(ends).reshape(2, 2)
+    moving = int(np.abs(along).max(axis=1).argmax())
+    assert np.sort(np.abs(along[moving])) == pytest.approx([0.5, 1.0], abs=1e-6)
+    assert along[1 - moving] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_no_reach_where_nothing_presses() -> None:
+    """A contact without copies carries nothing: there is no answer to where."""
+    scene = random_wall(23)
+    copies = MOMENTS["signed"].box_copies(scene.contacts).without(np.array([0]))
+    assert Reach(NodeProblem(Assemblage.of(scene)), copies, 0.0).furthest(0, 0, 1.0, TIGHT) is None
