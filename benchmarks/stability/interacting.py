@@ -122,8 +122,10 @@ def found_states(scene: Scene, moments: str) -> Iterator[float]:
             continue
         for share in np.linspace(1.0, 0.05, 40):
             forces = share * found.forces + (1.0 - share) * rest
-            residual = assemblage.statics.residual(forces, share * found.load_factor)
+            alpha = share * found.load_factor
+            forces = assemblage.balance.balanced(forces, alpha, assemblage.statics)
+            residual = assemblage.statics.residual(forces, alpha)
             size = float(np.abs(forces[:, N]).max())
-            if np.abs(residual).max() <= 1e-6 * size and worst(forces, contacts, moments) <= 1e-9:
-                yield float(share * found.load_factor)
+            if np.abs(residual).max() <= 1e-9 * size and worst(forces, contacts, moments) <= 1e-9:
+                yield float(alpha)
                 break

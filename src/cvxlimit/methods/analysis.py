@@ -195,13 +195,18 @@ class _Climb:
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         state = self.run.solve(self.problem.solve, settings)
-        found = self._certified(state)
+        found = self._certificate(state)
         if not self.is_dead_load_solved and self._loses_below(found):
             self._solve_dead_load()
-            found = self._certified(state)
+            found = self._certificate(state)
         if np.isfinite(found.upper) and not (found.upper_is_proved or self.is_opening_solved):
             self._solve_opening()
-            found = self._certified(state)
+            found = self._certificate(state)
+        run = self.run  # only now: a tighter bound with an assumption would hide the proved one
+        run.best = run.best.raised(
+            found.lower, found.lower_is_proved, state.load_factor, state.forces
+        )
+        run.best = run.best.lowered(found.upper, found.upper_is_proved, state.mechanism)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
         self.run.note(state, settings, **{name: known(getattr(found, name)) for name in figures})
         return state
@@ -209,17 +214,14 @@ class _Climb:
     def _loses_below(self, found: Certificate) -> bool:
         """True if forces are good for a bracket but for the reserve they are mixed with."""
         is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
-        return is_close and not self.run.best.bracket.is_within(self.tolerance)
+        best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
+        return is_close and not best.is_within(self.tolerance)
 
-    def _certified(self, state: LimitState) -> Certificate:
-        """The certificate of a state; its bounds are kept where they are better."""
-        run = self.run
-        run.tell("checking the bracket")
-        with run.clock.phase("certify"):
-            c = self.certifier.of(state)
-        run.best = run.best.raised(c.lower, c.lower_is_proved, state.load_factor, state.forces)
-        run.best = run.best.lowered(c.upper, c.upper_is_proved, state.mechanism)
-        return c
+    def _certificate(self, state: LimitState) -> Certificate:
+        """The certificate of a state, with the reference states that are known by now."""
+        self.run.tell("checking the bracket")
+        with self.run.clock.phase("certify"):
+            return self.certifier.of(state)
 
     def _falls(self, fall: _Fall | None) -> bool:
         """Note a fall, if there is one."""

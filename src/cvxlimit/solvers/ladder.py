@@ -236,7 +236,7 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     first, *others = default_ladder()
     own, kind = settings_for("BLOCKWISE"), shape.kind
     can_take_it = kind == "lean" or tolerance >= _QUICK_BRACKET
-    has_qoco = "QOCO" in installed() and can_take_it and shape.variables > _TINY
+    has_qoco = "QOCO" in installed() and can_take_it
     least = WORK[kind][best_backend()]
     if has_qoco:
         least = max(least, WORK[kind]["beside QOCO"])
@@ -245,6 +245,8 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     if not has_qoco:
         return (first, own, *others)
     quick = settings_for("QOCO", _QOCO_LEAN if kind == "lean" else None)
+    if shape.variables <= _TINY:  # second: it opens blocks with strong stone where Clarabel fails
+        return (first, quick, own, *others)
     return (quick, first, own, *others)
 
 
