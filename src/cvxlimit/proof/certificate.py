@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.bracket import Bracket
+from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -255,11 +256,20 @@ class Certifier:
         if given is None:
             return -np.inf, False, np.nan, np.nan
         less, forces = given
-        return self._of_less(less)._lower(forces, alpha, rate)
+        smaller = self._of_less(less)
+        if smaller is None:
+            return -np.inf, False, np.nan, np.nan
+        return smaller._lower(forces, alpha, rate)
 
-    def _of_less(self, less: Assemblage) -> Certifier:
-        """The certifier of a smaller assemblage, by the same measures; it reduces no further."""
-        result = Certifier(less, self.surfaces, self.formulation)
+    def _of_less(self, less: Assemblage) -> Certifier | None:
+        """The certifier of a smaller assemblage, by the same measures; it reduces no further.
+
+        None where surfaces or formulation hold arrays for all contacts, and know none of fewer.
+        """
+        try:
+            result = Certifier(less, self.surfaces, self.formulation)
+        except (ModelError, ValueError):
+            return None
         result.size, result._can_reduce = self.size, False
         return result
 
@@ -290,7 +300,10 @@ class Certifier:
         if given is None:
             return np.inf, False, np.nan, np.nan
         whole, rates, contacts = given
-        return self._of_less(whole)._upper(rates, self._largest_force(x, contacts))
+        smaller = self._of_less(whole)
+        if smaller is None:
+            return np.inf, False, np.nan, np.nan
+        return smaller._upper(rates, self._largest_force(x, contacts))
 
     def _upper(self, u: FloatArray, force: float) -> _Bound:
         live = float(self.statics.live @ u.ravel())
