@@ -11,8 +11,8 @@ from cvxlimit.errors import ModelError
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.methods.driver import cycles
 from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem
-from cvxlimit.methods.interaction.moments import INDEPENDENT
-from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT
+from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.plotting.look import title
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder

@@ -42,7 +42,7 @@ STRENGTH = "plotting.strength"
 """Sees surfaces as well: how much of its strength a contact uses is theirs to say."""
 
 
-OWN_PICKLES = {"compare.runs", "methods.interaction.exploring", "studies.rows"}
+OWN_PICKLES = {"compare.runs", "methods.interaction.branching.exploring", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 
@@ -109,6 +109,18 @@ def layer(module: str) -> int:
     found = [i for i, names in enumerate(LAYERS) if top in names]
     assert found, f"{module} has no place in LAYERS yet: give it one"
     return found[0]
+
+
+INTERACTION = ("states", "readings", "relaxation", "climb", "branching")
+"""Folders of ``methods.interaction``, lowest first."""
+
+
+@pytest.mark.parametrize("name", [n for n in TREES if n.startswith("methods.interaction.")])
+def test_arrows_of_interaction_point_downward(name: str) -> None:
+    folder = name.split(".")[2]
+    seen = {m.split(".")[2] for m in imported(name) if m.startswith("methods.interaction.")}
+    above = INTERACTION[INTERACTION.index(folder) + 1 :] if folder != "__init__" else INTERACTION
+    assert not seen.intersection(above), f"{name} imports {seen}, which are not below it"
 
 
 @pytest.mark.parametrize("name", TREES)

@@ -17,18 +17,18 @@ from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.flow import InteractionFlow
-from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.pressure import Pressure, effective_arm
-from cvxlimit.methods.interaction.readings import (
+from cvxlimit.methods.interaction.climb.recognition import carrying_forces
+from cvxlimit.methods.interaction.climb.safe_step import SafeStep
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.readings.named import (
     MOMENTS,
     Paper,
     SignedTorsionBending,
     parse_moments,
 )
-from cvxlimit.methods.interaction.recognition import carrying_forces
-from cvxlimit.methods.interaction.safe_step import SafeStep
+from cvxlimit.methods.interaction.states.majorants import Point
+from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder, settings_for
 from cvxlimit.surfaces import Conic

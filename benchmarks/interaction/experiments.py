@@ -17,8 +17,8 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.readings import MOMENTS, Paper
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import MOMENTS, Paper
 
 AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
 """The paper's reading with the four choices of signs of the contacts' axes."""

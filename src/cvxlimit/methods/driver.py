@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.bracket import Bracket, known, rounded
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.interaction.moments import INDEPENDENT, Moments
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar

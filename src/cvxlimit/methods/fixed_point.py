@@ -13,8 +13,8 @@ from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Answer, Rule, Run, cycles
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.pressure import Pressure
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.scene import Scene

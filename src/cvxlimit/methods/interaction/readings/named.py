@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.copies import (
-    Copies,
-    corner_copies,
-    level_places,
-    pinned_copies,
-)
-from cvxlimit.methods.interaction.majorants import forces_with_sizes, plain_forces
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED, Moments, Signed, Ways
-from cvxlimit.methods.interaction.pressure import Pressure
-from cvxlimit.methods.interaction.rectangles import largest_centred
-from cvxlimit.methods.interaction.support import Support, whole_boxes
-from cvxlimit.methods.interaction.tied import (
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED, Moments, Signed, Ways
+from cvxlimit.methods.interaction.readings.tied import (
     TiedRows,
     limited_signed_rows,
     limited_support,
     polygon_support,
 )
+from cvxlimit.methods.interaction.states.copies import (
+    Copies,
+    corner_copies,
+    level_places,
+    pinned_copies,
+)
+from cvxlimit.methods.interaction.states.majorants import forces_with_sizes, plain_forces
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.rectangles import largest_centred
+from cvxlimit.methods.interaction.states.support import Support, whole_boxes
 from cvxlimit.surfaces.frozen import Eccentricity, LimitedTorsionShearBending
 
 FloatArray = NDArray[np.float64]
