@@ -23,7 +23,8 @@ from benchmarks.stability.outcomes import (
     refutation,
 )  # fmt: skip
 from benchmarks.stability.records import Table
-from benchmarks.stability.studies import STUDIES, period, shuffled
+from benchmarks.stability.settling import period, shuffled
+from benchmarks.stability.studies import STUDIES
 from benchmarks.stability.truths import Line, arm, closed_form, linear_bounds
 
 from cvxlimit import Block, Certifier, FixedPoint, Load, Scene, builtin_scene, solve
