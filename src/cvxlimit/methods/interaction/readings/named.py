@@ -38,8 +38,7 @@ class SignedTorsionBending(Signed):
     """Signed moments with Eq. 27 beside Eq. 30: abs(MT) <= c mu N, about the contact's own centre.
 
     The paper updates both in every iteration (its section 4). Statics does not ask for the second:
-    torsion about the pressure centre is what friction resists. It is here because the iteration
-    then no longer jumps above its first factor.
+    torsion about the pressure centre is what friction resists.
     """
 
     name = "signed-torsion-bending"
