@@ -111,5 +111,5 @@ def units(
     return columns, np.where(rows > 0.0, rows, 1.0)
 
 
-def _largest(matrix: sp.sparray, axis: int) -> FloatArray:
-    return np.asarray(sp.csr_array(matrix).max(axis=axis).toarray(), dtype=float).ravel()
+def _largest(matrix: sp.csr_array, axis: int) -> FloatArray:
+    return np.asarray(sp.csr_array(matrix).max(axis=axis).toarray(), dtype=np.float64).ravel()
