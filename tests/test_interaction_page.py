@@ -105,3 +105,4 @@ def test_the_command_line_knows_the_readings(tmp_path: Path) -> None:
         assert document["moments"] == moments
         assert document["lower"] <= 0.4 + 1e-6
         assert document["upper"] >= 0.4 - 1e-6
+        assert ("contacts' axes" in document["note"]) is (moments == "paper")

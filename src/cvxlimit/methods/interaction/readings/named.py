@@ -112,6 +112,10 @@ class Paper(SignedTorsionBending):
     starts = ("relaxation", "middle")
     fields = staticmethod(forces_with_sizes)
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+    caution = (
+        "the paper's reading depends on the contacts' axes, which the paper does not state: others "
+        "give other factors; moments 'independent' and 'signed' do not depend on them"
+    )
 
     def __init__(self, signs: tuple[int, int] = (1, 1)) -> None:
         if tuple(signs) not in _AXES:
