@@ -176,7 +176,8 @@ class FixedPoint(Rule):
 
     def result(self, run: Run, state: _Iteration) -> Answer:
         """The last iterate."""
-        return replace(run.best, note="the iteration gives no bounds on the collapse load")
+        notes = ("the iteration gives no bounds on the collapse load", run.moments.caution)
+        return replace(run.best, note="; ".join(note for note in notes if note))
 
     def _has_settled(self, run: Run) -> bool:
         """Eq. 43, and not by chance: between changes of 2 % one of 0.002 % was seen."""
