@@ -23,7 +23,6 @@ from benchmarks.stability.records import Record, Table
 from benchmarks.stability.truths import arm, rocking
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.gilbert import Gilbert
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import resultants, vertex_forces
@@ -141,7 +140,9 @@ def ask_models(number: int, scale: int, tell: Tell) -> None:
             for name, why in contradictions(found, made.scene).items():
                 found[name] |= {"outcome": Outcome.WRONG, "why": why}
             for name, record in found.items():
-                table.add(f"{key}/{name}", {"family": family, "seed": seed, "model": name, **record})
+                table.add(
+                    f"{key}/{name}", {"family": family, "seed": seed, "model": name, **record}
+                )
 
 
 def _asked(model: Model, made: Sample) -> Record:
