@@ -9,7 +9,7 @@ from pathlib import Path
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.stability import atlas, charts, interacting, records
+from benchmarks.stability import atlas, charts, interacting, models, records
 from benchmarks.stability.families import FAMILIES, sample, samples
 from benchmarks.stability.families.sample import FALLS, HARMLESS
 from benchmarks.stability.methods import believed, literal_problem, methods
@@ -292,16 +292,61 @@ def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.Mo
     assert {row["outcome"] for row in rows} <= {Outcome.RIGHT, Outcome.NO_ANSWER}
     some = methods()[::9]
     monkeypatch.setattr("benchmarks.stability.studies.methods", lambda: some)
-    for name, number in (("methods", 1), ("fixed-point", 1), ("orders", 1), ("certified", 1)):
-        if name == "fixed-point":
-            monkeypatch.setattr("benchmarks.stability.studies.SETTLING", ("stacks",))
-            monkeypatch.setattr("benchmarks.stability.studies.WEIGHTS", (0.8,))
-        STUDIES[name][0](number, 1, lambda text: None)
+    settling = "benchmarks.stability.settling"
+    monkeypatch.setattr(f"{settling}.SETTLING", ("stacks",))
+    monkeypatch.setattr(f"{settling}.WEIGHTS", (0.8,))
+    monkeypatch.setattr(f"{settling}.SPREAD", ("walls",))
+    monkeypatch.setattr(f"{settling}.ORDERS", 2)
+    monkeypatch.setattr("benchmarks.stability.models.MODELS", models.MODELS[:2])
+    for name in ("methods", "models", "fixed-point", "orders", "certified"):
+        STUDIES[name][0](1, 1, lambda text: None, 0)
     written = atlas.write(tmp_path / "docs")
     assert {path.name for path in written} == {"atlas.md", *charts.PICTURES}
     page = (tmp_path / "docs" / "atlas.md").read_text("utf-8")
     assert "0 wrong of 7" in page
     assert all(f"]({name})" in page for name in charts.PICTURES)
+
+
+# --- models against each other --------------------------------------------------------------------
+
+
+def test_every_option_is_asked() -> None:
+    """Of surfaces, torsion-shear, formulations, readings, flow rules and reductions."""
+    names = {model.name for model in models.MODELS}
+    assert {f"certified, {reading}" for reading in MOMENTS} <= names
+    assert {"parabolic", "exact", "resultants", "vertex forces", "zero dilatancy"} <= names
+    assert {"Gilbert", "full model", "least model"} <= names
+    assert {a for a, _, _ in models.BELOW} | {b for _, b, _ in models.BELOW} == names
+
+
+@pytest.mark.parametrize("family", ["stacks", "boulders"])
+def test_models_do_not_contradict_each_other(family: str) -> None:
+    """All but the slow ones; zero dilatancy's members are checked by a second writing."""
+    slow = ("certified", "exact", "strong", "weak")
+    asked = [m for m in models.MODELS if not m.name.startswith(slow)]
+    made = sample(family, 1)
+    found = {model.name: models.ask(model, made) for model in asked}
+    assert models.contradictions(found, made.scene) == {}
+    assert {record["outcome"] for record in found.values()} <= {Outcome.RIGHT, Outcome.NO_ANSWER}
+    assert found["zero dilatancy"]["members"] >= 1
+
+
+def test_a_contradiction_between_models_is_found() -> None:
+    def record(low: float, high: float) -> dict[str, float]:
+        return {"low": low, "high": high, "unit": high, "natural": 1.0}
+
+    found = {"conic": record(0.5, 0.5), "8-gon": record(0.49, 0.49), "4-gon": record(0.6, 0.6)}
+    assert set(models.contradictions(found, single_block())) == {"conic", "8-gon"}
+
+
+def test_what_forces_leave_of_equilibrium_and_yield() -> None:
+    scene = single_block(friction=0.3)
+    solution = solve(scene)
+    good = models.leftover(scene, solution.forces, solution.load_factor)
+    assert good < 1e-7
+    assert models.leftover(scene, solution.forces, 1.1 * solution.load_factor) > 1e-2
+    assert models.leftover(scene, 1.1 * solution.forces, solution.load_factor) > 1e-2
+    assert models.leftover(scene.with_friction(0.25), solution.forces, solution.load_factor) > 1e-2
 
 
 def test_periods_of_cycles() -> None:

@@ -72,7 +72,9 @@ def _with(strength: str, share: float) -> Callable[[Scene], Solution]:
 
     def asks(scene: Scene) -> Solution:
         load = np.abs(scene.dead_forces[:, :3]).sum() or np.abs(scene.live_forces[:, :3]).sum()
-        per_area = share * float(load) / float(scene.contacts.area.min())
+        area = scene.contacts.area
+        area = area.min() if strength == "compressive_strength" else area.max()
+        per_area = share * float(load) / float(area)
         other: dict[str, Any] = {strength: per_area}
         if strength == "tensile_strength":  # no more than cohesion over friction
             other["cohesion"] = per_area * float(scene.contacts.friction.max())
@@ -101,7 +103,7 @@ MODELS = (
 
 _EQUAL, _NEARLY = 1e-4, 1e-2
 """What models that reduce to the rigid one may differ by, relative: with little cohesion, and with
-strong stone, which takes 1e-4 off a contact's sides and more off a load factor that hangs on them."""
+strong stone, which takes 1e-4 off a contact's sides and more off a factor that hangs on them."""
 
 BELOW: tuple[tuple[str, str, float], ...] = (
     *((f"{k}-gon-inscribed", "conic", ROUNDING) for k in (4, 8, 16)),
@@ -128,15 +130,15 @@ BELOW: tuple[tuple[str, str, float], ...] = (
 and by how much, relative, rounding or the model's own tolerance may say otherwise."""
 
 
-def ask_models(number: int, scale: int, tell: Tell) -> None:
+def ask_models(number: int, scale: int, tell: Tell, first: int = 0) -> None:
     """Every model on ``number`` scenes: its own certificate, and all pairs."""
     with Table("models") as table:
-        for family, seed in asked(number, scale, None, tell):
+        for family, seed in asked(number, scale, None, tell, first):
             key = key_of(family, seed, scale)
             if all(f"{key}/{model.name}" in table for model in MODELS):
                 continue
             made = sample(family, seed, scale)
-            found = {m.name: _asked(m, made) for m in MODELS}
+            found = {m.name: ask(m, made) for m in MODELS}
             for name, why in contradictions(found, made.scene).items():
                 found[name] |= {"outcome": Outcome.WRONG, "why": why}
             for name, record in found.items():
@@ -145,7 +147,8 @@ def ask_models(number: int, scale: int, tell: Tell) -> None:
                 )
 
 
-def _asked(model: Model, made: Sample) -> Record:
+def ask(model: Model, made: Sample) -> Record:
+    """One model on one scene: what it says, and whether its own certificate bears it out."""
     start = time.process_time()
     try:
         solution = model.asks(made.scene)
@@ -161,7 +164,8 @@ def _asked(model: Model, made: Sample) -> Record:
         "why": why,
         "low": low,
         "high": high,
-        "unit": max(solution.bracket.least, *(abs(x) for x in (low, high) if np.isfinite(x)), 0.0),
+        "unit": max([solution.bracket.least, *(abs(x) for x in (low, high) if np.isfinite(x))]),
+        "natural": solution.bracket.least * 1e6,
         "members": len(solution.members),
         "seconds": seconds,
     }
@@ -198,7 +202,8 @@ def contradictions(found: dict[str, Record], scene: Scene) -> dict[str, str]:
             continue
         if a.get("low") is None or b.get("high") is None:
             continue
-        if a["low"] > b["high"] + margin * max(a["unit"], b["unit"]):
+        size = "unit" if margin == ROUNDING else "natural"  # strengths are absolute
+        if a["low"] > b["high"] + margin * max(a["unit"], b["unit"], a[size], b[size]):
             why = f"{lower} is at least {a['low']:.9g}, {upper} at most {b['high']:.9g}"
             result |= {lower: why, upper: why}
     return result

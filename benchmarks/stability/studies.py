@@ -33,6 +33,8 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import Rocking
 
+Ask = Callable[[int, int, Tell, int], None]
+
 LINEAR_EVERY = 4
 """One scene in so many of the default's study is solved once more as a linear program."""
 
@@ -152,11 +154,11 @@ def _refuted(solution: Solution, truth: float | None, states: list[float]) -> st
     return ""
 
 
-def ask_methods(number: int, scale: int, tell: Tell) -> None:
+def ask_methods(number: int, scale: int, tell: Tell, first: int = 0) -> None:
     """Every method on ``number`` scenes: what it claims, and what that is worth."""
     known = methods()
     with Table("methods") as table:
-        for family, seed in asked(number, scale, None, tell):
+        for family, seed in asked(number, scale, None, tell, first):
             made: Sample | None = None
             references: dict[str, Reference | None] = {}
             for method in known:
@@ -196,7 +198,7 @@ def _reference(made: Sample, surface: str) -> Reference | None:
     return Reference(solution.lower, solution.upper, none, solution.bracket.least)
 
 
-STUDIES: dict[str, tuple[Callable[[int, int, Tell], None], float]] = {
+STUDIES: dict[str, tuple[Ask, float]] = {
     "default": (ask_default, 1.0),
     "certified": (ask_certified, 0.15),
     "methods": (ask_methods, 0.2),

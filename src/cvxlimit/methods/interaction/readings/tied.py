@@ -140,8 +140,9 @@ def limited_support(
 
 
 def polygon_support(lever: Lever, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
-    """An upper bound on the largest power, but for w_N, of contacts ``rows`` of any convex shape, at
-    their rates ``w`` (one row for each of them).
+    """An upper bound on the largest power, but for w_N, of contacts ``rows`` of any convex shape.
+
+    ``w`` (k, 6) are the rates of these contacts, in their order.
 
     c over an effective region, which is symmetric about its centre, is at most two thirds of its
     largest half chord, hence a third of the contact's diameter; with that for c the bound of the
