@@ -65,10 +65,12 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A painted scene: ``image`` (height, width, 4) with values 0..1, and its frame."""
+    """A painted scene: ``image`` (height, width, 4) with values 0..1, its frame, and the blocks
+    at rest behind those that move."""
 
     image: FloatArray
     frame: Frame
+    ghost: Canvas | None = None
 
 
 def paint(
@@ -81,12 +83,13 @@ def paint(
     colours: FloatArray | None = None,
     decals: Sequence[Decal] = (),
     frame: Frame | None = None,
+    ghost: Canvas | None = None,
 ) -> Picture:
     """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels.
 
     ``marking`` says which contacts are outlined; None outlines nothing. Blocks that are
     ``culprits`` are red. ``colours`` (n_blocks, 3) replace those of the blocks, ``frame`` that
-    which holds what is painted.
+    which holds what is painted, and ``ghost`` is that of another picture in the same frame.
     """
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
@@ -97,7 +100,7 @@ def paint(
         frame = frame_of(np.concatenate([still, moved]) if motion.moves else moved, pixels)
     image = np.zeros((frame.height * OVERSAMPLING, frame.width * OVERSAMPLING, 4))
     if motion.moves:
-        ghost = _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
+        ghost = ghost or _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
         _blend(image, _ghost_shape(ghost, motion, mesh), np.array([0.5, 0.53, 0.6]), 0.16)
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.3, 0.33, 0.4]), 0.45)
     points = frame.pixels(moved, OVERSAMPLING)
@@ -117,9 +120,9 @@ def paint(
         canvas.draw(frame.pixels(raised, OVERSAMPLING), number)
     inks.append(np.array([rgb(decal.colour) for decal in decals]).reshape(-1, 3))
     _ink(image, canvas, np.concatenate(inks), mesh)
-    if motion.moves:
+    if motion.moves and ghost is not None:
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.15, 0.15, 0.2]), 0.14)
-    return Picture(_reduced(image), frame)
+    return Picture(_reduced(image), frame, ghost)
 
 
 @dataclass(frozen=True, eq=False)
