@@ -160,7 +160,7 @@ def animation(
     figure.set_dpi(_DPI)
     canvas = FigureCanvasAgg(figure)
 
-    def painted(share: float) -> NDArray[np.float64]:
+    def painted(share: float) -> NDArray[np.float32]:
         part = replace(moving, scale=share * moving.scale)
         marking, ghost = drawing.marking, last.ghost
         return paint(scene, part, camera, marking=marking, frame=frame, ghost=ghost).image

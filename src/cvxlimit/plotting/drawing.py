@@ -37,7 +37,7 @@ from cvxlimit.plotting.look import (
     scene_title,
 )  # fmt: skip
 from cvxlimit.plotting.movement import Motion, motion, still
-from cvxlimit.plotting.picture import Picture, paint
+from cvxlimit.plotting.picture import Picture, Pixels, paint
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -213,7 +213,7 @@ def scene_thumbnail(scene: Scene, refusal: InputError | None, pixels: int = 420)
     return _plain_png(paint(scene, moving, camera, pixels, culprits=culprits).image)
 
 
-def _plain_png(image: FloatArray) -> bytes:
+def _plain_png(image: Pixels) -> bytes:
     buffer = io.BytesIO()
     imsave(buffer, np.clip(image, 0.0, 1.0), format="png")
     return buffer.getvalue()
