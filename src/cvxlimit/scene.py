@@ -361,8 +361,9 @@ class Scene:
         copy.__dict__["_detection"] = other._detection
         return copy
 
-    def with_contacts(self, contacts: Contacts) -> Scene:
-        """The same scene with these contacts in place of those detected: other strengths, say."""
+    def _with_contacts(self, contacts: Contacts) -> Scene:
+        """The same scene with these contacts in place of those detected, for what solves it: files,
+        pickles, other units and other strengths know nothing of them."""
         copy = self._copy()
         copy.__dict__["_given_contacts"] = contacts
         return copy

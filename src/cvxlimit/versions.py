@@ -13,6 +13,7 @@ _DISTRIBUTIONS = {
     "GUROBI": "gurobipy",
     "HIGHS": "highspy",
     "PDLP": "ortools",
+    "RESCALED": "clarabel",
     "SCIP": "pyscipopt",
 }
 """Distributions of solvers, by CVXPY's name, that are not called like the solver."""
