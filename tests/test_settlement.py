@@ -149,7 +149,7 @@ class TestCommandLine:
         assert kept.load_factor == pytest.approx(reaction.value, rel=1e-9)
         assert kept.lower <= kept.load_factor <= kept.upper
         assert kept.quantity == "least reaction of right-abutment"
-        assert title(kept).startswith("arch, conic: least reaction of right-abutment 0.")
+        assert title(kept).startswith("arch, Coulomb friction: least reaction of right-abutment 0.")
         assert picture.stat().st_size > 0
 
     @pytest.mark.parametrize("direction", ["down", "0,0", "0,0,0", "1;2;3"])

@@ -311,7 +311,8 @@ class Scene:
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        for kept in ("_detection", "_given_contacts", "geometry", "free"):  # shapes never change
+        same = () if {"supports", "blocks"} & set(changes) else ("geometry", "free")
+        for kept in ("_detection", "_given_contacts", *same):
             if kept in self.__dict__:
                 copy.__dict__[kept] = self.__dict__[kept]
         return copy

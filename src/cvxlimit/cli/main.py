@@ -40,6 +40,7 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.cli.settling import settle_command
 from cvxlimit.cli.showing import show_command
+from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import export, write_result
 from cvxlimit.io.fields import one_line
@@ -237,6 +238,10 @@ app.command("explain")(explain_command)
 app.command("import")(import_command)
 app.command("show")(show_command)
 app.command("settle")(settle_command)
+app.command(
+    "sweep",
+    epilog="Exit code: 0 all variations solved; 2 bad input; 4 some are not, which are rows too.",
+)(sweep_command)
 
 
 @app.command("scenes")
@@ -293,7 +298,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    known = ("solve", "explain", "scenes", "import", "show", "settle")
+    known = ("solve", "explain", "scenes", "import", "show", "settle", "sweep")
     return f"{arguments[0]} " if arguments[0] in known else ""
 
 

@@ -154,15 +154,17 @@ def animation(
     frame = frame_of(camera.project(ends), _PIXELS)
     drawing = mechanism_drawing(scene, solution, moving)
 
-    def painted(share: float) -> NDArray[np.float64]:
-        part = replace(moving, scale=share * moving.scale)
-        return paint(scene, part, camera, marking=drawing.marking, frame=frame).image
-
     shares = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))
     last = paint(scene, moving, camera, marking=drawing.marking, frame=frame)
     figure, image = assembled(scene, moving, camera, drawing, last)
     figure.set_dpi(_DPI)
     canvas = FigureCanvasAgg(figure)
+
+    def painted(share: float) -> NDArray[np.float32]:
+        part = replace(moving, scale=share * moving.scale)
+        marking, ghost = drawing.marking, last.ghost
+        return paint(scene, part, camera, marking=marking, frame=frame, ghost=ghost).image
+
     forth: list[Bytes] = []
     for share in shares.tolist():
         image.set_data(painted(share))

@@ -21,12 +21,11 @@ from cvxlimit.plotting.annotations import (
     refused,
 )
 from cvxlimit.plotting.camera import default_camera, upright
+from cvxlimit.plotting.joints import moving_joints
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
     JOINT_COLOURS,
     JOINT_TEXTS,
-    KIND_COLOURS,
-    KIND_TEXTS,
     MARK_COLOUR,
     SPEED_STOPS,
     SPEED_TEXT,
@@ -67,8 +66,7 @@ def page(scene: Scene, solution: Solution) -> Page:
     forces and rates of a contact. Texts from the scene are data to the page, never markup.
     """
     moving = motion(scene, solution)
-    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
-    marking = Marking(scene.contacts, moving.contacts.kind, kinds, KIND_TEXTS)
+    marking = moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
     forces = contact_forces(scene, solution)
     data |= {
@@ -208,6 +206,7 @@ def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
         "a": c.a.tolist(),
         "b": c.b.tolist(),
         "kind": marking.kind.tolist(),
+        "width": None if marking.width is None else _short(marking.width),
         "start": c.corner_start.tolist(),
         "points": _coordinates(scene, c.corner_points),
         "origin": _coordinates(scene, c.origin),
