@@ -1,28 +1,35 @@
-"""``python -m benchmarks.closing``: how far certified brackets close, on two seeded families.
+"""``python -m benchmarks.closing``: how far certified brackets close, on seeded families.
 
-Irregular running-bond walls (:func:`cvxlimit.masonry.random_wall`, 14 to 46 contacts, friction 0.2
-to 0.9, any load direction) and stacks of prisms on polygons of 3 to 8 corners. Prints a line per
-scene, and the shares within 5 % and 1 %. The budget is CPU time, so that a busy machine does not
-decide. Scenes whose live load does no harm are left out.
+Irregular running-bond walls (:func:`cvxlimit.masonry.random_wall`, 14 to 58 contacts, friction 0.2
+to 0.9, any load direction), stacks of prisms on polygons of 3 to 8 corners, and of hexagonal drums;
+or one built-in scene. Prints a line per scene, and the shares within 5 % and 1 %. The budget is
+CPU time, so that a busy machine does not decide. Scenes whose live load does no harm are left out.
 
 Every lower bound is checked again from its forces, and every upper bound is held against a search
-for better states: the convex problems at thousands of frozen pressure centres about the best
-forces and anywhere else.
+for better states: the convex problems at frozen pressure centres about the best forces and
+anywhere else.
+
+With ``--out FILE`` every scene is a line of JSON in it as soon as it is done, with its bounds over
+time; scenes that are there already are not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene
+from cvxlimit import Block, Load, Scene, Status, builtin_scene
 from cvxlimit.masonry import BUILTIN, random_wall
+from cvxlimit.masonry.randoms import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
@@ -40,24 +47,51 @@ _SPREADS = (1.0, 0.3, 0.1, 0.03)
 """How far from the best pressure centres the search looks, as shares of the half sides."""
 
 
+class Meter:
+    """Bounds of a run over its CPU time, which ends at a limit.
+
+    Attributes
+    ----------
+    trace : list of (seconds, lower, upper)
+        A line whenever a bound has changed.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self.start, self.limit = time.process_time(), limit
+        self.trace: list[tuple[float, float, float]] = []
+
+    @property
+    def spent(self) -> float:
+        """CPU seconds of this process since the meter was made."""
+        return time.process_time() - self.start
+
+    def read(self, run: Run) -> bool:
+        """Note the bounds; True if the time is up."""
+        bounds = run.best.bracket.lower, run.best.bracket.upper
+        if not self.trace or self.trace[-1][1:] != bounds:
+            self.trace.append((self.spent, *bounds))
+        return self.spent > self.limit
+
+
 @dataclass(frozen=True)
-class InCpuTime(Certified):
-    """The certified method, stopped after so many CPU seconds of this process."""
+class Metered(Certified):
+    """The certified method, stopped by a meter."""
 
-    cpu_seconds: float = 60.0
+    meter: Meter | None = None
 
-    def start(self, run: Run) -> object:
-        """Start its clock too."""
-        object.__setattr__(self, "_end", time.process_time() + self.cpu_seconds)
-        return super().start(run)
-
-    def is_done(self, run: Run, state: object) -> Status | None:
+    def is_done(self, run: Run, state: Any) -> Status | None:
         """As the method has it, or when the time is up."""
-        status = super().is_done(run, state)  # type: ignore[arg-type]
-        if status is not None or time.process_time() < self._end:  # type: ignore[attr-defined]
+        status = super().is_done(run, state)
+        is_over = self.meter is not None and self.meter.read(run)
+        if status is not None or not is_over:
             return status
         good = run.best.bracket.is_within(0.05)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
+
+
+def irregular_wall(seed: int) -> Scene:
+    """A random wall, of four units by five courses among others."""
+    return random_wall(seed, sizes=(*SIZES, (4, 5)))
 
 
 def prisms(seed: int) -> Scene:
@@ -67,7 +101,15 @@ def prisms(seed: int) -> Scene:
     stands on the middle of the one below.
     """
     rng = np.random.default_rng(seed)
-    corners = int(rng.choice([3, 5, 6, 7, 8]))
+    return _piled(rng, int(rng.choice([3, 5, 6, 7, 8])), f"prisms-{seed}")
+
+
+def drums(seed: int) -> Scene:
+    """The same with prisms of six corners, as of a column."""
+    return _piled(np.random.default_rng(seed), 6, f"drums-{seed}")
+
+
+def _piled(rng: np.random.Generator, corners: int, name: str) -> Scene:
     level, blocks = 0.0, [Block.box("ground", (-2.0, -2.0, -0.5), (2.0, 2.0, 0.0))]
     for number in range(1, int(rng.integers(1, 4)) + 1):
         angle = 2.0 * np.pi * (np.arange(corners) + rng.uniform(-0.2, 0.2, corners)) / corners
@@ -83,11 +125,14 @@ def prisms(seed: int) -> Scene:
         acceleration=tuple(push / np.linalg.norm(push)),
         forces={blocks[-1].id: (0.0, 0.0, 0.0, 0.0, 0.0, twist)},
     )
-    name = f"prisms-{seed}"
-    return Scene(blocks, ("ground",), live, friction=float(rng.uniform(0.3, 0.9)), name=name)
+    return Scene(tuple(blocks), ("ground",), live, friction=float(rng.uniform(0.3, 0.9)), name=name)
 
 
-FAMILIES: dict[str, Callable[[int], Scene]] = {"walls": random_wall, "prisms": prisms}
+FAMILIES: dict[str, Callable[[int], Scene]] = {
+    "walls": irregular_wall,
+    "prisms": prisms,
+    "drums": drums,
+}
 
 
 def better(run: Run, tries: int, seed: int = 0) -> float:
@@ -100,7 +145,9 @@ def better(run: Run, tries: int, seed: int = 0) -> float:
     problem, checker = NodeProblem(run.assemblage), LowerBounds(run.assemblage, run.moments)
     best, forces = run.best.bracket.lower, run.best.forces
     settings = settings_for("CLARABEL", 1e-9)
-    for number in range(tries if forces is not None else 0):
+    for number in range(tries):
+        if forces is None:
+            break
         at = Pressure.of(forces, contacts)
         centre = np.stack([at.e1, at.e2], axis=1) / half_extent(contacts)
         moved = rng.random(len(contacts)) < rng.choice([0.1, 0.3, 1.0])
@@ -117,43 +164,94 @@ def better(run: Run, tries: int, seed: int = 0) -> float:
 
 @dataclass(frozen=True)
 class Row:
-    """One scene: its bracket before and after branch and bound, and what a search found."""
+    """One scene: its bracket over time, what a search found, and the checker's word.
 
-    solution: Solution
-    seconds: float
+    Without an answer (a live load that does no harm) bounds are NaN.
+    """
+
+    scene: str
+    moments: str
+    contacts: int
+    friction: float
+    lower: float
+    upper: float
+    is_proved: bool
     is_checked: bool
     found: float
+    seconds: float
+    trace: list[tuple[float, float, float]]
+    note: str
+
+    @property
+    def has_answer(self) -> bool:
+        """False where the live load does no harm."""
+        return bool(np.isfinite(self.upper))
+
+    @property
+    def width(self) -> float:
+        """Of the bracket, relative to its upper end."""
+        return (self.upper - self.lower) / self.upper
 
     @property
     def survives(self) -> bool:
         """True if the lower bound passed the checker, and nothing found exceeds the upper one."""
-        return self.is_checked and self.found <= self.solution.upper * (1.0 + 1e-9)
+        return self.is_checked and self.found <= self.upper * (1.0 + 1e-9)
+
+    def width_at(self, seconds: float) -> float:
+        """Of the bracket after so many CPU seconds; infinite while there was none."""
+        known = [line for line in self.trace if line[0] <= seconds]
+        if not known or not np.isfinite(known[-1][1]):
+            return np.inf
+        _, lower, upper = known[-1]
+        return (upper - lower) / upper
 
     def __str__(self) -> str:
-        s = self.solution
-        return (
-            f"{s.scene:16} {s.contacts:4} {s.moments:12} [{s.lower:.5f}, {s.upper:.5f}] "
-            f"{100.0 * s.bracket.width:8.3f} % {self.seconds:6.1f} s CPU, best found "
-            f"{self.found:.5f} {'' if self.survives else 'REFUTED'}"
+        start = f"{self.scene:16} {self.contacts:4} {self.moments:12} "
+        if not self.has_answer:
+            return start + "does no harm"
+        return start + (
+            f"[{self.lower:.5f}, {self.upper:.5f}] {100.0 * self.width:7.3f} % "
+            f"{self.seconds:6.1f} s CPU, {'proved' if self.is_proved else 'not proved'}, best "
+            f"found {self.found:.5f} {'' if self.survives else 'REFUTED'}"
         )
 
 
-def row(scene: Scene, moments: str, seconds: float, tolerance: float, tries: int) -> Row | None:
-    """Solve and check one scene; None if its live load does no harm."""
-    start = time.process_time()
+def row(scene: Scene, moments: str, seconds: float, tolerance: float, tries: int) -> Row:
+    """Solve and check one scene."""
+    meter = Meter(seconds)
     run = Run(scene, moments=parse_moments(moments))
-    rule = InCpuTime(tolerance=tolerance, branching_seconds=1e9, cpu_seconds=seconds)
+    rule = Metered(tolerance=tolerance, branching_seconds=1e9, meter=meter)
     solution = drive(rule, run)
-    spent = time.process_time() - start
+    spent = meter.spent
+    known = scene.name, moments, len(run.contacts), float(run.contacts.friction.max())
     if not solution.status.has_answer:
-        return None
+        return Row(*known, np.nan, np.nan, False, False, np.nan, spent, [], solution.note)
+    meter.read(run)
     bracket, forces = run.best.bracket, run.best.forces
     checked = LowerBounds(scene, run.moments).of(
         np.zeros((len(run.contacts), 6)) if forces is None else forces,
         run.best.load_factor or bracket.lower,
     )
     is_checked = bool(checked.value >= bracket.lower - 1e-9 * abs(bracket.lower))
-    return Row(solution, spent, is_checked, better(run, tries))
+    return Row(
+        *known, bracket.lower, bracket.upper, bracket.is_proved, is_checked, better(run, tries),
+        spent, meter.trace, solution.note,
+    )  # fmt: skip
+
+
+def stored(file: Path | None) -> list[Row]:
+    """Rows of a file of JSON lines, none if there is no such file."""
+    if file is None or not file.exists():
+        return []
+    lines = (json.loads(line) for line in file.read_text().splitlines())
+    return [Row(**{**line, "trace": [tuple(t) for t in line["trace"]]}) for line in lines]
+
+
+def store(file: Path | None, found: Row) -> None:
+    """Append a row."""
+    if file is not None:
+        with file.open("a") as stream:
+            stream.write(json.dumps(asdict(found)) + "\n")
 
 
 def scenes(family: str, count: int, first: int) -> Iterator[Scene]:
@@ -168,25 +266,28 @@ def scenes(family: str, count: int, first: int) -> Iterator[Scene]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a family, print its table; 1 if any bound is refuted."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.closing", description=__doc__)
-    parser.add_argument("--family", default="walls", help="walls, prisms or a built-in scene")
+    parser.add_argument("--family", default="walls", help="walls, prisms, drums, or a scene")
     parser.add_argument("--scenes", type=int, default=40, help="how many")
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--moments", default="independent")
     parser.add_argument("--seconds", type=float, default=60.0, help="of CPU time each")
-    parser.add_argument("--tolerance", type=float, default=2e-3, help="where to stop")
-    parser.add_argument("--tries", type=int, default=100, help="of the search for better states")
+    parser.add_argument("--tolerance", type=float, default=0.0099, help="where to stop")
+    parser.add_argument("--tries", type=int, default=40, help="of the search for better states")
+    parser.add_argument("--out", type=Path, help="file for a line of JSON per scene")
     asked = parser.parse_args(arguments)
     rows: list[Row] = []
+    known = {(r.scene, r.moments): r for r in stored(asked.out)}
     for scene in scenes(asked.family, asked.scenes, asked.first):
-        found = row(scene, asked.moments, asked.seconds, asked.tolerance, asked.tries)
-        if found is not None:
-            rows.append(found)
-            console.print(str(found))
+        found = known.get((scene.name, asked.moments))
+        if found is None:
+            found = row(scene, asked.moments, asked.seconds, asked.tolerance, asked.tries)
+            store(asked.out, found)
+        console.print(str(found))
+        rows += [found] if found.has_answer else []
         if len(rows) == asked.scenes:
             break
-    widths = np.array([r.solution.bracket.width for r in rows])
     for limit in (0.05, 0.01):
-        share = float(np.mean(widths <= limit))
+        share = float(np.mean([r.width <= limit for r in rows]))
         console.print(f"{asked.family}, {asked.moments}: {share:.0%} within {limit:.0%}")
     return int(not all(r.survives for r in rows))
 

@@ -14,11 +14,12 @@ from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem, Reach
-from cvxlimit.methods.interaction.states.cells import arms_at, cells
+from cvxlimit.methods.interaction.states.cells import cells
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.solvers import settings_for
+from test_arm_bounds import arm_at
 from test_hull import hexagons, prism, states, tangential
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +88,7 @@ def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str
 
 @pytest.mark.parametrize("corners", [3, 5, 6, 8])
 def test_arms_of_cells_are_nowhere_too_small(corners: int) -> None:
-    """At other points than those sampled: some sum over corners of cells has the arm at least."""
+    """Anywhere in a box some sum over corners of cells has the true arm at least."""
     polygon, rng = prisms(corners).corners_of(0), np.random.default_rng(corners)
     size = np.abs(polygon).max(axis=0)
     for _ in range(8):
@@ -95,7 +96,7 @@ def test_arms_of_cells_are_nowhere_too_small(corners: int) -> None:
         high = low + rng.uniform(0.02, 1.0) * size
         found = cells(polygon, low, high)
         for e in low + rng.random((10, 2)) * (high - low):
-            arm = float(arms_at(polygon, e[None])[0])
+            arm = arm_at(polygon, e)
             if arm > 0.0:  # inside the polygon
                 sums = np.vstack([found.place.T, np.ones(len(found.arm))])
                 most = linprog(-found.arm, A_eq=sums, b_eq=[*e, 1.0])
@@ -110,7 +111,7 @@ def test_cells_tend_to_the_true_arm() -> None:
     excess = []
     for width in (0.1, 0.01, 0.001):
         found = cells(polygon, e - width / 2.0, e + width / 2.0)
-        excess.append(float(found.arm.max()) / float(arms_at(polygon, e[None])[0]) - 1.0)
+        excess.append(float(found.arm.max()) / arm_at(polygon, e) - 1.0)
     assert excess[1] <= 0.2 * excess[0]
     assert excess[2] <= 0.2 * excess[1] + 1e-9
 

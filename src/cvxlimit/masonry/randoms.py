@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,13 @@ _JITTER = 0.2
 following courses stay a tenth of a unit apart: bonded, though badly."""
 
 
-def random_wall(seed: int, *, unit: Size = (0.4, 0.2, 0.2), density: float = 20.0) -> Scene:
+def random_wall(
+    seed: int,
+    *,
+    unit: Size = (0.4, 0.2, 0.2),
+    density: float = 20.0,
+    sizes: Sequence[tuple[int, int]] = SIZES,
+) -> Scene:
     """An irregular running-bond wall with a random size, bond, friction and load direction.
 
     Courses differ in height, head joints are moved at random about those of a running bond; half
@@ -37,11 +44,13 @@ def random_wall(seed: int, *, unit: Size = (0.4, 0.2, 0.2), density: float = 20.
         Mean length, thickness and mean height of a block, m.
     density : float
         Weight per volume, kN/m3.
+    sizes : sequence of (int, int)
+        Whole units and courses, one of which is drawn.
 
     Returns
     -------
     Scene
-        With 14 to 46 contacts; its name is ``random-wall-<seed>``.
+        With 14 to 46 contacts unless other sizes are given; its name is ``random-wall-<seed>``.
 
     Raises
     ------
@@ -61,7 +70,7 @@ def random_wall(seed: int, *, unit: Size = (0.4, 0.2, 0.2), density: float = 20.
     """
     rng = np.random.default_rng(count(seed, "seed", least=0))
     length, thickness, height = size_of(unit, "the unit")
-    units, courses = SIZES[rng.integers(len(SIZES))]
+    units, courses = sizes[rng.integers(len(sizes))]
     heights = height * rng.uniform(1.0 - _JITTER, 1.0 + _JITTER, courses)
     levels = np.concatenate([[0.0], np.cumsum(heights)])
     blocks = []

@@ -391,7 +391,6 @@ class _Proof:
         parts = [lower, upper, self.reason, self.run.moments.caution]
         if not self.run.contacts.is_rectangle.all():
             parts.append(
-                "contacts that are not rectangles: lower bound on inscribed rectangles, upper "
-                "bound of branch and bound with torsion arms sampled between pressure centres"
+                "contacts that are not rectangles: lower bound on inscribed rectangles"
             )
         return "; ".join(part for part in parts if part)

@@ -40,6 +40,9 @@ ADMISSIBLE = 1e-9
 _SAFE_REACH = 0.02
 """Reach of safe states in a node's widest range; without any, determinate scenes have none."""
 
+_SETTLED = 8
+"""Frozen problems in a row at most; each is the smallest problem there is, a copy per contact."""
+
 _STEPS, _HALVINGS = 16, 25
 """Places tried on the way between two force states, and halvings after the last good one."""
 
@@ -51,7 +54,7 @@ _TRIED, _TRIED_NODES = 3, 60
 """Contacts tried for a split, for so many nodes; then the one that carries most of the gap. Four
 contacts at every node: one wall 2.2 % in place of 3.5 % after 15 s, another 1.7 in place of 1.4."""
 
-_CLIMBS, _CLIMB_SOLVES = (1, 30, 300), 16
+_CLIMBS, _CLIMB_SOLVES = (1, 5, 15, 30, 60, 120, 240, 480, 960), 16
 """After so many nodes safe steps begin at the best node's forces, which are nearer to what can be
 carried than those of the first relaxation: random wall 1 ends at 0.5556 from those, and at 0.5968
 after 12 s of branching with climbs from here. Solves of each."""
@@ -78,8 +81,7 @@ class BranchAndBound:
     """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
 
     Bounds go to ``run.best`` as they improve; the bracket is valid whenever the search stops. What
-    the run knows already is where it begins. Bounds that split contacts which are not rectangles
-    rest on sampled arms, and do not count as proved (:mod:`cells`).
+    the run knows already is where it begins.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ class BranchAndBound:
             self.certifier = self.explorer.certifier
             self.statics = self.certifier.statics
             opens = self.certifier.witnesses.opening_field is not None
-            self.is_proved = opens and bool(self.contacts.is_rectangle.all())
+            self.is_proved = opens
             self.checker = LowerBounds(run.assemblage, self.moments)
         loads = (
             np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
@@ -267,7 +269,7 @@ class BranchAndBound:
         from the best known ones to the node's own."""
         if node.forces is None:
             return
-        safe = self._safe(node)
+        safe = self._settled(node)
         goal = self._balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
@@ -275,10 +277,21 @@ class BranchAndBound:
             if factor > self.lower:
                 self.lower, self.forces = float(factor), forces
 
-    def _safe(self, node: Node) -> _State | None:
+    def _settled(self, node: Node) -> _State | None:
+        """The best safe forces about the node's pressure centres, then about their own, as long as
+        that gains: what is safe stays so where its own eccentricities are frozen."""
         assert node.forces is not None
         reach = _SAFE_REACH * float(np.ptp(node.boxes, axis=2).max())
+        best: _State | None = None
         centre = self.explorer.centre(node.forces)
+        for _ in range(_SETTLED):
+            found = self._safe(centre, reach)
+            if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
+                break
+            best, centre, reach = found, self.explorer.centre(found[0]), 0.0
+        return best
+
+    def _safe(self, centre: FloatArray, reach: float) -> _State | None:
         copies = self.moments.safe_copies(self.contacts, centre, reach)
         with self.run.clock.phase("solve"):
             state = self.explorer.safe(copies)

@@ -38,8 +38,8 @@ class InteractionFlow:
     moments : Moments
     boxes : (n, 2, 2) array, optional
         Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Arms of polygons that are not rectangles are sampled where a box
-        does not hold all of one (:mod:`cells`).
+        :func:`half_extent`. Arms of polygons that are not rectangles are bounded over cells where
+        a box does not hold all of one (:mod:`cells`).
     """
 
     def __init__(
