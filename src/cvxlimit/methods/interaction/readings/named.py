@@ -157,6 +157,18 @@ MOMENTS = {m.name: m for m in (INDEPENDENT, SIGNED, SignedTorsionBending(), Pape
 """By name, as options and files have them."""
 
 
+def reading_of(name: str) -> Moments | None:
+    """The reading that a solution or a result file names, None for one that is not known here.
+
+    Example
+    -------
+    >>> str(reading_of(Paper((1, -1)).name))
+    'paper (+V1 -V2)'
+    """
+    every = [*MOMENTS.values(), *map(Paper, _AXES)]
+    return next((reading for reading in every if reading.name == name), None)
+
+
 def parse_moments(moments: str | Moments) -> Moments:
     """The reading of this name; one of your own is returned as it is.
 
