@@ -119,7 +119,7 @@ def spread(pairs: Sequence[Pair]) -> list[str]:
             f"- **{title}**: the paper {last}; from the third iterate on its reading is at "
             f"{_against(own, last)}, with all four choices of axes at {_against(every, last)}"
         )
-        orders = _later_of(_of(pairs, "orders", scene=scene, moments="paper", surface="octagon"))
+        orders = _later_of(paper_orders_of(pairs, scene))
         if orders:
             line += f", with its blocks in other orders at {_against(orders, last)}"
         others = _later_of(paper_settings_of(pairs, scene))
@@ -192,6 +192,12 @@ def _told(value: float | None) -> str:
     return "not in the text" if value is None else f"{value:.3f}"
 
 
+def paper_orders_of(pairs: Sequence[Pair], scene: str) -> list[Pair]:
+    """Runs of the paper's reading and settings with the blocks in other orders."""
+    chosen = _of(pairs, "orders", scene=scene, moments="paper", surface="octagon")
+    return [(e, r) for e, r in chosen if setting(e) == DEFAULTS]
+
+
 def _by_setting(chosen: Sequence[Pair]) -> list[str]:
     scenes = list(dict.fromkeys(e.scene for e, _ in chosen))
     cells: dict[tuple[str, str], dict[str, str]] = {}
@@ -215,31 +221,23 @@ def _ending(r: Result) -> str:
 
 def orders(pairs: Sequence[Pair]) -> list[str]:
     """Ends of the iteration with the blocks in other orders."""
+    groups: dict[tuple[str, ...], list[Result]] = {}
+    for e, r in _of(pairs, "orders"):
+        groups.setdefault((e.scene, e.moments, e.surface, setting(e)), []).append(r)
     rows = []
-    chosen = _of(pairs, "orders")
-    for scene, moments, surface in dict.fromkeys(
-        (e.scene, e.moments, e.surface) for e, _ in chosen
-    ):
-        same = _of(chosen, "orders", scene=scene, moments=moments, surface=surface)
-        runs = [r for _, r in same]
+    for group, runs in groups.items():
         ends = [r.load_factor for r in runs if r.load_factor is not None]
+        later = [f for r in runs for f in _later(r)]
         settled = [r.solves for r in runs if r.status == "converged"]
         counted = f"{len(settled)} of {len(runs)}"
         if settled:
             counted += f", after {min(settled)} to {max(settled)}"
-        later = _range(_later_of(same))
         most = str(max(r.solves for r in runs))
-        rows.append((scene, moments, surface, str(len(runs)), later, _range(ends), most, counted))
+        rows.append((*group, str(len(runs)), _range(later), _range(ends), most, counted))
     head = (
-        "scene",
-        "reading",
-        "surface",
-        "orders",
-        "from the third on",
-        "last",
-        "at most",
+        "scene", "reading", "surface", "setting", "orders", "from the third on", "last", "at most",
         "settled",
-    )
+    )  # fmt: skip
     return _table(head, rows)
 
 
