@@ -125,9 +125,7 @@ def test_facets_bracket_the_cone(name: str, inscribed: str, circumscribed: str) 
 
 
 PAGE = (Path(__file__).parents[1] / "docs" / "paper.md").read_text("utf-8")
-ROWS = re.findall(
-    r"^\| (.+?) \|(.*?)\| \[([\d.]+), ([\d.]+)\] \| `cvxlimit (.+?)` \|$", PAGE, re.M
-)
+ROWS = re.findall(r"^\| (.+?) \|(.*?)\| \[([\d.]+), ([\d.]+)\] \| `cvxlimit (.+?)` \|$", PAGE, re.M)
 FIRST = {"panel S12": 0.186, "panel S10": 0.262}
 
 
