@@ -219,4 +219,6 @@ def _kind(e: Experiment) -> str:
 def _label(e: Experiment, kind: str) -> str:
     if kind == "axes":
         return "as it is" if e.moments == "paper" else e.moments.removeprefix("paper ").strip("()")
-    return f"order {e.order}" if kind == "order" else setting(e)
+    if kind == "setting":
+        return setting(e)
+    return f"order {e.order}" + ("" if setting(e) == DEFAULTS else f", {setting(e)}")
