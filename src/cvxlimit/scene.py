@@ -310,8 +310,10 @@ class Scene:
         return result
 
     def _copy(self, **changes: object) -> Scene:
+        """A copy with changes that leave all shapes as they are; settlement frees a support."""
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        for kept in ("_detection", "_given_contacts", "geometry", "free"):  # shapes never change
+        by_supports = () if "supports" in changes else ("geometry", "free")
+        for kept in ("_detection", "_given_contacts", *by_supports):
             if kept in self.__dict__:
                 copy.__dict__[kept] = self.__dict__[kept]
         return copy
