@@ -359,7 +359,9 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         versions=versions(run.solvers),
         torsion_shear=run.torsion_shear,
         flow=run.flow,
-        members=answer.members,
+        members=tuple(
+            replace(member, forces=run.mortar.original(member.forces)) for member in answer.members
+        ),
         model=run.reductions,
         solved_scene=run.given,
     )
