@@ -25,6 +25,7 @@ from cvxlimit.methods.interaction.branching.search import BranchAndBound, proces
 from cvxlimit.methods.interaction.climb.inner import InnerMethod
 from cvxlimit.methods.interaction.climb.lower_bound import ACCEPTED, LowerBounds
 from cvxlimit.methods.interaction.climb.recognition import carrying_forces
+from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.relaxation.hull import UpperBound
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
@@ -199,9 +200,13 @@ class _Proof:
 
     def _all(self) -> Iterator[Status | None]:
         run = self.run
-        outer = UpperBound(run)
+        with run.clock.phase("compile"):
+            self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
+            half = Half.of(self.found, run.moments)
+        outer = UpperBound(run, half)
         if self._is_planar(outer):
             yield Status.CERTIFIED
+        run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(_OUTER_TOLERANCE, 0.5 * (self.rule.tolerance or 0.0))
         outer.search(tolerance, self._outer_ladder())
@@ -213,7 +218,7 @@ class _Proof:
         if is_boundless and self._is_harmless():
             yield Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is None:
-            yield from self._borrow(InnerMethod(run, self.rule.solves))
+            yield from self._borrow(self._method())
         else:
             yield from self._bound_from_below(outer)
             self._stand()
@@ -229,11 +234,10 @@ class _Proof:
         Torsion is zero there, so that Eq. 30 asks for little more than friction. Bounds are checked
         as all others are; nothing rests on the scene being planar.
         """
-        run = self.run
+        run, found = self.run, self.found
+        if found.plane is None:
+            return False
         with run.clock.phase("compile"):
-            found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
-            if found.plane is None:
-                return False
             problem = ReducedProblem(found.assemblage, run.surfaces, found.whole)
         state, settings = run.climb(problem.solve, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
@@ -254,7 +258,7 @@ class _Proof:
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state
-        method = InnerMethod(run, self.rule.solves)
+        method = self._method()
         starts = self.rule.starts or run.moments.starts
         for number, name in enumerate(starts):
             if number > 0 and self._is_within(_NARROW):
@@ -263,6 +267,9 @@ class _Proof:
             yield from self._until_met(method.iterates(at))
         yield from self._borrow(method)
         self.reason = self.reason or "no further progress from these starts"
+
+    def _method(self) -> InnerMethod:
+        return InnerMethod(self.run, self.rule.solves, reductions=self.found)
 
     def _borrow(self, method: InnerMethod) -> Iterator[None]:
         """Bounds of stricter readings, where they could be better."""

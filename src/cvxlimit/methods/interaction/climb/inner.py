@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +34,12 @@ from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.climb.box_climb import BoxClimb, InnerIterate
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep
+from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, UpperBound
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,
@@ -106,6 +107,8 @@ class InnerMethod:
     gain : float
         A climb of hard steps, or of frozen ones between boxes, ends when one gains less than
         this share of the load factor.
+    reductions : Reductions or None
+        Those of the scene: where they have a mirror plane, steps stay among symmetric states.
 
     Example
     -------
@@ -116,14 +119,21 @@ class InnerMethod:
     0.4
     """
 
-    def __init__(self, run: Run, most: int = 24, gain: float = 1e-4) -> None:
-        self.run, self.moments = run, run.moments
+    def __init__(
+        self,
+        run: Run,
+        most: int = 24,
+        gain: float = 1e-4,
+        reductions: Reductions | None = None,
+    ) -> None:
+        self.run, self.moments, self.reductions = run, run.moments, reductions
         self.contacts = run.contacts
         self.most, self.gain = most, gain
         self.leading = run.ladder or leading_ladder()
         self.tight = run.ladder or (_clarabel(_TIGHT), default_ladder()[0])
         with run.clock.phase("compile"):
-            self.problem = SafeStep(run.assemblage, run.moments)
+            self.half = self._half(run.moments)
+            self.problem = SafeStep(run.assemblage, run.moments, self.half)
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
         self._start = "middle"
@@ -159,10 +169,12 @@ class InnerMethod:
             return
         aside = run.aside(run.scene)
         aside.moments = stricter
-        outer = UpperBound(aside)
+        half = self._half(stricter)
+        outer = UpperBound(aside, half)
         outer.search(_RELAXED, (*self.leading, *self.tight))
         other = copy(self)
-        other.moments, other.problem = stricter, SafeStep(run.assemblage, stricter)
+        other.moments, other.half = stricter, half
+        other.problem = SafeStep(run.assemblage, stricter, half)
         for start in (outer.state.forces if outer.state else state.forces, None):
             yield from other.iterates(start)
 
@@ -281,10 +293,13 @@ class InnerMethod:
         """The best over ``copies``, which are as safe as they are."""
         return self._solved(kind, lambda rung: self.hull.solve(copies, rung), ladder)
 
-    @cached_property
+    @property
     def hull(self) -> HullProblem:
         """Problems over copies."""
-        return HullProblem(self.run.assemblage)
+        return HullProblem(self.run.assemblage, self.half)
+
+    def _half(self, moments: Moments) -> Half | None:
+        return None if self.reductions is None else Half.of(self.reductions, moments)
 
     def safe(self, kind: str, solver: Solver, before: Sequence[SolverSettings]) -> InnerIterate:
         """A safe problem, with each further rung where the checker refuses its forces: first with
