@@ -43,8 +43,8 @@ GROUND = Block.box("ground", (-5, -5, -1), (5, 5, 0))
 
 def test_families_cover_what_is_hard_and_are_asked_in_turn() -> None:
     assert len(FAMILIES) >= 20
-    asked = list(samples(1_050))
-    assert len(set(asked)) == 1_050
+    asked = list(samples(1_100))
+    assert len(set(asked)) == 1_100
     assert set(Counter(name for name, _, _ in asked).values()) == {50}
 
 
@@ -373,7 +373,7 @@ def test_a_line_of_forces_holds_the_forces_of_a_solution() -> None:
 def test_the_atlas_in_the_docs_shows_its_pictures() -> None:
     docs = Path(__file__).parents[1] / "docs"
     page = (docs / "atlas.md").read_text("utf-8")
-    assert "0 wrong of 1,050" in page
+    assert "0 wrong of 1,100" in page
     for name in charts.PICTURES:
         assert f"]({name})" in page
         assert (docs / name).stat().st_size > 5_000

@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, then write the atlas; what is measured already is not measured again."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stability", description=__doc__)
     parser.add_argument("action", nargs="?", default="all", choices=("all", "run", "write", "list"))
-    parser.add_argument("--size", type=int, default=1050, help="scenes for our default")
+    parser.add_argument("--size", type=int, default=1100, help="scenes for our default")
     parser.add_argument("--first", type=int, default=0, help="first seed, for scenes never seen")
     parser.add_argument("--scale", type=int, default=1, help="multiplies numbers of blocks")
     parser.add_argument("--study", choices=[*STUDIES, "peer"], action="append",

@@ -36,6 +36,9 @@ Answers fall into five classes:
 - **wrong**: called right by the method, and off by more than 0.1 %, or a claim that there is no answer
   where there is one. For our own brackets, anything that contradicts them.
 
+Three failures are told at length, with pictures, among the [notebooks](notebooks.md): a fixed point
+that never settles, blocks that lock each other, and "optimal" that is no proof.
+
 The judge is the certificate, plain NumPy on the full scene, from forces and mechanisms alone;
 closed forms for stacks, single blocks, wedges and whatever else follows from equilibrium; and for
 every fourth scene a linear program written down a second time, with facets on either side of the
@@ -55,18 +58,21 @@ ones, {proved} rest on no assumption at all on the size of forces or rates.
 """
 
 HONEST = """
-What is left open, and why. It is one kind of scene: walls in which each joint has a friction of its
-own between 1e-6 and 1e6. The flow rule asks a joint to open by friction times its slip. A joint with
-1e6 that hinges about an edge must not slip at all, and rounding alone, 1e-16 of the rates, then costs
-1e-10 of the loads; a joint with 1e-6 beside it makes load factors of 1e-6 to 1e-4, of which that is
-1e-6 to 1e-4. Solvers leave 1e-12 in place of 1e-16. No double holds it: of the solvers, Clarabel,
-QOCO and our own come to 2e-5 to 2e-2 of the load factor. The bounds hold all the same; the status is
-"not certified", with exit code 4.
+What is left open, and why. *Frictions of 1e-6 beside 1e6*, 5 scenes of 120 in that family. The flow
+rule asks a joint to open by friction times its slip. A joint with 1e6 that hinges about an edge must
+not slip at all, and rounding alone, 1e-16 of the rates, then costs 1e-10 of the loads; a joint with
+1e-6 beside it makes load factors of 1e-6 to 1e-4, of which that is 1e-6 to 1e-4. Solvers leave 1e-12
+in place of 1e-16, and brackets stay 1e-5 to 0.3 wide. *Load factors that are exactly zero*, 7 scenes
+of 100 in the mixed family: a joint without friction slides at no load at all, so no forces are
+strictly inside, and what a solver leaves of equilibrium, 1e-15 of the total load, is priced by an
+assumption on rates. Where a light block slides among heavy ones that comes to 1e-10 of a natural load
+factor, against 1e-11 asked for: the answer is then 0 within 1e-10, called not certified. The bounds
+hold in all of these; the exit code is 4.
 
 What cured the others. Densities 1e8 apart (3 % of them were open): a solver's residual of 1e-10 of the
 total load is a hundredth of what the lightest block weighs, so the problem is solved once more in
 units of its own answer, contact by contact and equation by equation (`CLARABEL rescaled` in the
-history); none of 150 is open now. Friction of 1e-6 everywhere: contacts that carry nothing are left
+history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry nothing are left
 out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
 locked blocks: a mechanism is also certified with those blocks glued together that it does not move.
 
