@@ -390,7 +390,5 @@ class _Proof:
         )
         parts = [lower, upper, self.reason]
         if not self.run.contacts.is_rectangle.all():
-            parts.append(
-                "contacts that are not rectangles: lower bound on inscribed rectangles"
-            )
+            parts.append("contacts that are not rectangles: lower bound on inscribed rectangles")
         return "; ".join(part for part in parts if part)
