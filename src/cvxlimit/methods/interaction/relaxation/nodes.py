@@ -47,10 +47,17 @@ class NodeProblem:
         self.matrix = matrix[self.rows].tocsc()
 
     def solve(
-        self, copies: Copies, settings: SolverSettings, relief_price: float | None = None
+        self,
+        copies: Copies,
+        settings: SolverSettings,
+        relief_price: float | None = None,
+        glued: IntArray | None = None,
     ) -> LimitState:
-        """See :meth:`~cvxlimit.methods.interaction.relaxation.hull.HullProblem.solve`."""
-        layout = _Layout(self, copies, relief_price)
+        """See :meth:`~cvxlimit.methods.interaction.relaxation.hull.HullProblem.solve`.
+
+        Contacts ``glued`` (k,) bear any force; what that says bounds nothing.
+        """
+        layout = _Layout(self, copies, relief_price, glued)
         outcome, x, y = layout.program().solve(settings)
         if x is None or y is None:
             return LimitState(outcome, None, None, None)
@@ -133,7 +140,13 @@ class _Layout:
     contact what of M2, M1 and MT is free within bounds.
     """
 
-    def __init__(self, problem: NodeProblem, copies: Copies, price: float | None) -> None:
+    def __init__(
+        self,
+        problem: NodeProblem,
+        copies: Copies,
+        price: float | None,
+        glued: IntArray | None = None,
+    ) -> None:
         self.problem, self.copies = problem, copies
         contacts = problem.contacts
         self.half = problem.half[copies.contact]
@@ -145,6 +158,11 @@ class _Layout:
         self.signs: list[tuple[IntArray, IntArray, FloatArray]] = []
         self.nonneg = 0
         self._add_variables()
+        if glued is not None:
+            for component in COMPONENTS:
+                columns = self._new(len(glued))
+                rows = len(COMPONENTS) * glued + COLUMN[component]
+                self.entries.append((rows, columns, np.ones(len(glued))))
 
     def _add_variables(self) -> None:
         copies, half = self.copies, self.half
