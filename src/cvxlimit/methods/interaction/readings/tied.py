@@ -151,7 +151,9 @@ def polygon_support(lever: Lever, w: FloatArray, contacts: Contacts, rows: IntAr
         corners = contacts.corners_of(j)
         diameter = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
         e = _with_axis_points(corners)[:, None]
-        case = _Case(lever, w[[place]], contacts.friction[[j]], e, np.full((len(e), 1), diameter / 3.0))
+        case = _Case(
+            lever, w[[place]], contacts.friction[[j]], e, np.full((len(e), 1), diameter / 3.0)
+        )
         result[place] = case.shared()[0]
     return result
 
