@@ -231,6 +231,22 @@ class TestUpperBounds:
         flow = InteractionFlow(many(hexagon(), len(rates)), moments)
         assert (flow.shortfall(rates).missing >= (-rates @ states.T).max(axis=1) - 1e-12).all()
 
+    @pytest.mark.parametrize("moments", LIMITED, ids=str)
+    def test_polygons_beside_rectangles(self, moments: SignedTorsionBending) -> None:
+        """The same bound whatever contacts come before: rates belong to contacts, not to places."""
+        ground = Block.box("ground", (-9, -9, -1), (9, 9, 0))
+        box = Block.box("box", (2, 2, 0), (3, 2.5, 1), 20.0)
+        angle = np.arange(6) * np.pi / 3.0 + 0.2
+        ring = 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        prism = Block.hull("prism", np.r_[np.c_[ring, np.zeros(6)], np.c_[ring, np.ones(6)]], 20.0)
+        scene = Scene([ground, box, prism], ["ground"], Load(acceleration=(1, 0, 0)), friction=MU)
+        both = scene.contacts
+        assert both.is_rectangle.tolist() == [True, False]
+        rates = random_rates(2, 19)
+        found = InteractionFlow(both, moments).shortfall(rates).missing
+        alone = InteractionFlow(both.take(np.array([1])), moments).shortfall(rates[1:]).missing
+        assert found[1] == pytest.approx(alone[0], rel=1e-9)
+
 
 def _largest_power(w: FloatArray, e: FloatArray, lever: FloatArray, contacts: Contacts) -> float:
     """max w . X over states pressed at e, by linear programming in V1, V2, MT and the share of

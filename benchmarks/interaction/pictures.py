@@ -46,8 +46,10 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
     for row, (scene, (last, experiment)) in enumerate(PANELS.items()):
         for ax, names in zip(axes[row], columns, strict=True):
             _history(ax, pairs, scene, names)
-            _lines(ax, last, experiment)
-            ax.set_title(f"{scene}, {'the paper' if len(names) == 4 else names[0]}", fontsize=10)
+            _lines(ax.axhline, last, experiment)
+            ax.set_title(
+                f"{scene}, {'paper, all axes' if len(names) == 4 else names[0]}", fontsize=10
+            )
             _legend(ax, fontsize=7, loc="lower right", ncols=2)
         top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
         axes[row][0].set_ylim(0.0, top)
@@ -100,11 +102,12 @@ def _legend(ax: Axes, **options: Any) -> None:
         ax.legend(**options)
 
 
-def _lines(ax: Axes, last: float | None, experiment: float | None) -> None:
+def _lines(draw_line: Any, last: float | None, experiment: float | None) -> None:
+    """``draw_line`` is the axes' ``axhline`` or ``axvline``."""
     if last is not None:
-        ax.axhline(last, color="k", ls="--", lw=1, label="the paper's last")
+        draw_line(last, color="k", ls="--", lw=1, label="the paper's last")
     if experiment is not None:
-        ax.axhline(experiment, color="k", ls=":", lw=1, label="experiment")
+        draw_line(experiment, color="k", ls=":", lw=1, label="experiment")
 
 
 def widths(path: Path, pairs: Sequence[Pair]) -> None:
@@ -196,7 +199,7 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
             labels.append(_label(e, kind))
         ax.set_yticks(range(len(labels)), labels, fontsize=7)
         ax.invert_yaxis()
-        _lines(ax, last, experiment)
+        _lines(ax.axvline, last, experiment)
         ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=9)
         ax.set_xlabel("load factor (octagon)")
         _legend(ax, fontsize=8)
