@@ -88,7 +88,7 @@ class TestVaried:
         [
             ({"friction": -0.1}, "friction of the scene must be finite and not negative"),
             ({"density": 0.0}, "factor on all densities must be above 0"),
-            ({"size": -1.0}, "size, a factor on all lengths, must be finite and not negative"),
+            ({"size": -1.0}, "size, a factor on all lengths, must be above 0"),
             ({"tilt": float("nan")}, "tilt must be finite"),
             ({"direction": "x"}, "direction must be 1 numbers"),
         ],

@@ -235,11 +235,6 @@ def _short(values: FloatArray) -> list[float]:
     return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
 
 
-def _bytes(colours: FloatArray) -> list[int]:
-    values: list[int] = np.round(255 * colours).astype(int).ravel().tolist()
-    return values
-
-
 def _coordinates(scene: Scene, points: FloatArray) -> list[float]:
     """All coordinates in a row, rounded relative to the size of what is drawn."""
     decimals = DIGITS - math.ceil(math.log10(free_size(scene)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -238,6 +238,3 @@ def _drawn(name: str, distribution: Any, number: int, source: np.random.Generato
             f"draws of {name!r} must be {number} finite values, got shape {values.shape}"
         )
     return values
-
-
-Factory = Callable[..., Scene]
