@@ -20,6 +20,7 @@ from cvxlimit.io import read_result
 from cvxlimit.masonry import running_bond, single_block, wall
 from cvxlimit.methods.complementarity import projected
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.model.formulations import vertex_forces
 from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
 from planar import extreme_member
 
@@ -237,7 +238,7 @@ class TestSmall:
         ):
             with pytest.raises(ModelError, match=message):
                 solve(scene, flow="zero-dilatancy", **options)
-        with pytest.raises(ModelError, match="knows no strength"):
-            solve(scene.with_strength(compressive=1e3), flow="zero-dilatancy")
+        with pytest.raises(ModelError, match="brings its own formulation"):
+            solve(scene, flow="zero-dilatancy", formulation=vertex_forces)
         with pytest.raises(ModelError, match="damping must be above 0"):
             replace(ZeroDilatancy(), damping=0.0)

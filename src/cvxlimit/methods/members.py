@@ -49,7 +49,7 @@ class Verifier:
 
     def __init__(self, run: Run) -> None:
         self.assemblage = run.assemblage
-        self.contacts = run.contacts
+        self.contacts = run.assemblage.contacts
         self.flow = FlowRule(run.surfaces, self.contacts)
         self.certifier = Certifier(run.assemblage, run.surfaces)
         self.strength = self.certifier.strength
