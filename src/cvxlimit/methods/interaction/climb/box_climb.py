@@ -116,6 +116,18 @@ class BoxClimb:
             return Boxes(self.to.contacts, self.to.moments, force)
         return Boxes(self.to.contacts, self.to.moments, force, forces, _FIRST_BOX)
 
+    def narrowing(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        """Hulls over boxes alone, until the last one's forces nearly satisfy Eq. 30."""
+        boxes = self.boxes(start)
+        for number in range(1, _EXPLORING + _SETTLING + 1):
+            iterate = self.to.copied("box", boxes.copies, self.to.leading)
+            yield iterate
+            if iterate.state.forces is None:
+                return
+            boxes.follow(iterate.state.forces, exploring=number < _EXPLORING)
+            if boxes.excess <= _NEARLY and number >= _EXPLORING:
+                return
+
     def iterates(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Hulls over boxes of pressure centres, and what is safe near the last ones."""
         boxes, best, nearly, explored = self.boxes(start), -np.inf, _NEARLY, 0
