@@ -1,4 +1,4 @@
-"""The command line: ``cvxlimit solve`` and ``cvxlimit scenes``.
+"""The command line: ``cvxlimit`` with its commands, each in a module beside this one.
 
 Typer parses and nothing else: commands return the work to be done, and :func:`run` does it, so
 that errors, Ctrl-C and exit codes are handled in one place. The summary goes to stdout; progress
