@@ -18,7 +18,7 @@ from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.problem import LeastForces
 from cvxlimit.plotting.look import title
 from cvxlimit.solution import Status
-from cvxlimit.solvers import SolverSettings, default_ladder
+from cvxlimit.solvers import SolverSettings, default_ladder, iterate_ladder, leading_ladder
 from cvxlimit.surfaces import Conic, Facets
 
 
@@ -138,6 +138,16 @@ def test_cycles_are_recognised(factors: list[float | None], cyclic: bool) -> Non
 def test_refused_settings(settings: dict[str, float], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         FixedPoint(**settings)
+
+
+def test_every_rung_has_a_budget() -> None:
+    """No single solve of an iteration may run for ever: iterations of interior points, seconds of
+    methods whose iterations are many (SCS once took eight minutes over one frozen problem)."""
+    for rung in (*iterate_ladder(), *default_ladder(), *leading_ladder()):
+        limits = {"max_iter", "max_iters", "time_limit_secs", "time_limit"} & set(rung.options)
+        assert limits, rung
+        if rung.name in ("SCS", "HIGHS"):
+            assert limits & {"time_limit_secs", "time_limit"}
 
 
 @pytest.mark.parametrize("rung", [r for r in cp.installed_solvers() if r in ("QOCO", "CLARABEL")])

@@ -114,9 +114,9 @@ def widths(path: Path, pairs: Sequence[Pair]) -> None:
     """Width of the bracket against time, and the iteration's distance from it at its end."""
     chosen = [(e, r) for e, r in pairs if e.part == "brackets"]
     first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
-    figure = Figure(figsize=(12, 8), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for column, moments in enumerate(("independent", "signed")):
+    figure = Figure(figsize=(15, 8), layout="constrained")
+    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    for column, moments in enumerate(("independent", "signed", "paper")):
         for row, what in enumerate(("built-in scenes", "random walls")):
             ax = axes[row, column]
             mine = [
@@ -144,7 +144,8 @@ _LEAST = 1e-3
 
 def _widths(ax: Axes, pairs: Sequence[Pair], first: dict[str, float]) -> None:
     colours = {
-        scene: f"C{k % 10}" for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
+        scene: matplotlib.colormaps["tab20"](k % 20)
+        for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
     }
     brackets = {e.scene: r for e, r in pairs if e.kind == "certified"}
     for e, r in pairs:
