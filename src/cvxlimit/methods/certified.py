@@ -388,7 +388,7 @@ class _Proof:
             else "upper bound if no contact force exceeds ten times the total load or the largest "
             "one found"
         )
-        parts = [lower, upper, self.reason]
+        parts = [lower, upper, self.reason, self.run.moments.caution]
         if not self.run.contacts.is_rectangle.all():
             parts.append("contacts that are not rectangles: lower bound on inscribed rectangles")
         return "; ".join(part for part in parts if part)
