@@ -20,7 +20,7 @@ from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.interaction.readings import MOMENTS
+from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.solution import Solution
 
 console = Console(highlight=False, soft_wrap=True)

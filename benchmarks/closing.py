@@ -25,11 +25,11 @@ from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene
 from cvxlimit.masonry import BUILTIN, random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
-from cvxlimit.methods.interaction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.nodes import NodeProblem
-from cvxlimit.methods.interaction.pressure import Pressure
-from cvxlimit.methods.interaction.readings import parse_moments
-from cvxlimit.methods.interaction.support import half_extent
+from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.solvers import settings_for
 
 FloatArray = NDArray[np.float64]

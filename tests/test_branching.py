@@ -15,8 +15,8 @@ from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
-from cvxlimit.methods.interaction.branching import BranchAndBound, processes
-from cvxlimit.methods.interaction.readings import parse_moments
+from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from helpers import hand_equilibrium, interaction_excess
 from test_hull import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons, prism, upper
 

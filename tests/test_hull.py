@@ -19,13 +19,13 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.copies import Copies, copy_forces
-from cvxlimit.methods.interaction.flow import InteractionFlow
-from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.pressure import effective_arm
-from cvxlimit.methods.interaction.readings import parse_moments
-from cvxlimit.methods.interaction.support import half_extent, whole_boxes
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem, UpperBound
+from cvxlimit.methods.interaction.states.copies import Copies, copy_forces
+from cvxlimit.methods.interaction.states.pressure import effective_arm
+from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
 from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess, named_scene

@@ -16,11 +16,13 @@ from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.boxes import Boxes
-from cvxlimit.methods.interaction.hull import HullProblem
-from cvxlimit.methods.interaction.inner import InnerIterate, InnerMethod
-from cvxlimit.methods.interaction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.majorants import (
+from cvxlimit.methods.interaction.climb.boxes import Boxes
+from cvxlimit.methods.interaction.climb.inner import InnerIterate, InnerMethod
+from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.states.majorants import (
     Forces,
     Plane,
     Point,
@@ -28,10 +30,8 @@ from cvxlimit.methods.interaction.majorants import (
     independent_rows,
     signed_rows,
 )
-from cvxlimit.methods.interaction.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.pressure import effective_arm
-from cvxlimit.methods.interaction.readings import parse_moments
-from cvxlimit.methods.interaction.rectangles import Rectangles
+from cvxlimit.methods.interaction.states.pressure import effective_arm
+from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
 from cvxlimit.solvers import leading_ladder, settings_for
 from helpers import interaction_excess, named_scene, piles

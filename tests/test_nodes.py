@@ -10,13 +10,13 @@ from scipy.optimize import linprog
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.masonry import random_wall, single_block
-from cvxlimit.methods.interaction.cells import arms_at, cells
-from cvxlimit.methods.interaction.flow import InteractionFlow
-from cvxlimit.methods.interaction.hull import HullProblem
-from cvxlimit.methods.interaction.nodes import NodeProblem, Reach
-from cvxlimit.methods.interaction.pressure import effective_arm
-from cvxlimit.methods.interaction.readings import MOMENTS
-from cvxlimit.methods.interaction.support import half_extent, whole_boxes
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.named import MOMENTS
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem, Reach
+from cvxlimit.methods.interaction.states.cells import arms_at, cells
+from cvxlimit.methods.interaction.states.pressure import effective_arm
+from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.solvers import settings_for
 from test_hull import hexagons, prism, states, tangential

@@ -28,7 +28,7 @@ from benchmarks.stability.truths import Line, arm, closed_form, linear_bounds
 
 from cvxlimit import Block, Certifier, FixedPoint, Load, Scene, builtin_scene, solve
 from cvxlimit.masonry import random_wall, single_block
-from cvxlimit.methods.interaction.readings import parse_moments
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.solution import Status
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 from helpers import assert_certified, linear_load_factor

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +12,12 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
+from cvxlimit.model.formulations import resultants
 from cvxlimit.plotting import plot
-from cvxlimit.plotting.crushing import yielding
+from cvxlimit.plotting.crushing import CRUSHED_COLOUR, YIELDING_COLOUR, yielding
+from cvxlimit.plotting.webpage import Page, page
 from helpers import rotations
 
 FloatArray = NDArray[np.float64]
@@ -108,6 +112,19 @@ def test_refusals() -> None:
         Tie(fixed, free, (0, 0, 0), (0, 0, 0), 1.0)
 
 
+@pytest.mark.parametrize("interaction", ["fixed-point", "certified"])
+def test_interaction_names_them(interaction: str) -> None:
+    """Not their strength, which the scene does not state."""
+    with pytest.raises(ModelError, match="interaction knows no ties yet: leave ties out"):
+        solve(tied_block(4.0), interaction=interaction)
+
+
+def test_with_resultants() -> None:
+    scene = tied_block(4.0)
+    solution = solve(scene, formulation=resultants)
+    assert solution.load_factor == pytest.approx(0.9, rel=1e-5)  # 0.5 + 2 T / W
+
+
 def test_picture(tmp_path: Path) -> None:
     """The tie that yields is told from the one that hangs slack."""
     scene = tied_block(4.0)
@@ -116,3 +133,23 @@ def test_picture(tmp_path: Path) -> None:
     assert yielding(scene, slack.forces).tolist() == [False]
     plot(scene, pulled, tmp_path / "tied.png")
     assert (tmp_path / "tied.png").stat().st_size > 0
+
+
+def data_of(made: Page) -> dict[str, Any]:
+    """What the page was given to draw."""
+    text = str(made).split('type="application/json">')[1].split("</script>")[0]
+    data: dict[str, Any] = json.loads(text)
+    return data
+
+
+def test_interactive_page() -> None:
+    """The page has the tie that yields and the zone that crushes, and moves them with blocks."""
+    scene = tied_block(4.0).with_strength(compressive=2e3)
+    data = data_of(page(scene, solve(scene)))
+    kinds = [(shape["zone"], shape["colour"]) for shape in data["shapes"]]
+    assert kinds == [(True, CRUSHED_COLOUR), (False, YIELDING_COLOUR)]
+    tie = data["shapes"][1]
+    assert tie["points"] == [-3.0, 0.5, 2.0, 0.0, 0.5, 2.0]
+    assert tie["moves"][:3] == [0.0, 0.0, 0.0]  # its end on the wall
+    assert tie["moves"][3] > 0.0
+    assert "yields at 4" in tie["text"]

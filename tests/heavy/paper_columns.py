@@ -11,8 +11,8 @@ import pytest
 
 from cvxlimit import builtin_scene, solve
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.readings import Paper, parse_moments
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import Paper, parse_moments
 
 COLUMNS = [("s12-panel", 6, 0.186, 0.137), ("s10-panel", 4, 0.262, 0.215)]
 

@@ -290,8 +290,8 @@ class FrozenModel(Model):
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`Method`."""
         from cvxlimit.methods.fixed_point import FrozenProblem
-        from cvxlimit.methods.interaction.pressure import Pressure
-        from cvxlimit.methods.interaction.readings import parse_moments
+        from cvxlimit.methods.interaction.readings.named import parse_moments
+        from cvxlimit.methods.interaction.states.pressure import Pressure
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
         watch = Stopwatch()

@@ -1,9 +1,10 @@
 """The certified answer with interaction: a bracket proved from below and from above.
 
 The condition of Eq. 30 is not convex, so no single convex problem gives the collapse load factor.
-Forces that satisfy it exactly bound the factor from below (:mod:`inner`), a mechanism checked
-against the convex hull of every contact's true states bounds it from above (:mod:`hull`), and
-branch and bound closes what is left (:mod:`branching`).
+Forces that satisfy it exactly bound the factor from below (:mod:`interaction.climb`), a mechanism
+checked against the convex hull of every contact's true states bounds it from above
+(:mod:`interaction.relaxation`), and branch and bound closes what is left
+(:mod:`interaction.branching`).
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Answer, Rule, Run, fallen
-from cvxlimit.methods.interaction.branching import BranchAndBound, processes
-from cvxlimit.methods.interaction.hull import UpperBound
-from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import ACCEPTED, LowerBounds
-from cvxlimit.methods.interaction.recognition import carrying_forces
+from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
+from cvxlimit.methods.interaction.climb.inner import InnerMethod
+from cvxlimit.methods.interaction.climb.lower_bound import ACCEPTED, LowerBounds
+from cvxlimit.methods.interaction.climb.recognition import carrying_forces
+from cvxlimit.methods.interaction.relaxation.hull import UpperBound
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Load
@@ -387,7 +388,7 @@ class _Proof:
             else "upper bound if no contact force exceeds ten times the total load or the largest "
             "one found"
         )
-        parts = [lower, upper, self.reason]
+        parts = [lower, upper, self.reason, self.run.moments.caution]
         if not self.run.contacts.is_rectangle.all():
             parts.append(
                 "contacts that are not rectangles: lower bound on inscribed rectangles, upper "

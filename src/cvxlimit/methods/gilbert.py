@@ -22,8 +22,7 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.driver import Answer, Rule, Run
-from cvxlimit.methods.zero_dilatancy import check_formulation
+from cvxlimit.methods.driver import Answer, Rule, Run, check_dry
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
@@ -104,8 +103,7 @@ class Gilbert(Rule):
     def start(self, run: Run) -> _Scheme:
         """The associated problem, and the one problem of all iterates."""
         run.flow = "gilbert"
-        check_formulation(run, "Gilbert's scheme")
-        _check_dry(run)
+        check_dry(run, "Gilbert's scheme")
         if np.any(run.contacts.cohesion):
             raise ModelError("Gilbert's scheme brings its own cohesion: take it out of the scene")
         if {type(s) for s in run.surfaces} != {type(s) for s in DEFAULT_SURFACES}:
@@ -124,17 +122,6 @@ class Gilbert(Rule):
     def result(self, run: Run, state: _Scheme) -> Answer:
         """The last iterate and by how much it exceeds Coulomb's law; no bracket."""
         return state.answer()
-
-
-def _check_dry(run: Run) -> None:
-    """Refuse ties and strengths, of which the published scheme says nothing."""
-    if run.scene.ties:
-        raise ModelError("Gilbert's scheme knows no ties: leave ties out")
-    if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
-        raise ModelError(
-            "Gilbert's scheme knows no strength of stone or mortar: leave compressive_strength and "
-            "tensile_strength out, or take flow 'zero-dilatancy'"
-        )
 
 
 @dataclass

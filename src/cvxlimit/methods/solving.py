@@ -14,8 +14,8 @@ from cvxlimit.methods.driver import Progress, Rule, Run, drive
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.gilbert import Gilbert
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.readings import MOMENTS, parse_moments
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import MOMENTS, parse_moments
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -65,8 +65,9 @@ def solve(
         How Eq. 30 adds moments: every sign on its own, the safe reading; static torsion about the
         pressure centre, without or with Eq. 27 beside it; or tied signs with absolute
         eccentricities and Eq. 27, with which the paper's figures are met, and which depends on the
-        choice of the contacts' axes (:class:`~cvxlimit.methods.interaction.moments.Paper` takes
-        the others). Without interaction it makes no difference.
+        choice of the contacts' axes
+        (:class:`~cvxlimit.methods.interaction.readings.named.Paper` takes the others).
+        Without interaction it makes no difference.
     torsion_shear : {"linear", "parabolic", "exact"}
         How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
         it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of

@@ -20,10 +20,10 @@ from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.central_path import CentralPath
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
-from cvxlimit.methods.driver import Answer, Rule, Run
+from cvxlimit.methods.driver import Answer, Rule, Run, check_formulation
 from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
@@ -141,17 +141,6 @@ class ZeroDilatancy(Rule):
     def result(self, run: Run, state: _Search) -> Answer:
         """The lowest solution found, with all others beside it; no bracket."""
         return state.answer()
-
-
-def check_formulation(run: Run, what: str) -> None:
-    """Refuse formulations for ``what``, which has its own.
-
-    Raises
-    ------
-    ModelError
-    """
-    if run.formulation is not corner_compressions:
-        raise ModelError(f"{what} brings its own formulation: leave formulation out")
 
 
 @dataclass

@@ -1,9 +1,11 @@
 """Torsion-shear-bending interaction (Eq. 26-32): what the fixed point and the bracket stand on.
 
-- ``pressure``: the physics, and the independent checker of Eq. 30;
-- ``safe_step``, ``inner``, ``rectangles``, ``lower_bound``: bounds from below;
-- ``support``, ``copies``, ``hull``: bounds from above;
-- ``moments``, ``readings``, ``tied``: what depends on how Eq. 30 is read;
-- ``recognition``: live loads that do no harm, dead loads that stand;
-- ``branching``: both, closed by branch and bound on small scenes.
+Folders, lowest first; each sees those before it:
+
+- ``states``: one contact. The independent checker of Eq. 30 (``pressure``), its true states from
+  outside (``support``, ``copies``, ``cells``) and from inside (``majorants``, ``rectangles``);
+- ``readings``: what depends on how Eq. 30 adds moments; a further reading is one more class here;
+- ``relaxation``: bounds from above, the convex hull of every contact's states;
+- ``climb``: bounds from below, and loads that need none (``recognition``);
+- ``branching``: both, closed by branch and bound.
 """

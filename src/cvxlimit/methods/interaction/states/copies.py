@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
-from cvxlimit.methods.interaction.cells import cells
-from cvxlimit.methods.interaction.support import half_extent, rectangle_arm
+from cvxlimit.methods.interaction.states.cells import cells
+from cvxlimit.methods.interaction.states.support import half_extent, rectangle_arm
 from cvxlimit.model.formulations import ForceVariables
 
 FloatArray = NDArray[np.float64]

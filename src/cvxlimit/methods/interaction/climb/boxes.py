@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.pressure import Pressure
-from cvxlimit.methods.interaction.support import half_extent
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.support import half_extent
 
 FloatArray = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.boxes import Boxes
-from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.hull import HullProblem
-from cvxlimit.methods.interaction.lower_bound import LowerBound
-from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.safe_step import SafeStep
+from cvxlimit.methods.interaction.climb.boxes import Boxes
+from cvxlimit.methods.interaction.climb.lower_bound import LowerBound
+from cvxlimit.methods.interaction.climb.safe_step import SafeStep
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +71,7 @@ class InnerIterate:
 
 
 class Steps(Protocol):
-    """What boxes need of :class:`cvxlimit.methods.interaction.inner.InnerMethod`."""
+    """What boxes need of :class:`cvxlimit.methods.interaction.climb.inner.InnerMethod`."""
 
     run: Run
     moments: Moments

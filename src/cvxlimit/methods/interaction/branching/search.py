@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.exploring import Explored, Explorer, Goal, Node, Task
-from cvxlimit.methods.interaction.inner import InnerMethod
-from cvxlimit.methods.interaction.lower_bound import LowerBounds, plain_witnesses
+from cvxlimit.methods.interaction.branching.exploring import Explored, Explorer, Goal, Node, Task
+from cvxlimit.methods.interaction.climb.inner import InnerMethod
+from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking

@@ -1,7 +1,7 @@
 """How Eq. 30 adds moments: one object per reading, which knows all that depends on it.
 
 Everything else in this package takes such an object. A further reading is one more class; those
-with Eq. 27 beside Eq. 30, the paper's own among them, and all names are in :mod:`readings`.
+with Eq. 27 beside Eq. 30, the paper's own among them, and all names are in :mod:`named`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.copies import (
+from cvxlimit.methods.interaction.states.copies import (
     Copies,
     cell_copies,
     corner_copies,
@@ -23,7 +23,7 @@ from cvxlimit.methods.interaction.copies import (
     pinned_copies,
     spread_copies,
 )
-from cvxlimit.methods.interaction.majorants import (
+from cvxlimit.methods.interaction.states.majorants import (
     Components,
     Forces,
     Plane,
@@ -34,9 +34,13 @@ from cvxlimit.methods.interaction.majorants import (
     plain_forces,
     signed_rows,
 )
-from cvxlimit.methods.interaction.pressure import Pressure
-from cvxlimit.methods.interaction.rectangles import Rectangle, largest_anywhere, largest_centred
-from cvxlimit.methods.interaction.support import (
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.rectangles import (
+    Rectangle,
+    largest_anywhere,
+    largest_centred,
+)
+from cvxlimit.methods.interaction.states.support import (
     Support,
     corner_support,
     free_sign,
@@ -66,7 +70,8 @@ _NARROWEST_CHILD = 0.2
 
 
 class Ways(Protocol):
-    """Ways to admissible forces: see :class:`cvxlimit.methods.interaction.inner.InnerMethod`."""
+    """Ways to admissible forces: see
+    :class:`~cvxlimit.methods.interaction.climb.inner.InnerMethod`."""
 
     def stepped(self, start: FloatArray | None) -> Iterator[Any]:
         """Steps inside Eq. 30, from given forces (n, 6) or from the middle."""
@@ -106,6 +111,8 @@ class Moments(ABC):
         gains.
     shrink : float
         Safe steps are built this share nearer to the middle than the last forces.
+    caution : str
+        What every answer under this reading has to be read with; "" if nothing.
     """
 
     name: str
@@ -121,6 +128,7 @@ class Moments(ABC):
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
+    caution: ClassVar[str] = ""
 
     def __str__(self) -> str:
         return self.name

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm_gradient
-from cvxlimit.methods.interaction.rectangles import Rectangles
+from cvxlimit.methods.interaction.states.rectangles import Rectangles
 
 FloatArray = NDArray[np.float64]
 

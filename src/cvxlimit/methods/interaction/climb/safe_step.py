@@ -8,9 +8,9 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.methods.interaction.majorants import Plane, Point
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.rectangles import Rectangles
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.states.majorants import Plane, Point
+from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import LargestFactor, StaticProblem

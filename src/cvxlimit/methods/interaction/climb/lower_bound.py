@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer
-from cvxlimit.methods.interaction.moments import Moments
+from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LargestFactor, LimitProblem

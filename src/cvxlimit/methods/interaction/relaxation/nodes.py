@@ -1,6 +1,7 @@
 """The hull problem of one scene, written as arrays: what branch and bound solves at every node.
 
-The same problem as :class:`~cvxlimit.methods.interaction.hull.HullProblem`, which CVXPY compiles.
+The same problem as :class:`~cvxlimit.methods.interaction.relaxation.hull.HullProblem`, which
+CVXPY compiles.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.interaction.copies import Copies, copy_arms
-from cvxlimit.methods.interaction.support import half_extent
+from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState, SolverSettings
@@ -27,7 +28,7 @@ class NodeProblem:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.methods.interaction.moments import SIGNED
+    >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
     >>> from cvxlimit.solvers import settings_for
     >>> assemblage = Assemblage.of(builtin_scene("single-block"))
     >>> copies = SIGNED.box_copies(assemblage.contacts)
@@ -48,7 +49,7 @@ class NodeProblem:
     def solve(
         self, copies: Copies, settings: SolverSettings, relief_price: float | None = None
     ) -> LimitState:
-        """See :meth:`~cvxlimit.methods.interaction.hull.HullProblem.solve`."""
+        """See :meth:`~cvxlimit.methods.interaction.relaxation.hull.HullProblem.solve`."""
         layout = _Layout(self, copies, relief_price)
         outcome, x, y = layout.program().solve(settings)
         if x is None or y is None:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from cvxlimit.methods.bearing import INSIDE, borne
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.lower_bound import TrueStrength, central_states
-from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.safe_step import SafeStep, StepState
+from cvxlimit.methods.interaction.climb.lower_bound import TrueStrength, central_states
+from cvxlimit.methods.interaction.climb.safe_step import SafeStep, StepState
+from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.scene import Load
 from cvxlimit.solvers import LimitState, SolverSettings

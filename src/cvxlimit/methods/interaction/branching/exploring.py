@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.flow import InteractionFlow
-from cvxlimit.methods.interaction.hull import missed_copies
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.nodes import NodeProblem, Reach
-from cvxlimit.methods.interaction.pressure import Pressure
-from cvxlimit.methods.interaction.support import half_extent, whole_boxes
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.relaxation.hull import missed_copies
+from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem, Reach
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import Scaling, Statics

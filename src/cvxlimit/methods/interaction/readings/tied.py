@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.majorants import (
+from cvxlimit.methods.interaction.states.majorants import (
     Forces,
     Plane,
     Point,
@@ -43,7 +43,7 @@ from cvxlimit.methods.interaction.majorants import (
     Row,
     signed_rows,
 )
-from cvxlimit.methods.interaction.support import Support, rectangle_arm
+from cvxlimit.methods.interaction.states.support import Support, rectangle_arm
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

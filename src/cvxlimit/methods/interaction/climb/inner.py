@@ -32,13 +32,13 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.box_climb import BoxClimb, InnerIterate
-from cvxlimit.methods.interaction.copies import Copies
-from cvxlimit.methods.interaction.hull import HullProblem, UpperBound
-from cvxlimit.methods.interaction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.majorants import Point
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.safe_step import SafeStep
+from cvxlimit.methods.interaction.climb.box_climb import BoxClimb, InnerIterate
+from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.climb.safe_step import SafeStep
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem, UpperBound
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.copies import cell_copies
-from cvxlimit.methods.interaction.moments import Moments
-from cvxlimit.methods.interaction.support import (
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.states.copies import cell_copies
+from cvxlimit.methods.interaction.states.support import (
     Support,
     corner_power,
     half_extent,

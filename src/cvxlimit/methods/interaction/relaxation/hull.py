@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.copies import Copies, copy_forces
-from cvxlimit.methods.interaction.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.states.copies import Copies, copy_forces
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.proof.certificate import Certifier
@@ -87,7 +87,7 @@ class HullProblem:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.methods.interaction.moments import SIGNED
+    >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
     >>> scene = builtin_scene("single-block")
     >>> state = HullProblem(scene).solve(SIGNED.box_copies(scene.contacts))
     >>> round(state.load_factor, 4)

@@ -1,0 +1,1 @@
+"""Bounds from below: admissible forces, step by step, each checked outside the solver."""

@@ -1,0 +1,1 @@
+"""Bounds from above: convex hulls of all that contacts can carry."""
