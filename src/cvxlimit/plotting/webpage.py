@@ -21,6 +21,7 @@ from cvxlimit.plotting.annotations import (
     refused,
 )
 from cvxlimit.plotting.camera import default_camera, upright
+from cvxlimit.plotting.crushing import Shape, shapes_of
 from cvxlimit.plotting.joints import moving_joints
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
@@ -69,7 +70,9 @@ def page(scene: Scene, solution: Solution) -> Page:
     marking = moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
     forces = contact_forces(scene, solution)
+    shapes = [] if forces is None else shapes_of(scene, forces, moving)
     data |= {
+        "shapes": [_shape_data(scene, shape) for shape in shapes],
         "title": title(solution),
         "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
         "speedText": SPEED_TEXT,
@@ -152,8 +155,19 @@ def _page_data(
             {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
             for mark in notes.marks
         ],
+        "shapes": [],
         "markColour": MARK_COLOUR,
         "markText": "where it is wrong" if notes.refusal else "near miss",
+    }
+
+
+def _shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
+    return {
+        "points": _coordinates(scene, shape.points),
+        "moves": _coordinates(scene, shape.moves),
+        "colour": shape.colour,
+        "text": shape.text,
+        "zone": shape.is_zone,
     }
 
 
