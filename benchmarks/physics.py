@@ -218,8 +218,7 @@ def chart(path: Path, found: dict[str, dict[str, Measurement]]) -> None:
     above.legend(ncol=len(CHARTED), fontsize=8, loc="upper left")
     note = (
         "crushing: 100 times the mean pressure on supports; mortar: cohesion 0.2, tension 0.1 of "
-        "that;\nzero dilatancy: lowest member of two starts; hatched: not converged; "
-        "no bar: not run"
+        "that;\nexact: to 0.005; zero dilatancy: lowest member to 1e-4; hatched: not converged"
     )
     above.set_title(note, fontsize=10)
     below.set_yscale("log")
