@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -174,6 +175,13 @@ def speed(path: Path) -> None:
             sys.stdout.write(f"| {' | '.join(cells)} |\n")
             sys.stdout.flush()
         axes.loglog(*np.transpose(points), "-", color="0.75", lw=0.8)
+        _finish_speed(axes, scenes)
+        figure.tight_layout()
+        figure.savefig(path, dpi=110)
+
+
+def _finish_speed(axes: Axes, scenes: Sequence[str]) -> None:
+    """Legend and labels."""
     shapes = [Line2D([], [], ls="", marker=m, color="0.4", label=n)
               for n, m in zip(scenes, MARKERS, strict=False)]  # fmt: skip
     colours = [Line2D([], [], ls="", marker="o", color=c, label=n)
@@ -183,8 +191,6 @@ def speed(path: Path) -> None:
     axes.set_ylabel("at most below the exact limit, relative")
     axes.set_title("Torsion with shear: speed against accuracy, scenes in space", fontsize=10)
     axes.grid(alpha=0.3, which="both")
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
 
 
 def _timed(name: str, tolerance: float | None, form: str) -> tuple[Solution, float]:
@@ -218,8 +224,7 @@ def chart(path: Path, found: dict[str, dict[str, Measurement]]) -> None:
     above.legend(ncol=len(CHARTED), fontsize=8, loc="upper left")
     note = (
         "crushing: 100 times the mean pressure on supports; mortar: cohesion 0.2, tension 0.1 of "
-        "that;\nzero dilatancy: lowest member of two starts; hatched: not converged; "
-        "no bar: not run"
+        "that;\nexact: to 0.005; zero dilatancy: lowest member to 1e-4; hatched: not converged"
     )
     above.set_title(note, fontsize=10)
     below.set_yscale("log")

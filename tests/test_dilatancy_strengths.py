@@ -16,7 +16,7 @@ from helpers import hand_equilibrium, hand_torsion_arm
 
 FloatArray = NDArray[np.float64]
 
-RULE = ZeroDilatancy(starts=3, descents=4)
+RULE = ZeroDilatancy(starts=2, descents=2)
 
 
 def wedged() -> Scene:

@@ -306,8 +306,7 @@ class _Follower:
         right[:, 4, 4] = -b
         matrix[:, 5, 3] = matrix[:, 5, 4] = right[:, 5, 5] = 1.0
         right[:, 5, 0] = -limit
-        result: FloatArray = np.linalg.solve(matrix, right)
-        return result
+        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
     def _solved(self, square: sp.csc_array, right: FloatArray) -> FloatArray:
         """By sparse factors, without pivoting: it did not change paths where it was tried."""

@@ -380,12 +380,16 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         versions=versions(run.solvers),
         torsion_shear=run.torsion_shear,
         flow=run.flow,
-        members=tuple(
-            replace(member, forces=run.mortar.original(member.forces)) for member in answer.members
-        ),
+        members=tuple(_in_original(member, run.mortar) for member in answer.members),
         model=run.reductions,
         solved_scene=run.given,
     )
+
+
+def _in_original(member: Member, mortar: Mortar) -> Member:
+    """With the contact forces of the scene that was given."""
+    forces = mortar.original(member.forces)
+    return member if forces is None else replace(member, forces=forces)
 
 
 def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar]:
