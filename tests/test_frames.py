@@ -218,3 +218,53 @@ class TestNotebooks:
     def test_huge_scenes_are_not_drawn_unasked(self, solved: Solution, monkeypatch) -> None:
         monkeypatch.setattr(notebook, "_MOST_BLOCKS", 1)
         assert "img" not in Tags(solved._repr_html_()).found
+
+
+class TestInteraction:
+    """Eq. 30 written out once more, contact by contact, under each reading's own torque."""
+
+    @pytest.mark.parametrize("moments", ["independent", "signed", "paper"])
+    def test_utilisation_is_eq_30(self, moments: str, solved: Solution) -> None:
+        scene = builtin_scene("tuff-wall")
+        contacts = scene.contacts
+        rng = np.random.default_rng(3)
+        forces = rng.normal(size=(len(contacts), 6)) * 0.1
+        forces[:, 2] = rng.uniform(0.5, 2.0, len(contacts))
+        forces[:, 3] *= contacts.sides[:, 1]
+        forces[:, 4] *= contacts.sides[:, 0]
+        found = replace(
+            solved, scene=scene.name, blocks=len(scene.free), contacts=len(contacts), forces=forces,
+            mechanism=None, interaction="certified", moments=moments, solved_scene=scene,
+        )  # fmt: skip
+        table = found.to_dataframe()
+        for j, (v1, v2, n, m1, m2, mt) in enumerate(forces.tolist()):
+            eps1, eps2 = abs(m2) / n, abs(m1) / n
+            arm = _arm(contacts.sides[j, 0] - 2 * eps1, contacts.sides[j, 1] - 2 * eps2)
+            torque = {
+                "independent": abs(v1) * eps2 + abs(v2) * eps1 + abs(mt),
+                "signed": abs(mt + m2 / n * v2 + m1 / n * v1),  # e1 = -M2 / N, e2 = M1 / N
+                "paper": abs(mt + eps2 * v1 + eps1 * v2),
+            }[moments]
+            strength = contacts.friction[j] * n
+            used = np.hypot(v1, v2) / strength + torque / (arm * strength)
+            if moments == "paper":  # Eq. 27 stands beside it
+                used = max(used, abs(mt) / (arm * strength))
+            row = table.iloc[j]
+            assert row["utilisation_torsion_shear_bending"] == pytest.approx(used, rel=1e-6)
+            assert row["utilisation"] == pytest.approx(max(used, row["utilisation_rocking"]))
+
+    def test_no_joint_of_a_certified_state_exceeds_it(self) -> None:
+        found = solve(tower(), interaction="certified")
+        table = found.to_dataframe()
+        assert table["utilisation"].max() == pytest.approx(1.0, abs=1e-4)
+        assert table.attrs["moments"] == "independent"
+
+    def test_without_interaction_there_is_no_such_column(self, solved: Solution) -> None:
+        assert "utilisation_torsion_shear_bending" not in solved.to_dataframe()
+
+
+def _arm(l1: float, l2: float) -> float:
+    """Eq. 16 as the mean distance from the centre of a rectangle, by quadrature."""
+    x, w = np.polynomial.legendre.leggauss(60)
+    x, w = 0.5 + 0.5 * x, 0.5 * w  # a quarter of the rectangle
+    return float(w @ np.hypot(0.5 * l1 * x[:, None], 0.5 * l2 * x) @ w)

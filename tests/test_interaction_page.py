@@ -68,7 +68,7 @@ def test_figures_of_the_tables() -> None:
 def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was never run comes first, results are kept, and the page's words stay."""
     shutil.copy(DOCS / "interaction.md", tmp_path)
-    monkeypatch.setattr(command, "run_apart", run)
+    monkeypatch.setattr(command.Apart, "__call__", lambda self, *given: run(*given))
     options = ["--docs", str(tmp_path), "--parts", "brackets", "--scenes", "single-block"]
     command.main([*options, "--budget", "120", "--write"])
     found = command.load(tmp_path / "interaction.json")
@@ -86,7 +86,7 @@ def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.Mon
     assert all((tmp_path / name).exists() for name in pictures)
     every = [e for e in experiments() if e.scene in ("single-block", "stack")]
     waiting = command.due(every, found, ("brackets",), None)
-    assert [e.scene for e in waiting] == ["stack"] * 5 + ["single-block"] * 5
+    assert [e.scene for e in waiting] == ["stack"] * 7 + ["single-block"] * 7
 
 
 def test_time_is_kept() -> None:
@@ -105,3 +105,4 @@ def test_the_command_line_knows_the_readings(tmp_path: Path) -> None:
         assert document["moments"] == moments
         assert document["lower"] <= 0.4 + 1e-6
         assert document["upper"] >= 0.4 - 1e-6
+        assert ("contacts' axes" in document["note"]) is (moments == "paper")

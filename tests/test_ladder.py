@@ -141,7 +141,7 @@ class TestLadder:
 
     def test_default_order(self) -> None:
         ladder = default_ladder()
-        assert [rung.name for rung in ladder[:3]] == ["CLARABEL"] * 3
+        assert [rung.name for rung in ladder[:3]] == ["CLARABEL", "RESCALED", "RESCALED"]
         assert len({str(rung) for rung in ladder}) == len(ladder)
         assert {rung.name for rung in ladder} <= set(SOLVERS)
 

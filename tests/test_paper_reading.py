@@ -31,7 +31,7 @@ from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder, settings_for
-from cvxlimit.surfaces import Conic
+from cvxlimit.surfaces import Conic, Sliding
 from helpers import yield_excess
 
 FloatArray = NDArray[np.float64]
@@ -152,13 +152,15 @@ class TestStates:
     def test_the_frozen_surface_is_the_condition_at_its_own_centre(
         self, moments: SignedTorsionBending
     ) -> None:
-        x = random_states(brick(), moments, 300, 7) * np.linspace(0.7, 1.3, 6)
+        """All three of its conditions, Coulomb's among them: for slid contacts, too."""
+        x = random_states(brick(), moments, 300, 7) * [1.4, 1.3, 1.0, 0.9, 0.9, 1.2]
         contacts = many(brick(), len(x))
         at = moments.eccentricity(Pressure.of(x, contacts), contacts)
-        eq_30, eq_27 = moments.frozen(at, Conic()).excess(x, contacts)
-        slid = np.hypot(x[:, 0], x[:, 1]) > MU * x[:, 2]
+        conditions = moments.frozen(at, Conic()).excess(x, contacts)
         found = moments.excess(x, contacts)
-        np.testing.assert_allclose(np.maximum(eq_30, eq_27)[~slid], found[~slid], atol=1e-9)
+        np.testing.assert_allclose(np.max(conditions, axis=0), found, atol=1e-9)
+        slid = np.hypot(x[:, 0], x[:, 1]) > MU * x[:, 2]
+        assert 10 < slid.sum() < len(x) - 10
 
     def test_settings(self) -> None:
         assert str(parse_moments("paper")) == "paper"
@@ -327,17 +329,18 @@ class TestIteration:
     def test_the_papers_column(self, scene: str) -> None:
         """Table 8: 0.186 -> 0.137, octagon, old-value weight 0.8.
 
-        The first iterate depends on the layout only, which was inferred: 1 %. From the second on
-        iterates wander by 3 %, as contact forces are not unique: 4 %, a third of what other axes
-        do (15 % below to 8 % above). Independent signs are more than 18 % below by then, signed
-        moments more than 20 % above, so neither would pass.
+        The first iterate depends on the layout only, which was inferred: 1 %. From the third on
+        iterates are 2 % above to 2 % below, as contact forces are not unique: 4 %. The second,
+        at the eccentricities of forces that were found without any interaction, is near nothing.
+        Independent signs are 20 % below by then, signed moments 20 % above: neither would pass.
         """
         run = solve(
-            builtin_scene(scene), "octagon", interaction=FixedPoint(most=2), moments="paper"
+            builtin_scene(scene), "octagon", interaction=FixedPoint(most=4), moments="paper"
         )
         factors = [entry.load_factor for entry in run.history]
         assert factors[0] == pytest.approx(0.186, rel=0.01)
-        assert factors[1:] == pytest.approx([0.137], rel=0.04)
+        assert factors[1] < 0.2 * 0.186
+        assert factors[2:] == pytest.approx([0.137] * 2, rel=0.04)
 
     def test_other_axes_end_elsewhere(self) -> None:
         """The tuff wall: 0.13 or 0.30 in the second iterate, for the same wall."""
@@ -349,12 +352,21 @@ class TestIteration:
             seconds.append(run.history[1].load_factor)
         assert seconds[1] > 1.5 * seconds[0]
 
-    def test_eq_27_keeps_the_signed_iteration_below_its_first_factor(self) -> None:
-        """S12 by design section: 0.346 without it in the second iterate; here on the tuff wall."""
+    @pytest.mark.parametrize("moments", list(MOMENTS))
+    def test_no_iterate_takes_friction_off(self, moments: str) -> None:
+        """Coulomb's limit (Eq. 10) at every contact, to 1e-8 of the wall's weight.
+
+        With Eq. 30 alone contacts pressed in a corner (c = 0) had none: 36 times the weight was
+        exceeded here in the second iterate of signed moments, which then jumped to 0.59.
+        """
         scene = builtin_scene("tuff-wall")
-        run = solve(scene, interaction=FixedPoint(most=4), moments="signed-torsion-bending")
-        factors = [entry.load_factor for entry in run.history]
-        assert max(factors[1:]) < factors[0]
+        run = solve(scene, interaction=FixedPoint(most=2), moments=moments)
+        assert run.forces is not None
+        (excess,) = Sliding().excess(run.forces, scene.contacts)
+        assert excess.max() <= 1e-8 * _weight(scene)
+        assert run.load_factor < run.history[0].load_factor
+        at = Pressure.of(solve(scene, interaction=FixedPoint(most=1)).forces, scene.contacts)
+        assert (at.arm < 1e-6 * scene.contacts.torsion_arm).sum() > 5  # there are such contacts
 
     def test_epsilon_is_what_eq_31_divides_by(self) -> None:
         contacts = brick()

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
+from cvxlimit.model.formulations import resultants
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.crushing import yielding
 from helpers import rotations
@@ -106,6 +107,19 @@ def test_refusals() -> None:
         Tie(fixed, free, (0, 0, 0), (1, 0, 0), 0.0)
     with pytest.raises(InputError, match="has no length"):
         Tie(fixed, free, (0, 0, 0), (0, 0, 0), 1.0)
+
+
+@pytest.mark.parametrize("interaction", ["fixed-point", "certified"])
+def test_interaction_names_them(interaction: str) -> None:
+    """Not their strength, which the scene does not state."""
+    with pytest.raises(ModelError, match="interaction knows no ties yet: leave ties out"):
+        solve(tied_block(4.0), interaction=interaction)
+
+
+def test_with_resultants() -> None:
+    scene = tied_block(4.0)
+    solution = solve(scene, formulation=resultants)
+    assert solution.load_factor == pytest.approx(0.9, rel=1e-5)  # 0.5 + 2 T / W
 
 
 def test_picture(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """``python -m benchmarks.interaction``: the paper's iteration, its readings, certified brackets.
 
-Runs what :mod:`benchmarks.interaction.experiments` lists, each in a process of its own: first what
+Runs what :mod:`benchmarks.interaction.experiments` lists, in a process of their own: first what
 was never measured, then the oldest, until ``--budget`` seconds are over. Results are kept in
 ``docs/interaction.json``; with ``--write``, the tables and pictures of ``docs/interaction.md`` are
 made from all of them. ``--budget 0 --write`` draws only.
@@ -18,7 +18,7 @@ from time import perf_counter
 
 from rich.console import Console
 
-from benchmarks.interaction.experiments import Experiment, Result, experiments, run_apart
+from benchmarks.interaction.experiments import Apart, Experiment, Result, experiments
 from benchmarks.interaction.page import write_page
 from cvxlimit.files import write_file
 
@@ -38,17 +38,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--write", action="store_true", help="make the page's tables and pictures")
     options = parser.parse_args(arguments)
     store, started = options.docs / "interaction.json", perf_counter()
+    every = list(experiments())
     found = load(store)
-    for experiment in due(list(experiments()), found, options.parts, options.scenes):
-        if perf_counter() - started > options.budget:
-            break
-        result = run_apart(experiment, options.each)
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        found[experiment.key] = experiment, replace(result, measured=now)
-        _tell(experiment, result)
-        save(store, found)
+    measured = Apart()
+    try:
+        for experiment in due(every, found, options.parts, options.scenes):
+            if perf_counter() - started > options.budget:
+                break
+            result = measured(experiment, options.each)
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            found[experiment.key] = experiment, replace(result, measured=now)
+            _tell(experiment, result)
+            found = listed(found, every)
+            save(store, found)
+    finally:
+        measured.end()
     if options.write:
-        write_page(options.docs, found)
+        write_page(options.docs, listed(found, every))
 
 
 Found = dict[str, tuple[Experiment, Result]]
@@ -63,6 +69,11 @@ def due(
     """Experiments of these parts and scenes: those never run first, then the oldest."""
     chosen = [e for e in every if e.part in parts and (scenes is None or e.scene in scenes)]
     return sorted(chosen, key=lambda e: found[e.key][1].measured if e.key in found else "")
+
+
+def listed(found: Found, every: Sequence[Experiment]) -> Found:
+    """What is known of the experiments there are, in their order."""
+    return {e.key: found[e.key] for e in every if e.key in found}
 
 
 def load(store: Path) -> Found:

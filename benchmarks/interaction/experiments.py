@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from queue import Empty
 from time import perf_counter, process_time
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import MOMENTS, Paper
+from cvxlimit.solvers import SolverSettings, settings_for
 
 AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
 """The paper's reading with the four choices of signs of the contacts' axes."""
@@ -29,6 +31,21 @@ WALLS = tuple(f"random-wall-{seed}" for seed in (1, 2, 3, 5, 7, 8, 11, 12, 13, 1
 """Irregular walls of 14 to 46 contacts whose live load does harm."""
 
 SETTINGS_SCENES = ("tuff-wall", "random-wall-1", "random-wall-2", "random-wall-11")
+"""Where all readings with signs are run with other settings, on the exact cone."""
+
+PANELS = (("tuff-wall", 30), ("s12-panel", 8), ("s10-panel", 5))
+"""Where the paper's own reading is run with other settings and block orders, on the octagon as in
+the paper, and iterations at most."""
+
+LADDERS = {"HIGHS": settings_for("HIGHS", None, "HIGHS ipm", solver="ipm")}
+"""Solvers with options: HiGHS's interior point and then a corner of the optimal face, as the
+paper's Mosek does by default; its simplex takes minutes here."""
+
+CHANGES: tuple[dict[str, Any], ...] = (
+    *({"epsilon": epsilon} for epsilon in (1e-3, 1e-2, 1e-1)),
+    *({"weight": weight} for weight in (0.0, 0.5, 0.95)),
+)
+"""Settings other than the defaults, one at a time."""
 
 FIRST = "first"
 """Kind of an experiment without interaction: the first convex problem, the measure of time."""
@@ -48,7 +65,7 @@ class Experiment:
         Name of a reading in :data:`READINGS`.
     kind : {"fixed-point", "certified", "first"}
     surface, weight, epsilon, solver : the iteration's settings
-        ``solver`` "" is the default ladder.
+        ``solver`` "" is the default ladder; others are those of :data:`LADDERS`, or names.
     order : int
         Seed of a permutation of the blocks; -1 leaves them as they are.
     most : int
@@ -70,6 +87,19 @@ class Experiment:
     def key(self) -> str:
         """Tells experiments apart."""
         return "|".join(f"{value}" for value in vars(self).values())
+
+
+DEFAULTS = "as it is"
+"""Name of the default settings."""
+
+
+def setting(e: Experiment) -> str:
+    """What is not as by default."""
+    if e.solver:
+        return f"solver {e.solver}"
+    if e.weight != Experiment.weight:
+        return f"beta {e.weight:g}"
+    return f"epsilon {e.epsilon:g}" if e.epsilon else DEFAULTS
 
 
 @dataclass(frozen=True)
@@ -100,26 +130,20 @@ def experiments() -> Iterator[Experiment]:
 
 def _tables() -> Iterator[Experiment]:
     """The paper's Tables 8 and 10 and its tuff wall, under every reading: octagon, weight 0.8."""
-    for scene, surface, most in (
-        ("s12-panel", "octagon", 12),
-        ("s10-panel", "octagon", 4),
-        ("tuff-wall", "octagon", 30),
-    ):
+    for scene, most in (("s12-panel", 20), ("s10-panel", 8), ("tuff-wall", 30)):
         for reading in (*AXES, *(m for m in MOMENTS.values() if m.name != "paper")):
-            yield Experiment("tables", scene, reading.name, surface=surface, most=most)
+            yield Experiment("tables", scene, reading.name, surface="octagon", most=most)
 
 
 def _brackets() -> Iterator[Experiment]:
     """Certified brackets and the paper's iteration beside them, on the exact cone."""
     apart = ("tuff-wall", "s12-panel", "s10-panel", "dome")
     small = [name for name in BUILTIN if name not in apart]
-    for scene in ("tuff-wall", "s12-panel", *WALLS, *small, "dome", "s10-panel"):
+    for scene in ("tuff-wall", "s12-panel", "s10-panel", *WALLS, *small, "dome"):
         yield Experiment("brackets", scene, "none", FIRST)
         for moments in ("independent", "signed", "paper"):
-            if moments == "paper" and scene not in ("tuff-wall", "s12-panel", *WALLS):
-                continue
             yield Experiment("brackets", scene, moments, "certified")
-            yield Experiment("brackets", scene, moments, most=20)
+            yield Experiment("brackets", scene, moments, most=8 if scene == "s10-panel" else 20)
         for reading in (
             (*AXES[1:], MOMENTS["signed-torsion-bending"]) if scene == "tuff-wall" else ()
         ):
@@ -128,14 +152,13 @@ def _brackets() -> Iterator[Experiment]:
 
 def _settings() -> Iterator[Experiment]:
     """What the iteration depends on: epsilon, the old values' weight, the solver."""
+    for scene, most in PANELS:
+        for change in ({"solver": ""}, *CHANGES, {"solver": "QOCO"}, {"solver": "HIGHS"}):
+            yield Experiment("settings", scene, "paper", surface="octagon", most=most, **change)
     for scene in SETTINGS_SCENES:
         for moments in ("signed", "signed-torsion-bending", "paper"):
-            for epsilon in (0.0, 1e-3, 1e-2, 1e-1):
-                yield Experiment("settings", scene, moments, epsilon=epsilon, most=40)
-            for weight in (0.0, 0.5, 0.95):
-                yield Experiment("settings", scene, moments, weight=weight, most=40)
-            for solver in ("QOCO", "CVXOPT"):
-                yield Experiment("settings", scene, moments, solver=solver, most=40)
+            for change in ({"solver": ""}, *CHANGES, {"solver": "QOCO"}, {"solver": "CVXOPT"}):
+                yield Experiment("settings", scene, moments, most=40, **change)
 
 
 def _orders() -> Iterator[Experiment]:
@@ -143,10 +166,10 @@ def _orders() -> Iterator[Experiment]:
     for order in range(12):
         for moments in ("signed", "paper"):
             yield Experiment("orders", "tuff-wall", moments, order=order, most=30)
-    for order in range(4):
-        yield Experiment("orders", "s12-panel", "paper", surface="octagon", order=order, most=8)
-    for order in range(2):
-        yield Experiment("orders", "s10-panel", "paper", surface="octagon", order=order, most=3)
+    for (scene, most), count in zip(PANELS, (12, 6, 3), strict=True):
+        for order in range(count):
+            own = {"surface": "octagon", "order": order, "most": most}
+            yield Experiment("orders", scene, "paper", **own)
 
 
 def scene_of(experiment: Experiment) -> Scene:
@@ -186,7 +209,7 @@ def run(experiment: Experiment, seconds: float) -> Result:
             experiment.surface,
             interaction=rules[experiment.kind],
             moments=READINGS.get(experiment.moments, "independent"),
-            ladder=[experiment.solver] if experiment.solver else None,
+            ladder=_ladder(experiment.solver),
             progress=progress,
         )
     except KeyboardInterrupt:
@@ -194,6 +217,10 @@ def run(experiment: Experiment, seconds: float) -> Result:
     except CvxlimitError as error:
         return _nothing(str(error), process_time() - started, contacts)
     return _result(solution, stamps, process_time() - started)
+
+
+def _ladder(solver: str) -> list[str | SolverSettings] | None:
+    return [LADDERS.get(solver, solver)] if solver else None
 
 
 def _result(solution: Solution, stamps: list[float], seconds: float) -> Result:
@@ -217,28 +244,49 @@ def _nothing(status: str, seconds: float, contacts: int) -> Result:
     return Result(status, None, None, None, seconds, contacts, 0)
 
 
-def run_apart(experiment: Experiment, seconds: float) -> Result:
-    """Run in a process of its own, which is ended when a single solve overruns by far."""
-    context = multiprocessing.get_context("spawn")
-    answers = context.Queue()
-    process = context.Process(target=_child, args=(experiment, seconds, answers), daemon=True)
-    started = perf_counter()
-    process.start()
-    # The child counts CPU seconds; on a busy machine they take longer.
-    end = started + 60.0 + 6.0 * seconds
-    while perf_counter() < end:
-        try:
-            answer: Result = answers.get(timeout=0.5)
-        except Empty:
-            if not process.is_alive():
-                break
-            continue
-        process.join()
-        return answer
-    process.kill()
-    process.join()
-    return _nothing("no answer from one solve", perf_counter() - started, 0)
+class Apart:
+    """Runs experiments in one process of their own, a new one where a single solve overran.
+
+    A process for each would spend two seconds importing, more than most of them take.
+    """
+
+    def __init__(self) -> None:
+        self._context = multiprocessing.get_context("spawn")
+        self._process: Any = None
+
+    def __call__(self, experiment: Experiment, seconds: float) -> Result:
+        """As :func:`run`."""
+        if self._process is None:
+            self._begin()
+        self._asked.put((experiment, seconds))
+        started = perf_counter()
+        # The child counts CPU seconds; on a busy machine they take longer.
+        while perf_counter() < started + 60.0 + 6.0 * seconds and self._process.is_alive():
+            try:
+                answer: Result = self._answers.get(timeout=0.5)
+            except Empty:
+                continue
+            return answer
+        self.end()
+        return _nothing("no answer from one solve", perf_counter() - started, 0)
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        self._process = None
+
+    def _begin(self) -> None:
+        self._asked, self._answers = self._context.Queue(), self._context.Queue()
+        arguments = (self._asked, self._answers)
+        # Not a daemon: branching may have processes of its own.
+        self._process = self._context.Process(target=_child, args=arguments)
+        self._process.start()
 
 
-def _child(experiment: Experiment, seconds: float, answers: multiprocessing.Queue[Result]) -> None:
-    answers.put(run(experiment, seconds))
+def _child(
+    asked: multiprocessing.Queue[tuple[Experiment, float]], answers: multiprocessing.Queue[Result]
+) -> None:
+    while True:
+        answers.put(run(*asked.get()))

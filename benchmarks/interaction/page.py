@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
+from benchmarks.interaction.experiments import AXES, DEFAULTS, FIRST, Experiment, Result, setting
 from benchmarks.interaction.pictures import draw
 from cvxlimit.files import write_file
 
@@ -97,7 +97,7 @@ def readings(pairs: Sequence[Pair]) -> list[str]:
 
 
 def spread(pairs: Sequence[Pair]) -> list[str]:
-    """The paper's column against its reading: one choice of axes, all four, other orders."""
+    """The paper's column against its reading: one choice of axes, all four, orders, settings."""
     lines = []
     names = [reading.name for reading in AXES]
     for scene, (title, _, last, experiment) in PAPER.items():
@@ -106,19 +106,18 @@ def spread(pairs: Sequence[Pair]) -> list[str]:
         runs = {e.moments: r for e, r in _of(pairs, "tables", scene=scene)}
         own = _later(runs["paper"]) if "paper" in runs else []
         every = [f for name in names if name in runs for f in _later(runs[name])]
-        orders = [
-            f for _, r in _of(pairs, "orders", scene=scene, moments="paper") for f in _later(r)
-        ]
         if not own or not every:
             continue
         line = (
             f"- **{title}**: the paper {last}; from the third iterate on its reading is at "
-            f"{_range(own)} ({_percent(min(own), last)} to {_percent(max(own), last)}), with all "
-            f"four choices of axes at {_range(every)} "
-            f"({_percent(min(every), last)} to {_percent(max(every), last)})"
+            f"{_against(own, last)}, with all four choices of axes at {_against(every, last)}"
         )
+        orders = _later_of(_of(pairs, "orders", scene=scene, moments="paper", surface="octagon"))
         if orders:
-            line += f", with its blocks in other orders at {_range(orders)}"
+            line += f", with its blocks in other orders at {_against(orders, last)}"
+        others = _later_of(paper_settings_of(pairs, scene))
+        if others:
+            line += f", with other settings at {_against(others, last)}"
         independent = _bracket(pairs, scene, "independent")
         if independent is not None and independent.lower is not None:
             low, high = independent.lower, independent.upper or independent.lower
@@ -131,28 +130,44 @@ def spread(pairs: Sequence[Pair]) -> list[str]:
     return lines
 
 
+def _later_of(pairs: Sequence[Pair]) -> list[float]:
+    return [f for _, r in pairs for f in _later(r)]
+
+
+def _against(values: Sequence[float], of: float) -> str:
+    return f"{_range(values)} ({_percent(min(values), of)} to {_percent(max(values), of)})"
+
+
 def _percent(value: float, of: float) -> str:
     return f"{100.0 * (value / of - 1.0):+.1f} %"
 
 
 def settings(pairs: Sequence[Pair]) -> list[str]:
-    """Iterations and ends, by epsilon, weight and solver."""
-    chosen = _of(pairs, "settings")
+    """Iterations and ends, by epsilon, weight and solver, on the cone."""
+    return _by_setting(_of(pairs, "settings", surface="conic"))
+
+
+def paper_settings(pairs: Sequence[Pair]) -> list[str]:
+    """The same for the paper's reading on the octagon: the tuff wall and both panels."""
+    return _by_setting(_of(pairs, "settings", surface="octagon"))
+
+
+def paper_settings_of(pairs: Sequence[Pair], scene: str) -> list[Pair]:
+    """Runs of the paper's reading with settings other than the paper's."""
+    chosen = _of(pairs, "settings", scene=scene, moments="paper", surface="octagon")
+    return [(e, r) for e, r in chosen if setting(e) != DEFAULTS]
+
+
+def _by_setting(chosen: Sequence[Pair]) -> list[str]:
     scenes = list(dict.fromkeys(e.scene for e, _ in chosen))
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for e, r in chosen:
-        row = cells.setdefault((e.moments, _setting(e)), {})
-        row[e.scene] = _ending(r)
-    rows = [(m, s, *(row.get(scene, "-") for scene in scenes)) for (m, s), row in cells.items()]
+        cells.setdefault((e.moments, setting(e)), {})[e.scene] = _ending(r)
+    rows = [
+        (moments, changed, *(row.get(scene, "-") for scene in scenes))
+        for (moments, changed), row in cells.items()
+    ]
     return _table(("reading", "setting", *scenes), rows)
-
-
-def _setting(e: Experiment) -> str:
-    if e.solver:
-        return f"solver {e.solver}"
-    if e.weight != 0.8:
-        return f"beta {e.weight:g}"
-    return f"epsilon {e.epsilon:g}"
 
 
 def _ending(r: Result) -> str:
@@ -168,15 +183,30 @@ def orders(pairs: Sequence[Pair]) -> list[str]:
     """Ends of the iteration with the blocks in other orders."""
     rows = []
     chosen = _of(pairs, "orders")
-    for scene, moments in dict.fromkeys((e.scene, e.moments) for e, _ in chosen):
-        runs = [r for _, r in _of(chosen, "orders", scene=scene, moments=moments)]
+    for scene, moments, surface in dict.fromkeys(
+        (e.scene, e.moments, e.surface) for e, _ in chosen
+    ):
+        same = _of(chosen, "orders", scene=scene, moments=moments, surface=surface)
+        runs = [r for _, r in same]
         ends = [r.load_factor for r in runs if r.load_factor is not None]
         settled = [r.solves for r in runs if r.status == "converged"]
         counted = f"{len(settled)} of {len(runs)}"
         if settled:
             counted += f", after {min(settled)} to {max(settled)}"
-        rows.append((scene, moments, str(len(runs)), _range(ends), counted))
-    return _table(("scene", "reading", "orders", "last iterates", "settled"), rows)
+        later = _range(_later_of(same))
+        most = str(max(r.solves for r in runs))
+        rows.append((scene, moments, surface, str(len(runs)), later, _range(ends), most, counted))
+    head = (
+        "scene",
+        "reading",
+        "surface",
+        "orders",
+        "from the third on",
+        "last",
+        "at most",
+        "settled",
+    )
+    return _table(head, rows)
 
 
 def brackets(pairs: Sequence[Pair]) -> list[str]:
@@ -253,6 +283,7 @@ TABLES: dict[str, Callable[[Sequence[Pair]], list[str]]] = {
     "readings": readings,
     "spread": spread,
     "settings": settings,
+    "paper-settings": paper_settings,
     "orders": orders,
     "brackets": brackets,
     "summary": summary,

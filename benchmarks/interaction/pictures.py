@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from benchmarks.interaction.experiments import AXES, FIRST, Experiment, Result
+from benchmarks.interaction.experiments import AXES, DEFAULTS, FIRST, Experiment, Result, setting
 
 matplotlib.use("Agg")
 from matplotlib.axes import Axes
@@ -180,27 +180,43 @@ def _distance(iteration: Result, bracket: Result | None) -> float | None:
 
 
 def spread(path: Path, pairs: Sequence[Pair]) -> None:
-    """The paper's reading over axes and block orders, beside the paper's figure."""
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for ax, scene in zip(axes, ("s12-panel", "s10-panel"), strict=True):
-        last, experiment = PANELS[scene]
+    """The paper's reading over axes, block orders and settings, beside the paper's figure."""
+    figure = Figure(figsize=(12, 5.6), layout="constrained")
+    axes = figure.subplots(1, len(PANELS))
+    for ax, (scene, (last, experiment)) in zip(axes, PANELS.items(), strict=True):
         labels = []
-        for e, r in pairs:
-            is_reading = e.part == "tables" and e.moments.startswith("paper")
-            is_order = e.part == "orders" and e.moments == "paper"
+        for e, r in sorted(pairs, key=lambda pair: list(KINDS).index(_kind(pair[0]))):
             later = [f for f in r.factors[2:] if f is not None]
-            if e.scene == scene and later and (is_reading or is_order):
-                y = len(labels)
-                colour = "tab:green" if is_reading else "tab:grey"
-                ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
-                ax.plot(later[-1], y, "o", c=colour)
-                labels.append(e.moments if is_reading else f"paper, order {e.order}")
-        ax.set_yticks(range(len(labels)), labels)
+            kind = _kind(e)
+            if e.scene != scene or not later or not kind:
+                continue
+            y, colour = len(labels), KINDS[kind]
+            ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
+            ax.plot(later[-1], y, "o", ms=4, c=colour)
+            labels.append(_label(e, kind))
+        ax.set_yticks(range(len(labels)), labels, fontsize=7)
         ax.invert_yaxis()
-        ax.axvline(last, color="k", ls="--", lw=1, label="the paper's last")
-        ax.axvline(experiment, color="k", ls=":", lw=1, label="experiment")
-        ax.set_title(f"{scene}, third iterate to last (dot)", fontsize=9)
-        ax.set_xlabel("load factor (octagon, old-value weight 0.8)")
+        _lines(ax, last, experiment)
+        ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=9)
+        ax.set_xlabel("load factor (octagon)")
         _legend(ax, fontsize=8)
     figure.savefig(path, dpi=100)
+
+
+KINDS = {"axes": "tab:green", "order": "tab:grey", "setting": "tab:purple", "": ""}
+"""What is varied in :func:`spread`, and its colour."""
+
+
+def _kind(e: Experiment) -> str:
+    """Which of :data:`KINDS`: "" for what is not the paper's reading on the octagon."""
+    if not e.moments.startswith("paper") or e.surface != "octagon":
+        return ""
+    if e.part == "settings":
+        return "" if setting(e) == DEFAULTS else "setting"
+    return {"tables": "axes", "orders": "order"}[e.part]
+
+
+def _label(e: Experiment, kind: str) -> str:
+    if kind == "axes":
+        return "as it is" if e.moments == "paper" else e.moments.removeprefix("paper ").strip("()")
+    return f"order {e.order}" if kind == "order" else setting(e)

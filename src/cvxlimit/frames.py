@@ -13,7 +13,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
-from cvxlimit.plotting.strength import pressure_centres, utilisations
+from cvxlimit.plotting.strength import BENDING, pressure_centres, utilisations
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Solution
 
@@ -103,6 +103,7 @@ _USED = {
     "utilisation_sliding": "shear over friction",
     "utilisation_torsion": "torsion over the torsional strength without shear",
     "utilisation_torsion_shear": "torsion and shear together, on the paper's line (Eq. 24)",
+    BENDING: "torsion and shear with the contact's own eccentricity (Eq. 30), as moments say",
 }
 
 
@@ -167,6 +168,8 @@ def _facts(solution: Solution) -> dict[str, Any]:
         "lower": solution.lower,
         "upper": solution.upper,
         "status": str(solution.status),
+        "interaction": solution.interaction,
+        "moments": solution.moments,
     }
 
 

@@ -311,7 +311,7 @@ class Scene:
 
     def _copy(self, **changes: object) -> Scene:
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        for kept in ("_detection", "_given_contacts"):
+        for kept in ("_detection", "_given_contacts", "geometry", "free"):  # shapes never change
             if kept in self.__dict__:
                 copy.__dict__[kept] = self.__dict__[kept]
         return copy
@@ -360,8 +360,9 @@ class Scene:
         copy.__dict__["_detection"] = other._detection
         return copy
 
-    def with_contacts(self, contacts: Contacts) -> Scene:
-        """The same scene with these contacts in place of those detected: other strengths, say."""
+    def _with_contacts(self, contacts: Contacts) -> Scene:
+        """The same scene with these contacts in place of those detected, for what solves it: files,
+        pickles, other units and other strengths know nothing of them."""
         copy = self._copy()
         copy.__dict__["_given_contacts"] = contacts
         return copy

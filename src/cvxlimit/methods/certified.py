@@ -391,5 +391,10 @@ class _Proof:
 
     def basis(self) -> str:
         """What the bounds rest on, in a sentence."""
-        is_plain = bool(self.run.contacts.is_rectangle.all())
-        return basis(self.run.best.bracket, self.reason, only_rectangles=is_plain)
+        run = self.run
+        return basis(
+            run.best.bracket,
+            self.reason,
+            run.moments.caution,
+            only_rectangles=bool(run.contacts.is_rectangle.all()),
+        )

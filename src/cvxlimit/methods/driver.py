@@ -202,24 +202,17 @@ class Run:
         Raises
         ------
         ModelError
-            If a list of surfaces was given, a formulation, or cohesion.
+            If a list of surfaces was given, a formulation, cohesion, strengths or ties.
         """
+        check_dry(self, "interaction")
         if np.any(self.contacts.cohesion):
             raise ModelError(
                 "interaction with bending (Eq. 30) has no cohesion: take it out of the scene"
             )
-        if self.formulation is not corner_compressions:
-            raise ModelError("interaction brings its own formulation: leave formulation out")
         if not self._is_preset:
             raise ModelError(
                 "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
                 "'K-gon' or a Cone, not as a list of surfaces"
-            )
-        limited = np.isfinite(self.contacts.compressive_strength).any()
-        if limited or np.any(self.mortar.pull):
-            raise ModelError(
-                "interaction knows no strength of stone or mortar yet: leave compressive_strength "
-                "and tensile_strength out, or the interaction"
             )
         if self.torsion_shear != "linear":
             raise ModelError(
@@ -278,6 +271,24 @@ class Run:
     def load_factors(self) -> list[float | None]:
         """Those of the history."""
         return [iterate.load_factor for iterate in self.history]
+
+
+def check_dry(run: Run, what: str) -> None:
+    """Refuse formulations, strengths and ties that ``what`` does not know.
+
+    Raises
+    ------
+    ModelError
+    """
+    if run.formulation is not corner_compressions:
+        raise ModelError(f"{what} brings its own formulation: leave formulation out")
+    if run.scene.ties:
+        raise ModelError(f"{what} knows no ties yet: leave ties out")
+    if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
+        raise ModelError(
+            f"{what} knows no strength of stone or mortar yet: leave compressive_strength and "
+            "tensile_strength out"
+        )
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.driver import Answer, Rule, Run
-from cvxlimit.methods.zero_dilatancy import check_dry
+from cvxlimit.methods.driver import Answer, Rule, Run, check_dry
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for

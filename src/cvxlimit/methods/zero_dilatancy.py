@@ -19,10 +19,10 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
-from cvxlimit.methods.driver import Answer, Rule, Run
+from cvxlimit.methods.driver import Answer, Rule, Run, check_dry
 from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
@@ -129,24 +129,6 @@ class ZeroDilatancy(Rule):
     def result(self, run: Run, state: _Search) -> Answer:
         """The lowest solution found, with all others beside it; no bracket."""
         return state.answer()
-
-
-def check_dry(run: Run, what: str) -> None:
-    """Refuse formulations, strengths and ties that ``what`` does not know.
-
-    Raises
-    ------
-    ModelError
-    """
-    if run.formulation is not corner_compressions:
-        raise ModelError(f"{what} brings its own formulation: leave formulation out")
-    if run.scene.ties:
-        raise ModelError(f"{what} knows no ties yet: leave ties out")
-    if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
-        raise ModelError(
-            f"{what} knows no strength of stone or mortar yet: leave compressive_strength and "
-            "tensile_strength out"
-        )
 
 
 @dataclass

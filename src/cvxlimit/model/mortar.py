@@ -79,7 +79,7 @@ class Mortar:
         pressed = contacts.with_cohesion(np.maximum(cohesion, 0.0)).with_strength(
             contacts.compressive_strength + tension, np.zeros(len(contacts))
         )
-        return cls(scene.with_dead(_with_pull(scene, pull)).with_contacts(pressed), pull)
+        return cls(scene.with_dead(_with_pull(scene, pull))._with_contacts(pressed), pull)
 
     def original(self, forces: FloatArray | None) -> FloatArray | None:
         """Contact forces (n, 6) of the scene with tension."""

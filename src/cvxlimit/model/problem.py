@@ -96,6 +96,26 @@ class LargestSelfStress:
         return Terms(cp.sum(pressure), nothing, nothing, [pressure <= 1.0, alpha == 0.0])
 
 
+@dataclass(frozen=True)
+class LeastForces:
+    """The load factor, less ``weight`` times the squared norm of all forces: one state is the best.
+
+    Optimal forces are as a rule not unique, and which of them a solver returns depends on rounding.
+    The norm is the root of the sum of V1² + V2² + N² and the squares of the moments over the unit
+    of length, all in units of the total load, so it does not depend on the contacts' axes.
+    """
+
+    weight: float
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """See :class:`Objective`."""
+        components, length = forces.components, assemblage.scaling.length
+        square = sum(cp.sum_squares(components[c]) for c in ("V1", "V2", "N"))
+        square += sum(cp.sum_squares(components[c] / length) for c in ("M1", "M2", "MT"))
+        scaled = assemblage.scaled
+        return Terms(alpha - self.weight * square, scaled.dead, alpha * scaled.live)
+
+
 class StaticProblem:
     """max goal  subject to  A x + f_D + alpha f_L = 0  and what bounds the forces x.
 

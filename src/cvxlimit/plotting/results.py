@@ -264,8 +264,8 @@ def utilisation(
     solution, viewer
         As for :func:`mechanism`; a solution must have forces.
     surface : str or None
-        ``"rocking"``, ``"sliding"``, ``"torsion"``, ``"torsion-shear"``; None is the largest of
-        those that were solved with.
+        ``"rocking"``, ``"sliding"``, ``"torsion"``, ``"torsion-shear"``, and with interaction
+        ``"torsion-shear-bending"`` (Eq. 30); None is the largest of those that were solved with.
     """
     scene = solution.drawn_scene
     used, words = _used(solution, scene, surface)

@@ -7,14 +7,31 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import reading_of
+from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.plotting.movement import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.surfaces import Rocking, Sliding, Torsion, TorsionShear, YieldSurface, utilisation
+from cvxlimit.surfaces import (
+    Cone,
+    Rocking,
+    Sliding,
+    Torsion,
+    TorsionShear,
+    YieldSurface,
+    utilisation,
+)
 from cvxlimit.surfaces.presets import surfaces_of
 from cvxlimit.surfaces.utilisation import CARRIES
 
 FloatArray = NDArray[np.float64]
+
+BENDING = "utilisation_torsion_shear_bending"
+"""Column of Eq. 30."""
+
+_WITH_BENDING = ("fixed-point", "certified")
+"""Interactions whose solutions have a reading of Eq. 30."""
 
 
 def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -33,18 +50,39 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface.
 
     The largest is over the surfaces that were solved with where their name says what they are,
-    and over the paper's (rocking, torsion with shear) otherwise; interaction with bending has
-    none of its own. NaN where a contact carries nothing.
+    and over the paper's (rocking, torsion with shear) otherwise. With interaction it is over
+    rocking and Eq. 30 as the solution reads it: ``utilisation_torsion_shear_bending``. NaN where a
+    contact carries nothing.
     """
     contacts, forces = scene.contacts, contact_forces(scene, solution)
     solved = _solved_with(solution)
     asked = {_column(s): s for s in (Rocking(), Sliding(), Torsion(), TorsionShear(), *solved)}
+    counted = [_column(surface) for surface in solved]
+    reading = reading_of(solution.moments) if solution.interaction in _WITH_BENDING else None
+    if reading is not None:
+        counted = [_column(Rocking()), BENDING]
+    names = [*asked, *counted]
     if forces is None:
         nothing = np.full(len(contacts), np.nan)
-        return {"utilisation": nothing} | dict.fromkeys(asked, nothing)
+        return {"utilisation": nothing} | dict.fromkeys(names, nothing)
     found = {name: utilisation(surface, forces, contacts) for name, surface in asked.items()}
-    largest = np.fmax.reduce([found[_column(surface)] for surface in solved])
-    return {"utilisation": largest} | found
+    if reading is not None:
+        found[BENDING] = _with_bending(reading, solved[-1].cone, forces, contacts)
+    return {"utilisation": np.fmax.reduce([found[name] for name in counted])} | found
+
+
+def _with_bending(
+    reading: Moments, cone: Cone, forces: FloatArray, contacts: Contacts
+) -> FloatArray:
+    """Share of Eq. 30's right side, c mu N, in use, where each contact itself is pressed.
+
+    The frozen surface (Eq. 32) of the forces' own eccentricities is Eq. 30. Sliding counts as
+    well: it is all that is left where nothing of the contact is effective, in its corners.
+    """
+    at = Pressure.of(forces, contacts)
+    frozen = reading.frozen(reading.eccentricity(at, contacts), cone)
+    sliding = utilisation(Sliding(cone), forces, contacts)
+    return np.fmax(utilisation(frozen, forces, contacts), sliding)
 
 
 def _column(surface: YieldSurface) -> str:

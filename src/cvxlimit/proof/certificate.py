@@ -202,7 +202,7 @@ class Certifier:
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate)
-            if not lower[1]:
+            if not lower[1] or load_factor - lower[0] > _PRICE * abs(load_factor):
                 lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))

@@ -132,14 +132,19 @@ class Strength:
             return [condition_excess(c, cone, values) for c, cone in self.conditions]
         values = self.model.values(state)
         found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        return [-state[self.model.nonneg], *found]
+        return [-state[self.model.nonneg], *found] if self._has_compressions else found
 
     @cached_property
     def rows(self) -> list[IntArray]:
         """Contact of every entry of :meth:`excess`."""
         each = np.arange(len(self.contacts))
         found = [each if c.contact is None else c.contact for c, _ in self.conditions]
-        return [self.model.contact[self.model.nonneg], *found] if self.is_internal else found
+        is_first = self.is_internal and self._has_compressions
+        return [self.model.contact[self.model.nonneg], *found] if is_first else found
+
+    @cached_property
+    def _has_compressions(self) -> bool:
+        return bool(self.model.nonneg.any())
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""

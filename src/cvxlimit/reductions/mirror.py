@@ -136,6 +136,11 @@ def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
     turn = np.eye(3) - 2.0 * np.outer(normal, normal)
+    loads = [load.reshape(-1, DOF)[:, :3] for load in (statics.dead, statics.live)]
+    if any(  # the sum of what is symmetric is: seldom so, and quicker to see than partners
+        np.abs(load.sum(axis=0) @ normal) > _SAME_PLACE * np.abs(load).sum() for load in loads
+    ):
+        return None
     offset = 2.0 * float((free @ normal).mean()) * normal
     near = _SAME_PLACE * size
     blocks = _partners(free, free @ turn + offset, near)

@@ -15,6 +15,7 @@ from cvxpy.constraints import Inequality, NonNeg, NonPos
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
+from cvxlimit.solvers.running import PLUG_INS
 from cvxlimit.solvers.sparse import best_backend
 from cvxlimit.solvers.table import SOLVERS, SolverSettings, settings_for
 
@@ -61,9 +62,12 @@ variables it is 1 ms faster than QOCO, a twentieth of all."""
 
 
 def default_ladder() -> Ladder:
-    """Rungs in order: Clarabel as a rule, then tighter, then every other installed solver."""
+    """Rungs in order: Clarabel as a rule, then in units of its own answer, which is what weights
+    far apart need, then tighter, then every other installed solver."""
     rungs = [
         settings_for("CLARABEL"),
+        settings_for("RESCALED", None, "CLARABEL rescaled"),
+        settings_for("RESCALED", None, "BLOCKWISE rescaled", first="BLOCKWISE"),
         settings_for(
             "CLARABEL", 1e-13, "CLARABEL tight",
             max_iter=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
@@ -114,7 +118,7 @@ def check_installed(settings: SolverSettings) -> None:
     ModelError
     """
     name, backend = settings.name, settings.options.get("backend", "")
-    known = [*installed(), "BLOCKWISE"]
+    known = [*installed(), *PLUG_INS]
     if name not in known:
         close = get_close_matches(name.upper(), known, 1, 0.8)
         row = SOLVERS.get(name)

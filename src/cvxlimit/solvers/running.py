@@ -13,11 +13,12 @@ from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
 from numpy.typing import NDArray
 
 from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.rescaled import Rescaled
 from cvxlimit.solvers.table import SolverSettings
 
 FloatArray = NDArray[np.float64]
 
-PLUG_INS: dict[str, type[ConicSolver]] = {"BLOCKWISE": Blockwise}
+PLUG_INS: dict[str, type[ConicSolver]] = {"BLOCKWISE": Blockwise, "RESCALED": Rescaled}
 """Solvers that CVXPY does not know by name."""
 
 

@@ -57,6 +57,8 @@ _ROWS = (
     Solver("CLARABEL", "Apache-2.0", _CORE, ("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-11,
            {"direct_solve_method": "qdldl", "max_iter": 200}),
     Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11),
+    Solver("RESCALED", "MIT", _CORE, ("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12,
+           {"direct_solve_method": "qdldl", "max_iter": 200}),
     # At tolerances below 1e-8 its brackets are no narrower.
     Solver("QOCO", "BSD-3-Clause", "cvxlimit[fast]", ("abstol", "reltol"), 1e-8),
     Solver("MOSEK", "commercial", _ALONE, ("eps",), 1e-9, is_tried=True),

@@ -79,7 +79,8 @@ def varied(
         result = result.with_friction(friction)
     if cohesion is not None:
         result = result.with_cohesion(cohesion)
-    result = result.with_strength(compressive_strength, tensile_strength)
+    if compressive_strength is not None or tensile_strength is not None:
+        result = result.with_strength(compressive_strength, tensile_strength)
     result = result if live is None else result.with_live(live)
     result = result if dead is None else result.with_dead(dead)
     if direction != 0.0:

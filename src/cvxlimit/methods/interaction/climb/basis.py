@@ -8,8 +8,9 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.methods.interaction.climb.lower_bound import ACCEPTED
 
 
-def basis(bracket: Bracket, reason: str, *, only_rectangles: bool) -> str:
-    """How the bounds were proved, or under which assumption they hold, and why the method ended.
+def basis(bracket: Bracket, reason: str, caution: str = "", *, only_rectangles: bool) -> str:
+    """How the bounds were proved, or under which assumption they hold, why the method ended,
+    and what is to be said of the reading (``caution``).
 
     Example
     -------
@@ -35,5 +36,5 @@ def basis(bracket: Bracket, reason: str, *, only_rectangles: bool) -> str:
         "contacts that are not rectangles: lower bound on inscribed rectangles, upper "
         "bound of branch and bound with torsion arms sampled between pressure centres"
     )
-    parts = [lower, upper, reason, "" if only_rectangles else polygons]
+    parts = [lower, upper, reason, caution, "" if only_rectangles else polygons]
     return "; ".join(part for part in parts if part)

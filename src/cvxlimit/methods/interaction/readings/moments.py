@@ -111,6 +111,8 @@ class Moments(ABC):
         gains.
     shrink : float
         Safe steps are built this share nearer to the middle than the last forces.
+    caution : str
+        What every answer under this reading has to be read with; "" if nothing.
     """
 
     name: str
@@ -126,6 +128,7 @@ class Moments(ABC):
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
+    caution: ClassVar[str] = ""
 
     def __str__(self) -> str:
         return self.name

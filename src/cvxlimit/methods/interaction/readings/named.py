@@ -38,8 +38,7 @@ class SignedTorsionBending(Signed):
     """Signed moments with Eq. 27 beside Eq. 30: abs(MT) <= c mu N, about the contact's own centre.
 
     The paper updates both in every iteration (its section 4). Statics does not ask for the second:
-    torsion about the pressure centre is what friction resists. It is here because the iteration
-    then no longer jumps above its first factor.
+    torsion about the pressure centre is what friction resists.
     """
 
     name = "signed-torsion-bending"
@@ -113,6 +112,10 @@ class Paper(SignedTorsionBending):
     starts = ("relaxation", "middle")
     fields = staticmethod(forces_with_sizes)
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+    caution = (
+        "the paper's reading depends on the contacts' axes, which the paper does not state: others "
+        "give other factors; moments 'independent' and 'signed' do not depend on them"
+    )
 
     def __init__(self, signs: tuple[int, int] = (1, 1)) -> None:
         if tuple(signs) not in _AXES:
@@ -152,6 +155,18 @@ _AXES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 MOMENTS = {m.name: m for m in (INDEPENDENT, SIGNED, SignedTorsionBending(), Paper())}
 """By name, as options and files have them."""
+
+
+def reading_of(name: str) -> Moments | None:
+    """The reading that a solution or a result file names, None for one that is not known here.
+
+    Example
+    -------
+    >>> str(reading_of(Paper((1, -1)).name))
+    'paper (+V1 -V2)'
+    """
+    every = [*MOMENTS.values(), *map(Paper, _AXES)]
+    return next((reading for reading in every if reading.name == name), None)
 
 
 def parse_moments(moments: str | Moments) -> Moments:

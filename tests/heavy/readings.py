@@ -1,0 +1,76 @@
+"""Every reading of Eq. 30 on many scenes: lower bounds, and loads without an answer.
+
+Not collected by default (some minutes): ``pytest tests/heavy/readings.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.stability.families import sample, samples
+
+from cvxlimit import Load, Scene, Solution, Status, solve
+from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.methods.certified import Certified
+
+WALLS = range(1, 15)
+SMALL = 40
+READINGS = ("independent", "signed", "paper")
+
+
+def certified(scene: Scene, moments: str) -> Solution:
+    return solve(scene, interaction=Certified(branching_seconds=0.0), moments=moments)
+
+
+def _scene(number: int) -> Scene:
+    """Small scenes of all families of the atlas first, then irregular walls."""
+    if number < SMALL:
+        return sample(*list(samples(SMALL))[number]).scene
+    return random_wall(WALLS[number - SMALL])
+
+
+@pytest.mark.parametrize("number", range(SMALL + len(WALLS)))
+def test_signed_moments_have_a_lower_bound_where_independent_signs_have_one(number: int) -> None:
+    """Forces that independent signs admit are admitted by statics, and under the paper's signs:
+    1e-6 for what balancing them costs. None contradicts the bounds of the convex problem."""
+    scene = _scene(number)
+    strict = certified(scene, "independent")
+    for moments in ("signed", "paper"):
+        found = certified(scene, moments)
+        if strict.status is Status.LIVE_LOAD_HARMLESS:
+            assert found.status is Status.LIVE_LOAD_HARMLESS
+        elif np.isfinite(strict.lower):
+            assert found.lower >= strict.lower - 1e-6 * abs(strict.lower), (strict, found)
+        if found.bracket.has_both:
+            assert found.lower <= found.upper
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_loads_without_an_answer_are_recognised(seed: int) -> None:
+    """A live load that does harm without interaction does so with it; one that does none without
+    it does none, or has a factor: near their edges contacts carry less. None is left open."""
+    scene = random_wall(seed)
+    is_harmless = solve(scene).status is Status.LIVE_LOAD_HARMLESS
+    for moments in READINGS:
+        found = certified(scene, moments)
+        if not is_harmless:
+            assert found.status is not Status.LIVE_LOAD_HARMLESS
+        else:
+            settled = found.status is Status.LIVE_LOAD_HARMLESS or found.bracket.has_both
+            assert settled, (moments, found)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_dead_loads_that_cannot_stand_are_recognised(seed: int) -> None:
+    """A wall whose dead load is tilted beyond friction falls by itself under every reading."""
+    scene = random_wall(seed)
+    angle = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi)
+    push = 1.5 * float(scene.contacts.friction.max())
+    down = np.array([push * np.cos(angle), push * np.sin(angle), -1.0])
+    tilted = scene.with_dead(Load(gravity=tuple(down / np.linalg.norm(down))))
+    plain = solve(tilted)
+    for moments in READINGS:
+        found = certified(tilted, moments)
+        if plain.status is Status.DEAD_LOAD_UNSTABLE:
+            assert found.status is Status.DEAD_LOAD_UNSTABLE, (moments, found)
+            assert found.mechanism is not None
