@@ -23,7 +23,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Answer, Rule, Run, fallen
 from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.methods.interaction.climb.basis import basis
-from cvxlimit.methods.interaction.climb.inner import InnerMethod
+from cvxlimit.methods.interaction.climb.inner import MOST_BOXED, InnerMethod
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.climb.recognition import carrying_forces
 from cvxlimit.methods.interaction.readings.halves import Half
@@ -53,10 +53,6 @@ second one took as long as everything before it, and ended below."""
 
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""
-
-_MOST_BOXED = 500
-"""Contacts up to which boxes of pressure centres are tried unasked: on the panels S12 (888
-contacts) and S10 (1,906) they took as long as all before, and ended at or below it."""
 
 _OPEN = (
     "no upper bound, and no forces were found that carry the live load alone: whether it does any "
@@ -275,7 +271,7 @@ class _Proof:
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
                 yield from self._until_met(method.iterates(at))
-            elif self.rule.starts or len(run.contacts) <= _MOST_BOXED:
+            elif self.rule.starts or len(run.contacts) <= MOST_BOXED:
                 yield from self._until_met(method.narrowed(at))
         yield from self._borrow(method)
         self.reason = self.reason or "no further progress from these starts"
