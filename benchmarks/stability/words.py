@@ -23,7 +23,7 @@ about scenes that nobody has seen.
 | a single solver you call yourself | any, but check its answer: `Certifier` | each of those tried says "optimal" to wrong numbers where weights, sizes or loads lie far apart |
 | interaction with bending | `interaction="certified"` | a bracket; it may be wide, but nothing refuted one |
 | to reproduce the paper's iteration | `interaction="fixed-point"`, old-value weight 0.8 | with independent moments, or with little blending, it wanders, cycles or dies on most walls |
-| a value of that iteration that others should find again | `FixedPoint(epsilon=1e-2, regularisation=1e-3)` | without, it depends on the order of the blocks and on the solver; where it settles it is no bound all the same |
+| a value of that iteration that others should find again | signed moments, `FixedPoint(epsilon=1e-2, regularisation=1e-3)`, and try two orders of the blocks | it depends less on their order and on the solver; it is no bound all the same |
 | blocks wedged between supports | the default | a solver left alone returns any of infinitely many states of self-stress |
 
 Answers fall into five classes:
@@ -153,8 +153,12 @@ interaction.
 """
 
 SPREADS = """
-Neither does it alone, both together do on most scenes: then the iteration is a map that is well
-defined. That it settles more often does not follow; where it wanders, it wanders in every order.
+With signed moments the two together take the spread away on the tuff wall, on walls and on panels:
+there the iteration is then a map that is well defined. They do not where loads are few and most
+contacts carry nothing, and there it can be larger than before: which of two ends is reached still
+hangs by rounding, because the map itself amplifies it. The paper's reading depends on the contacts'
+axes, which turn with the order of the blocks, so no choice of forces can make it agree. And a choice
+does not make the iteration settle more often. So the option is there, and is not the default.
 
 ![Last load factor by order and solver](atlas-orders.png)
 """
