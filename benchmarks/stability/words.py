@@ -72,8 +72,8 @@ hold in all of these; the exit code is 4.
 What cured the others. Densities 1e8 apart (3 % of them were open): a solver's residual of 1e-10 of the
 total load is a hundredth of what the lightest block weighs, so the problem is solved once more in
 units of its own answer, contact by contact and equation by equation (`CLARABEL rescaled` in the
-history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry nothing are left
-out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
+history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry
+nothing are left out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
 locked blocks: a mechanism is also certified with those blocks glued together that it does not move.
 
 """
@@ -111,7 +111,10 @@ without dilatancy is a state of the associated problem. So no lower bound of the
 an upper bound of the second: {pairs} such pairs on {scenes} scenes, {contradicted} contradicted.
 Members of zero dilatancy, {members} of them, are checked for equilibrium and yield by a second
 writing. Stone so strong that it does not crush, cohesion and tension next to none have to give the
-rigid answer back, and the full and the least model that of the default.
+rigid answer back, and the full and the least model that of the default. What is *loose* are brackets
+with interaction on a budget of a second, and strong stone; *honest failures* are zero dilatancy and
+Gilbert's scheme where there is no load factor, which both call "not converged", or where they do not
+settle.
 """
 
 CERTIFIED = """
