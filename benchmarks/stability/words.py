@@ -23,7 +23,7 @@ about scenes that nobody has seen.
 | a single solver you call yourself | any, but check its answer: `Certifier` | each of those tried says "optimal" to wrong numbers where weights, sizes or loads lie far apart |
 | interaction with bending | `interaction="certified"` | a bracket; it may be wide, but nothing refuted one |
 | to reproduce the paper's iteration | `interaction="fixed-point"`, old-value weight 0.8 | with independent moments, or with little blending, it wanders, cycles or dies on most walls |
-| a value of that iteration that others should find again | `FixedPoint(epsilon=1e-2, regularisation=1e-3)` | without, it depends on the order of the blocks and on the solver; where it settles it is no bound all the same |
+| a value of that iteration that others should find again | signed moments, `FixedPoint(epsilon=1e-2, regularisation=1e-3)`, and try two orders of the blocks | it depends less on their order and on the solver; it is no bound all the same |
 | blocks wedged between supports | the default | a solver left alone returns any of infinitely many states of self-stress |
 
 Answers fall into five classes:
@@ -72,8 +72,8 @@ hold in all of these; the exit code is 4.
 What cured the others. Densities 1e8 apart (3 % of them were open): a solver's residual of 1e-10 of the
 total load is a hundredth of what the lightest block weighs, so the problem is solved once more in
 units of its own answer, contact by contact and equation by equation (`CLARABEL rescaled` in the
-history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry nothing are left
-out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
+history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry
+nothing are left out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
 locked blocks: a mechanism is also certified with those blocks glued together that it does not move.
 
 """
@@ -111,7 +111,10 @@ without dilatancy is a state of the associated problem. So no lower bound of the
 an upper bound of the second: {pairs} such pairs on {scenes} scenes, {contradicted} contradicted.
 Members of zero dilatancy, {members} of them, are checked for equilibrium and yield by a second
 writing. Stone so strong that it does not crush, cohesion and tension next to none have to give the
-rigid answer back, and the full and the least model that of the default.
+rigid answer back, and the full and the least model that of the default. What is *loose* are brackets
+with interaction on a budget of a second, and strong stone; *honest failures* are zero dilatancy and
+Gilbert's scheme where there is no load factor, which both call "not converged", or where they do not
+settle.
 """
 
 CERTIFIED = """
@@ -153,8 +156,12 @@ interaction.
 """
 
 SPREADS = """
-Neither does it alone, both together do on most scenes: then the iteration is a map that is well
-defined. That it settles more often does not follow; where it wanders, it wanders in every order.
+With signed moments the two together take the spread away on the tuff wall, on walls and on panels:
+there the iteration is then a map that is well defined. They do not where loads are few and most
+contacts carry nothing, and there it can be larger than before: which of two ends is reached still
+hangs by rounding, because the map itself amplifies it. The paper's reading depends on the contacts'
+axes, which turn with the order of the blocks, so no choice of forces can make it agree. And a choice
+does not make the iteration settle more often. So the option is there, and is not the default.
 
 ![Last load factor by order and solver](atlas-orders.png)
 """

@@ -110,10 +110,11 @@ class FixedPoint(Rule):
         that rounding picks. In scaled units, where a load factor is of order one: with 1e-3 it
         falls by 2.7e-4 of itself on the tuff wall. Alone it does not make the iteration
         independent of the order of the blocks and of the solver: where nothing presses, Eq. 31
-        still divides rounding by rounding. With ``epsilon=1e-2`` beside it, it does on walls and
-        panels (docs/atlas.md): on the tuff wall six runs end within 1e-6 after 5 iterations, where
-        without either they end 21 % apart after 2 to 60. (The least norm among optimal forces, by
-        a second problem, was tried: from the second iterate on solvers do not get it to 1e-4.)
+        still divides rounding by rounding. With ``epsilon=1e-2`` beside it, signed moments and
+        three orders by two solvers, the ends on the tuff wall are 2e-5 apart (7e-3 without
+        either), on random walls and panels below 1e-5, but 7 % on a wall with few loads
+        (docs/atlas.md). The least norm among optimal forces by a second problem was tried: from
+        the second iterate on solvers do not find it.
 
     Example
     -------
