@@ -22,7 +22,7 @@ PAPER = {
 }
 """The paper's name, first and last factor, and the experiment's."""
 
-MINUTES = {"s12-panel": " in 34 min", "s10-panel": " in 61 min", "tuff-wall": " in 3 s"}
+MINUTES = {"s12-panel": "34 min", "s10-panel": "61 min", "tuff-wall": "3 s"}
 """What the paper's last iterates took it."""
 
 SETTLED = 3
@@ -173,7 +173,7 @@ def last(pairs: Sequence[Pair]) -> list[str]:
         rows += [
             (
                 title,
-                f"{_told(published)}{MINUTES[scene]}",
+                f"{_told(published)}, {MINUTES[scene]}",
                 _told(experiment),
                 f"{_range(_later(r))}, {_number(r.load_factor)} after {r.solves}",
                 f"{r.seconds:.0f}",
@@ -308,6 +308,9 @@ def summary(pairs: Sequence[Pair]) -> list[str]:
                     f"- {moments}, {count} {what}: {len(widths)} brackets, median width "
                     f"{np.median(widths):.2g} %, widest {max(widths):.1f} %, {close} within 1 %."
                 )
+    times = sorted(r.measured for _, r in _of(pairs, "brackets", kind="certified") if r.measured)
+    if times:
+        lines.append(f"- Measured from {times[0]} to {times[-1]} (UTC), on the code of that time.")
     return lines
 
 
