@@ -108,7 +108,7 @@ def _cpu_seconds() -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print all three."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.nodes", description=__doc__)
-    parser.add_argument("--walls", type=int, nargs="+", default=[14, 26, 18])
+    parser.add_argument("--walls", type=int, nargs="*", default=[14, 26, 18])
     parser.add_argument("--closing", type=int, nargs="*", default=[14, 38])
     asked = parser.parse_args(arguments)
     for seed in asked.walls:
