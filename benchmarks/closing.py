@@ -227,6 +227,7 @@ def row(scene: Scene, moments: str, seconds: float, tolerance: float, tries: int
     if not solution.status.has_answer:
         return Row(*known, np.nan, np.nan, False, False, np.nan, spent, [], solution.note)
     meter.read(run)
+    trace = thinned(meter.trace)
     bracket, forces = run.best.bracket, run.best.forces
     checked = LowerBounds(scene, run.moments).of(
         np.zeros((len(run.contacts), 6)) if forces is None else forces,
@@ -235,8 +236,17 @@ def row(scene: Scene, moments: str, seconds: float, tolerance: float, tries: int
     is_checked = bool(checked.value >= bracket.lower - 1e-9 * abs(bracket.lower))
     return Row(
         *known, bracket.lower, bracket.upper, bracket.is_proved, is_checked, better(run, tries),
-        spent, meter.trace, solution.note,
+        spent, trace, solution.note,
     )  # fmt: skip
+
+
+def thinned(trace: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Lines of a trace where the gap fell by 2 % since the last one kept, and the last."""
+    kept: list[tuple[float, float, float]] = []
+    for line in trace:
+        if not kept or line is trace[-1] or line[2] - line[1] < 0.98 * (kept[-1][2] - kept[-1][1]):
+            kept.append((round(line[0], 3), line[1], line[2]))
+    return kept
 
 
 def stored(file: Path | None) -> list[Row]:

@@ -49,10 +49,11 @@ _NARROW = 1e-7
 _WORTH_A_COPY = 0.05
 """Share of the tolerance that a node's bound must stand to lose for a solve with more copies."""
 
-_SPEED_AT_REST = 0.02
+_SPEED_AT_REST = 1e-3
 """Share of the largest speed with which contacts at rest count: they may move next. With 0.1 they
-hide what moves: a wall of 31 contacts stood at 2.90 % for 1,200 nodes, and closes in 2 with this,
-or with 0.001, where another is at 2.16 % after 25 CPU seconds in place of 1.81 % after 20."""
+hide what moves: a wall of 31 contacts stood at 2.90 % for 1,200 nodes, and closes in 2 with less.
+With 0.02 two walls of 42 and 46 contacts were at 1.06 and 1.01 % after 60 CPU seconds; with 0.001
+the second closes in 22, and one of 31 contacts is at 2.16 % after 25 in place of 1.81 after 20."""
 
 _AT_REST, _MOVES, _LAYERS, _FAR = 0.1, 1e-3, 3, 3.0
 """A node's excess is at rest if it does less than this share of the gap in power; contacts move

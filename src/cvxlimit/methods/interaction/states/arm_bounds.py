@@ -42,6 +42,10 @@ _ROUNDING = 1e-9
 _THIN = 1e-9
 """Area of an effective region, over the square of the polygon's size, below which it is no e0."""
 
+_SHORT = 1e-3
+"""Segments shorter than this share of their distance are integrated by Simpson's rule, to 1e-13;
+the difference of the integral's ends would lose as many digits as they are short."""
+
 _TRIPLES = np.array(list(combinations_with_replacement(range(3), 3)))
 """Bernstein coefficients of a cubic over a triangle, as triples of corners."""
 
@@ -206,5 +210,7 @@ def _mean_on_segment(p: FloatArray, q: FloatArray) -> FloatArray:
         return result
 
     mean = (primitive(start + length) - primitive(start)) / safe
-    result: FloatArray = np.where(length > 0.0, mean, np.linalg.norm(p, axis=-1))
+    ends = np.linalg.norm(p, axis=-1) + np.linalg.norm(q, axis=-1)
+    simpson = (ends + 4.0 * np.linalg.norm(0.5 * (p + q), axis=-1)) / 6.0
+    result: FloatArray = np.where(length > _SHORT * ends, mean, simpson)
     return result
