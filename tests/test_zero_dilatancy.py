@@ -179,6 +179,14 @@ def test_rotation(turn: FloatArray) -> None:
 
 
 class TestSmall:
+    def test_a_load_straight_down_gives_no_number(self) -> None:
+        """It does no harm with associated friction, and what the iteration ends at is no answer."""
+        block = single_block()
+        pressed = Scene(block.blocks, block.supports, Load(acceleration=(0, 0, -1)), friction=0.4)
+        found = solve(pressed, flow="zero-dilatancy")
+        assert (found.status, found.load_factor) == (Status.NOT_CONVERGED, None)
+        assert "flow 'associated' first" in found.note
+
     def test_wall_one_attains_the_published_range(self) -> None:
         factors = [m.load_factor for m in solved("ferris-tin-loi-1").members]
         assert (factors[0], factors[-1]) == pytest.approx(PUBLISHED["ferris-tin-loi-1"], rel=1e-5)

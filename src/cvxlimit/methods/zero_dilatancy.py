@@ -322,6 +322,8 @@ class _Search:
         )  # fmt: skip
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
         if not members:
+            if self.associated is None:
+                return Answer(note=f"{_NO_ASSOCIATED}; none was found from {tried}")
             residual = "" if self.last is None else f", last residual {self.last.residual:.1e}"
             return Answer(
                 load_factor=None if self.last is None else self.last.load_factor,
@@ -343,6 +345,11 @@ class _Search:
             members=tuple(members),
         )
 
+
+_NO_ASSOCIATED = (
+    "associated friction has no largest load factor here, which would bound zero-dilatancy "
+    "solutions from above: solve with flow 'associated' first, it says why"
+)
 
 _LADDER = tuple(
     settings_for("CLARABEL", tolerance, name)
