@@ -70,7 +70,7 @@ def random_wall(
     """
     rng = np.random.default_rng(count(seed, "seed", least=0))
     length, thickness, height = size_of(unit, "the unit")
-    units, courses = sizes[rng.integers(len(sizes))]
+    units, courses = sizes[int(rng.integers(len(sizes)))]
     heights = height * rng.uniform(1.0 - _JITTER, 1.0 + _JITTER, courses)
     levels = np.concatenate([[0.0], np.cumsum(heights)])
     blocks = []
