@@ -107,13 +107,12 @@ class FixedPoint(Rule):
         Weight of the squared norm of the forces that is taken off the load factor, so that the
         forces which the next eccentricities are made of are the only ones there are: not those
         that rounding picks. In scaled units, where a load factor is of order one: with 1e-3 it
-        falls by 2.7e-4 of itself on the tuff wall. Alone it does not make the iteration
-        independent of the order of the blocks and of the solver: where nothing presses, Eq. 31
-        still divides rounding by rounding. With ``epsilon=1e-2`` beside it, signed moments and
-        three orders by two solvers, the ends on the tuff wall are 2e-5 apart (7e-3 without
-        either), on random walls and panels below 1e-5, but 7 % on a wall with few loads
-        (docs/atlas.md). The least norm among optimal forces by a second problem was tried: from
-        the second iterate on solvers do not find it.
+        falls by 2.7e-4 of itself on the tuff wall. It is no cure: with ``epsilon=1e-2`` beside it,
+        signed moments and three orders of the blocks by two solvers, ends on the tuff wall are 2e-5
+        apart (7e-3 without either) and on random walls 1e-4 at most, but 9e-3 on the S12-class
+        panel (3e-3 without) and 7 % on a wall with few loads (docs/atlas.md). The least norm among
+        optimal forces by a second problem was tried: from the second iterate on solvers do not
+        find it.
 
     Example
     -------
