@@ -23,7 +23,7 @@ import cvxlimit
 from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
 from cvxlimit.bracket import Bracket
 from cvxlimit.cli import main as cli
-from cvxlimit.cli import report
+from cvxlimit.cli import report, solving
 from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
@@ -128,13 +128,13 @@ def test_result_file_is_the_solution(run: Run) -> None:
 
 def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     returned: list[Solution] = []
-    solve = cli.solve
+    solve = solving.solve
 
     def keep(*args: object, **kwargs: object) -> Solution:
         returned.append(solve(*args, **kwargs))  # type: ignore[arg-type]
         return returned[-1]
 
-    monkeypatch.setattr(cli, "solve", keep)
+    monkeypatch.setattr(solving, "solve", keep)
     run("solve", "single-block", "--json", "out.json")
     expected, result = returned[0], read_result("out.json")
     for name in (
@@ -169,13 +169,13 @@ def test_pictures(run: Run, name: str, start: bytes, files: list[str]) -> None:
 
 def test_options_reach_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, object] = {}
-    solve = cli.solve
+    solve = solving.solve
 
     def record(scene: Scene, surface: str, **options: object) -> Solution:
         asked.update(options, surface=surface)
         return replace(solve(scene), interaction="fixed-point", status=Status.CONVERGED)
 
-    monkeypatch.setattr(cli, "solve", record)
+    monkeypatch.setattr(solving, "solve", record)
     options = ["--surface", "16-gon", "--interaction", "fixed-point", "--moments", "signed"]
     code, out, err = run(
         "solve", "single-block", *options, "--tolerance", "1e-3", "--model", "full"
@@ -309,7 +309,7 @@ def test_geometric_fault_names_the_blocks(run: Run, tmp_path: Path) -> None:
 
 
 def test_outputs_are_checked_before_the_solve(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "solve", lambda *_, **__: pytest.fail("solved in vain"))
+    monkeypatch.setattr(solving, "solve", lambda *_, **__: pytest.fail("solved in vain"))
     assert_refused(run("solve", "arch", "--plot", "m.jpg"), "must end in")
     assert_refused(run("solve", "arch", "--json", "no/o.json"), "there is no folder")
 
@@ -385,8 +385,10 @@ def test_not_certified_to_the_tolerance(run: Run) -> None:
 def test_exit_code_of_every_status(
     run: Run, monkeypatch: pytest.MonkeyPatch, status: Status
 ) -> None:
-    solve = cli.solve
-    monkeypatch.setattr(cli, "solve", lambda scene, *_, **__: replace(solve(scene), status=status))
+    solve = solving.solve
+    monkeypatch.setattr(
+        solving, "solve", lambda scene, *_, **__: replace(solve(scene), status=status)
+    )
     code, _, err = run("solve", "single-block")
     assert code == (0 if status.is_good else 4 if status.has_answer else 3)
     assert (err == "") == (code == 0)
@@ -396,7 +398,7 @@ def test_no_solver(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> Solution:
         raise SolverError("no solver could be run: install one")
 
-    monkeypatch.setattr(cli, "solve", fail)
+    monkeypatch.setattr(solving, "solve", fail)
     assert_refused(run("solve", "arch"), "install one", code=4)
 
 
@@ -407,7 +409,7 @@ def test_internal_error(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> Solution:
         raise KeyError("a\nb")
 
-    monkeypatch.setattr(cli, "solve", fail)
+    monkeypatch.setattr(solving, "solve", fail)
     assert_refused(run("solve", "arch"), "please report it", code=1)
     monkeypatch.setenv("CVXLIMIT_DEBUG", "1")
     code, out, err = run("solve", "arch")
@@ -419,7 +421,7 @@ def test_keyboard_interrupt(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object, **__: object) -> Solution:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "solve", interrupt)
+    monkeypatch.setattr(solving, "solve", interrupt)
     assert_refused(run("solve", "arch", "--json", "o.json"), "interrupted", code=130)
 
 
@@ -462,13 +464,13 @@ def test_interrupt_while_the_scene_is_read(tmp_path: Path) -> None:
 
 BUSY = """
 import time
-from cvxlimit.cli import main as cli
+from cvxlimit.cli import main as cli, solving
 
 def busy(*_, **__):
     print("under way", flush=True)
     time.sleep(3600)
 
-cli.solve = busy
+solving.solve = busy
 cli.main()
 """
 

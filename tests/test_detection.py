@@ -433,11 +433,10 @@ class TestRecords:
             outside = 1.01 * contacts.corners_of(j) @ inward[mine].T + offset[mine]
             assert (outside.min(axis=1) < 0.0).all()
 
-    def test_corner_sums_and_minima(self) -> None:
+    def test_corner_minima(self) -> None:
         contacts = builtin_scene("arch").contacts
         values = np.arange(len(contacts.corner_xy), dtype=float)
         first = contacts.corner_start[:-1]
-        np.testing.assert_array_equal(contacts.corner_sums(np.ones_like(values)), 4.0)
         np.testing.assert_array_equal(contacts.corner_minimum(values), first)
 
 

@@ -304,11 +304,11 @@ class TestRandomWalls:
 WINDOW = Opening(0.8, 0.8, 1, 2)
 
 NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
-    "no jamb": (lambda: Opening(0.0, 1.0, 0, 1), "start of an opening must be a positive.*0.0"),
+    "no jamb": (lambda: Opening(0.0, 1.0, 0, 1), "start of an opening must be above 0.*0.0"),
     "no opening": (lambda: Opening(1.0, -1.0, 0, 1), "width of an opening.*got -1.0"),
     "half a sill": (lambda: Opening(1.0, 1.0, 0.5, 1), "sill of an opening.*least 0, got 0.5"),  # type: ignore[arg-type]
     "no height": (lambda: Opening(1.0, 1.0, 0, 0), "courses of an opening.*least 1, got 0"),
-    "no facade": (lambda: facade(0.0, 3), "length must be a positive number, got 0.0"),
+    "no facade": (lambda: facade(0.0, 3), "length must be above 0, got 0.0"),
     "no room": (
         lambda: facade(0.4, 3, left_return=1.0, right_return=1.0),
         "length must be above the thickness of its returns, 0.4, got 0.4",
@@ -337,7 +337,7 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: facade(2.4, 6, right_openings=[WINDOW]),
         "right_openings need a right_return, which has no length",
     ),
-    "no bearing": (lambda: facade(2.4, 6, [WINDOW], bearing=0), "bearing must be a positive.*0"),
+    "no bearing": (lambda: facade(2.4, 6, [WINDOW], bearing=0), "bearing must be above 0.*0"),
     "low storeys": (
         lambda: house_corner(storey_courses=5),
         "storey_courses must be at least 6 for sill, window and lintel, got 5",
@@ -359,10 +359,13 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
     "one pier stone": (lambda: arch_on_piers(1), "voussoirs must each span less than 180.*got 1"),
     "no rows": (lambda: barrel_vault(0), "rows must be a whole number of at least 1, got 0"),
     "no units": (lambda: barrel_vault(units=0), "units must be a whole number.*got 0"),
-    "no length": (lambda: barrel_vault(length=-1.0), "length must be a positive number, got -1.0"),
+    "no length": (
+        lambda: barrel_vault(length=-1.0),
+        "length must be above 0, got -1.0",
+    ),
     "two lunes": (lambda: dome(2), "lunes must be a whole number of at least 3, got 2"),
     "solid dome": (lambda: dome(thickness_ratio=2.0), "thickness_ratio must be below 2, got 2"),
-    "no eye": (lambda: dome(oculus=0.0), "oculus must be a positive number, got 0.0"),
+    "no eye": (lambda: dome(oculus=0.0), "oculus must be above 0, got 0.0"),
     "no shell": (
         lambda: dome(springing=60.0, oculus=30.0),
         "springing and oculus must leave a shell.*springing at 60 and an oculus of 30",
@@ -384,7 +387,7 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: flying_buttress(pier_width=0.4),
         "pier_width must be above 0.433013, over which the flyer's foot reaches back, got 0.4",
     ),
-    "negative pinnacle": (lambda: flying_buttress(pinnacle=-1.0), "pinnacle must be a positive"),
+    "negative pinnacle": (lambda: flying_buttress(pinnacle=-1.0), "pinnacle must be above 0"),
     "seed": (lambda: random_wall(-1), "seed must be a whole number of at least 0, got -1"),
 }
 

@@ -15,7 +15,7 @@ LAYERS = (
     {"errors"},
     {"checks", "extras", "files", "bracket", "versions", "progressbar"},
     {"geometry"},
-    {"loads", "ties"},
+    {"loads", "ties", "strengths"},
     {"scene", "solvers"},
     {"solution"},
     {"masonry"},
@@ -34,7 +34,7 @@ LAYERS = (
 
 OUTSIDE = {
     "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks", "extras",
-    "files",
+    "files", "strengths",
 }  # fmt: skip
 """All that input, output and plotting may see besides themselves."""
 

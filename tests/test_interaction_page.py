@@ -17,7 +17,7 @@ from benchmarks.interaction.experiments import (
     run,
     scene_of,
 )
-from benchmarks.interaction.page import TABLES, brackets, readings, spread
+from benchmarks.interaction.page import PAGES, TABLES, brackets, readings, spread
 
 from cvxlimit.cli.main import run as run_cli
 
@@ -67,7 +67,8 @@ def test_figures_of_the_tables() -> None:
 
 def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was never run comes first, results are kept, and the page's words stay."""
-    shutil.copy(DOCS / "interaction.md", tmp_path)
+    for name in PAGES:
+        shutil.copy(DOCS / name, tmp_path)
     monkeypatch.setattr(command.Apart, "__call__", lambda self, *given: run(*given))
     options = ["--docs", str(tmp_path), "--parts", "brackets", "--scenes", "single-block"]
     command.main([*options, "--budget", "120", "--write"])
@@ -81,7 +82,8 @@ def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.Mon
     assert "| single-block | 1 | independent | [0.4000, 0.4000]" in text
     old = (DOCS / "interaction.md").read_text(encoding="utf-8")
     assert text.split("<!--")[0] == old.split("<!--")[0]
-    assert all(f"<!-- {name} -->" in text for name in TABLES)
+    both = "".join((tmp_path / name).read_text(encoding="utf-8") for name in PAGES)
+    assert all(both.count(f"<!-- {name} -->") == 1 for name in TABLES)
     pictures = ("interaction.png", "interaction-width.png", "paper-reading.png")
     assert all((tmp_path / name).exists() for name in pictures)
     every = [e for e in experiments() if e.scene in ("single-block", "stack")]

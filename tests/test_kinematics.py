@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 
 from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
@@ -45,9 +45,13 @@ def _sure(problem: KinematicProblem) -> LimitState:
 
 
 @given(scene=scenes(), turn=rotations())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) -> None:
-    """Also turned in space, on polygons of any number of sides, with conic and facets."""
+    """Also turned in space, on polygons of any number of sides, with conic and facets.
+
+    Scenes that have no factor (falling, or pressed by their live load) are left out, in some runs
+    most of the first ones.
+    """
     scene = scene.moved(turn, (0.3, -4.0, 1.0))
     for surface in ("conic", "octagon", "5-gon-inscribed"):
         surfaces, _ = surfaces_of(surface)

@@ -20,7 +20,7 @@ from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.climb.recognition import carrying_forces
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED, Signed
 from cvxlimit.methods.interaction.readings.named import (
     MOMENTS,
     Paper,
@@ -31,7 +31,8 @@ from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder, settings_for
-from cvxlimit.surfaces import Conic, Sliding
+from cvxlimit.surfaces import Condition, Conic, Sliding
+from cvxlimit.surfaces.frozen import SignedTorsionShearBending
 from helpers import yield_excess
 
 FloatArray = NDArray[np.float64]
@@ -230,6 +231,22 @@ class TestUpperBounds:
         flow = InteractionFlow(many(hexagon(), len(rates)), moments)
         assert (flow.shortfall(rates).missing >= (-rates @ states.T).max(axis=1) - 1e-12).all()
 
+    @pytest.mark.parametrize("moments", LIMITED, ids=str)
+    def test_polygons_beside_rectangles(self, moments: SignedTorsionBending) -> None:
+        """The same bound whatever contacts come before: rates belong to contacts, not to places."""
+        ground = Block.box("ground", (-9, -9, -1), (9, 9, 0))
+        box = Block.box("box", (2, 2, 0), (3, 2.5, 1), 20.0)
+        angle = np.arange(6) * np.pi / 3.0 + 0.2
+        ring = 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        prism = Block.hull("prism", np.r_[np.c_[ring, np.zeros(6)], np.c_[ring, np.ones(6)]], 20.0)
+        scene = Scene([ground, box, prism], ["ground"], Load(acceleration=(1, 0, 0)), friction=MU)
+        both = scene.contacts
+        assert both.is_rectangle.tolist() == [True, False]
+        rates = random_rates(2, 19)
+        found = InteractionFlow(both, moments).shortfall(rates).missing
+        alone = InteractionFlow(both.take(np.array([1])), moments).shortfall(rates[1:]).missing
+        assert found[1] == pytest.approx(alone[0], rel=1e-9)
+
 
 def _largest_power(w: FloatArray, e: FloatArray, lever: FloatArray, contacts: Contacts) -> float:
     """max w . X over states pressed at e, by linear programming in V1, V2, MT and the share of
@@ -324,6 +341,15 @@ def _weight(scene: Scene) -> float:
     return float(np.abs(scene.dead_forces[:, :3]).sum())
 
 
+class _Bare(SignedTorsionShearBending):
+    def conditions(self, contacts: Contacts) -> list[Condition]:
+        return list(super().conditions(contacts))[:1]
+
+
+class _Eq32Alone(Signed):
+    frozen = _Bare
+
+
 class TestIteration:
     @pytest.mark.parametrize("scene", ["s12-panel"])
     def test_the_papers_column(self, scene: str) -> None:
@@ -356,8 +382,7 @@ class TestIteration:
     def test_no_iterate_takes_friction_off(self, moments: str) -> None:
         """Coulomb's limit (Eq. 10) at every contact, to 1e-8 of the wall's weight.
 
-        With Eq. 30 alone contacts pressed in a corner (c = 0) had none: 36 times the weight was
-        exceeded here in the second iterate of signed moments, which then jumped to 0.59.
+        There are contacts pressed in a corner, where c = 0 and Eq. 32 says nothing about sliding.
         """
         scene = builtin_scene("tuff-wall")
         run = solve(scene, interaction=FixedPoint(most=2), moments=moments)
@@ -366,7 +391,16 @@ class TestIteration:
         assert excess.max() <= 1e-8 * _weight(scene)
         assert run.load_factor < run.history[0].load_factor
         at = Pressure.of(solve(scene, interaction=FixedPoint(most=1)).forces, scene.contacts)
-        assert (at.arm < 1e-6 * scene.contacts.torsion_arm).sum() > 5  # there are such contacts
+        assert (at.arm < 1e-6 * scene.contacts.torsion_arm).sum() > 5
+
+    def test_without_rows_of_its_own_friction_is_taken_off(self) -> None:
+        """Eq. 32 alone: Coulomb's limit exceeded by 36 times the weight, the factor from 0.42 to
+        0.59. Had it held, the test above would show nothing."""
+        scene = builtin_scene("tuff-wall")
+        run = solve(scene, interaction=FixedPoint(most=2), moments=_Eq32Alone())
+        (excess,) = Sliding().excess(run.forces, scene.contacts)
+        assert excess.max() > _weight(scene)
+        assert run.load_factor > 1.2 * run.history[0].load_factor
 
     def test_epsilon_is_what_eq_31_divides_by(self) -> None:
         contacts = brick()

@@ -28,6 +28,11 @@ def solved(scene: Scene, **options: object) -> float | None:
     return solve(scene, tolerance=1e-6, **options).load_factor  # type: ignore[arg-type]
 
 
+def lowest(scene: Scene) -> float:
+    """Of zero dilatancy, found on purpose."""
+    return solve(scene, flow="zero-dilatancy").members[0].load_factor
+
+
 def reaction(scene: Scene) -> float | None:
     """Of a side support that yields along x in whatever frame: its contacts' mean normal."""
     side = next(key for key in scene.supports if key.startswith("side"))
@@ -37,6 +42,7 @@ def reaction(scene: Scene) -> float | None:
 
 MODELS: Mapping[str, tuple[Answer, float]] = MappingProxyType(
     {
+        "linear": (solved, 1e-5),
         "parabolic": (partial(solved, torsion_shear="parabolic"), 1e-5),
         "exact": (lambda scene: solve(scene, torsion_shear="exact").load_factor, 2e-3),
         "vertex forces": (partial(solved, surface=[Rocking()], formulation=vertex_forces), 1e-5),
@@ -44,10 +50,10 @@ MODELS: Mapping[str, tuple[Answer, float]] = MappingProxyType(
         "plastic field": (partial(solved, formulation=PlasticField(corner_compressions)), 1e-5),
         "mortar": (solved, 1e-5),
         "ties": (solved, 1e-5),
-        "zero dilatancy": (
-            lambda scene: solve(scene, flow="zero-dilatancy").members[0].load_factor,
-            1e-5,
-        ),
+        "zero dilatancy": (lowest, 1e-5),
+        "zero dilatancy, mortar": (lowest, 1e-5),
+        "zero dilatancy, ties": (lowest, 1e-5),
+        "zero dilatancy, effective rectangle": (lowest, 1e-5),
         "gilbert": (lambda scene: solve(scene, flow="gilbert").load_factor, 5e-3),
         "settlement": (reaction, 1e-5),
     }
@@ -66,6 +72,10 @@ def scene_of(model: str) -> Scene:
         side_supports=("start",) if model == "settlement" else (),
         live=Load(acceleration=(1.0, 0.0, 0.0)),
     )
+    if model == "zero dilatancy, effective rectangle":  # its one answer: a block that tips
+        result = single_block((1.0, 1.0, 2.0), friction=0.9)
+        return result.with_strength(compressive=20.0 * result.total_weight)
+    model = model.removeprefix("zero dilatancy, ")
     if model in ("effective rectangle", "plastic field"):
         result = result.with_friction(0.9).with_strength(compressive=100.0)
     if model == "mortar":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,8 @@ from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting import results
 from cvxlimit.plotting.drawing import Drawing, SceneFigure
-from cvxlimit.plotting.look import used_colour
+from cvxlimit.plotting.joints import THINNEST
+from cvxlimit.plotting.look import KIND_COLOURS, rgb, used_colour
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import ContactKind, motion
 
@@ -151,6 +153,21 @@ def moving() -> plotting.Animation:
     return solve(builtin_scene("single-block")).plot("animation", frames=6)
 
 
+class TestPage:
+    """The interactive page says and shows what the still picture does."""
+
+    def test_joints_by_rate_and_the_displacement(self, tuff: Solution) -> None:
+        page = tuff.plot("page")
+        text = page.split('type="application/json">')[1].split("</script>")[0]
+        data = json.loads(text)
+        widths = np.array(data["contacts"]["width"])
+        assert len(widths) == tuff.contacts
+        assert widths.max() == 1.0
+        assert (widths >= THINNEST).all()
+        assert len(np.unique(widths.round(3))) > 20  # not all alike
+        assert "largest displacement drawn" in page
+
+
 class TestAnimation:
     def test_forth_and_back(self, moving: plotting.Animation) -> None:
         first, *others = moving.frames
@@ -165,6 +182,15 @@ class TestAnimation:
             assert image.n_frames == 6
             assert image.size == moving.frames[0].shape[1::-1]
         assert "data:image/gif;base64," in moving._repr_html_()
+
+    def test_a_gif_keeps_the_colours_of_its_legend(self, moving, tmp_path) -> None:
+        with Image.open(moving.save(tmp_path / "block.gif")) as image:
+            image.seek(len(moving.frames) // 2)
+            shown = np.asarray(image.convert("RGB")).astype(int)
+        assert (shown[2, 2] == 255).all()  # paper is white
+        for colour in KIND_COLOURS.values():
+            wanted = 255 * rgb(colour)
+            assert np.abs(shown - wanted).max(axis=2).min() <= 8.0, colour
 
     def test_an_mp4(self, moving: plotting.Animation, tmp_path) -> None:
         assert moving.save(tmp_path / "block.mp4").read_bytes()[4:8] == b"ftyp"

@@ -219,18 +219,18 @@ def test_a_solution_of_another_scene_is_refused(wall, mechanism):
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({}, "bench wall, conic: load factor 0.42306 in [0.42305, 0.42306]"),
+        ({}, "bench wall, Coulomb friction: load factor 0.42306 in [0.42305, 0.42306]"),
         (
             {"load_factor": 12.34567, "bracket": Bracket(12.34561, 12.34569)},
-            "bench wall, conic: load factor 12.346 in [12.345, 12.346]",
+            "bench wall, Coulomb friction: load factor 12.346 in [12.345, 12.346]",
         ),
         (
             {"load_factor": 0.0, "bracket": Bracket(0.0, 0.0)},
-            "bench wall, conic: load factor 0.00000 in [0.00000, 0.00000]",
+            "bench wall, Coulomb friction: load factor 0.00000 in [0.00000, 0.00000]",
         ),
         (
             {"bracket": Bracket(0.4230561), "status": Status.NOT_CERTIFIED},
-            "bench wall, conic: load factor 0.42306 in [0.42305, ∞) (not certified)",
+            "bench wall, Coulomb friction: load factor 0.42306 in [0.42305, ∞) (not certified)",
         ),
         (
             {
@@ -238,14 +238,17 @@ def test_a_solution_of_another_scene_is_refused(wall, mechanism):
                 "load_factor": 0.25291,
                 "bracket": Bracket(0.25291, 0.30149),
             },
-            "bench wall, conic, certified interaction (signed moments): "
+            "bench wall, Coulomb friction, interaction with bending (signed moments): "
             "load factor 0.25291 in [0.25291, 0.30149]",
         ),
         (
             {"load_factor": None, "status": Status.DEAD_LOAD_UNSTABLE},
-            "bench wall, conic: dead load cannot stand",
+            "bench wall, Coulomb friction: dead load cannot stand",
         ),
-        ({"scene": "a\nb\x00"}, "a\ufffdb\ufffd, conic: load factor 0.42306 in [0.42305, 0.42306]"),
+        (
+            {"scene": "a\nb\x00"},
+            "a\ufffdb\ufffd, Coulomb friction: load factor 0.42306 in [0.42305, 0.42306]",
+        ),
     ],
 )
 def test_title(wall, changes, text):
@@ -386,7 +389,7 @@ def test_no_mechanism_is_drawn_undeformed(wall, tmp_path):
         assert all(p.stat().st_size > 1000 for p in plot(wall, failed, tmp_path / name))
     drawn = figure(wall, failed)
     assert len(drawn.axes) == 1
-    assert drawn.texts[0].get_text() == "bench wall, conic: live load does no harm"
+    assert drawn.texts[0].get_text() == "bench wall, Coulomb friction: live load does no harm"
     assert "block (no mechanism)" in [t.get_text() for t in drawn.legends[0].get_texts()]
 
 

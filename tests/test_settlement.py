@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, settlement
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.io import read_result
+from cvxlimit.io import read_result, write_scene
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.look import title
 from helpers import renumbered, rotations
@@ -149,7 +150,7 @@ class TestCommandLine:
         assert kept.load_factor == pytest.approx(reaction.value, rel=1e-9)
         assert kept.lower <= kept.load_factor <= kept.upper
         assert kept.quantity == "least reaction of right-abutment"
-        assert title(kept).startswith("arch, conic: least reaction of right-abutment 0.")
+        assert title(kept).startswith("arch, Coulomb friction: least reaction of right-abutment 0.")
         assert picture.stat().st_size > 0
 
     @pytest.mark.parametrize("direction", ["down", "0,0", "0,0,0", "1;2;3"])
@@ -161,3 +162,31 @@ class TestCommandLine:
     def test_no_support(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run(["settle", "arch", "--support", "pier", "--direction", "0,0,1"]) == 2
         assert "left-abutment, right-abutment are" in capsys.readouterr().err
+
+    def test_no_limit(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """A block wedged between two supports holds any push of theirs: exit 3, and why."""
+        fixed = [
+            Block.box("floor", (0, 0, -1), (1, 1, 0)),
+            Block.box("left", (-1, 0, 0), (0, 1, 1)),
+            Block.box("right", (1, 0, 0), (2, 1, 1)),
+        ]
+        block = Block.box("block", (0, 0, 0), (1, 1, 1), density=20.0)
+        scene = Scene([*fixed, block], [b.id for b in fixed], Load(acceleration=(0, 1, 0)))
+        write_scene(scene, tmp_path / "wedge.json")
+        arguments = ["settle", str(tmp_path / "wedge.json"), "--support", "right"]
+        assert run([*arguments, "--direction=-1,0,0"]) == 3
+        captured = capsys.readouterr()
+        assert re.fullmatch(
+            r"cvxlimit: the least reaction of right has no limit: .*\n", captured.err
+        )
+        assert "seconds" not in captured.out  # no history of the problem behind it
+        assert run([*arguments, "--direction=1,0,0"]) == 0  # and none is needed at least
+
+    def test_what_was_found_is_shown_though_the_disk_is_full(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        arguments = ["settle", "arch", "--support", "right-abutment", "--direction", "1,0,0"]
+        assert run([*arguments, "--json", "/dev/full"]) == 2
+        captured = capsys.readouterr()
+        assert "least reaction of right-abutment  0.49455" in captured.out
+        assert "/dev/full" in captured.err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ import pytest
 from scipy import stats
 
 from cvxlimit import Block, Load, Scene, builtin_scene, fragility, solve, sweep
+from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io import export, import_geometry
 from cvxlimit.studies import draws, read_sweep, varied
 from cvxlimit.studies.rows import Structures
 
@@ -85,7 +88,7 @@ class TestVaried:
         [
             ({"friction": -0.1}, "friction of the scene must be finite and not negative"),
             ({"density": 0.0}, "factor on all densities must be above 0"),
-            ({"size": -1.0}, "size, a factor on all lengths, must be finite and not negative"),
+            ({"size": -1.0}, "size, a factor on all lengths, must be above 0"),
             ({"tilt": float("nan")}, "tilt must be finite"),
             ({"direction": "x"}, "direction must be 1 numbers"),
         ],
@@ -455,3 +458,97 @@ solution.plot("page", "wall.html")
     assert names["solution"].status == "certified"
     assert names["solution"].note == "both bounds are proved, up to rounding"
     assert "requestAnimationFrame" in (tmp_path / "wall.html").read_text("utf-8")
+
+
+class TestImported:
+    """A block from a file of triangles, its numbers rounded: what is drawn at random is known."""
+
+    @staticmethod
+    def written(path: Path, height: float) -> Path:
+        export(stone(height=height), path)
+        lines = []
+        for line in path.read_text("utf-8").splitlines():
+            kind, *words = line.split() or [""]
+            if kind == "v":
+                lines.append("v " + " ".join(f"{float(w):.4f}" for w in words))
+            elif kind == "f":
+                lines += [f"f {words[0]} {b} {c}" for b, c in pairwise(words[1:])]
+            else:
+                lines.append(line)
+        path.write_text("\n".join(lines), "utf-8")
+        return path
+
+    @staticmethod
+    def read(path: Path, friction: float = 0.9, density: float = 20.0) -> Scene:
+        return import_geometry(
+            path, length_unit="m", up="z", density=density, friction=friction, supports="ground",
+            live=(1, 0, 0),
+        ).scene  # fmt: skip
+
+    def test_friction_density_and_size_of_an_imported_mesh(self, tmp_path: Path) -> None:
+        scene = self.read(self.written(tmp_path / "stone.obj", HEIGHT))
+        assert len(scene.blocks[-1].faces) == 12  # triangles, two to a side
+        unknown = {
+            "friction": stats.uniform(0.2, 0.6),
+            "density": stats.lognorm(0.1),
+            "size": stats.uniform(0.5, 1.0),
+        }
+        sample = draws(unknown, 12, seed=4)
+        table = quiet(scene, sample)
+        expected = np.minimum(sample["friction"], LENGTH / HEIGHT)
+        assert table["load_factor"].to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-5)
+        assert (table["status"] == "certified").all()
+
+    def test_geometry_drawn_at_random_through_files(self, tmp_path: Path) -> None:
+        def measured(friction: float, height: float) -> Scene:
+            return self.read(self.written(tmp_path / f"{height:.6f}.obj", height), friction)
+
+        sample = draws({"friction": stats.uniform(0.3, 0.4), "height": stats.norm(2, 0.2)}, 8, 7)
+        table = quiet(measured, sample)
+        height = sample["height"].round(4)  # as in the file
+        expected = np.minimum(sample["friction"], LENGTH / height)
+        assert table["load_factor"].to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-5)
+
+
+class TestCommand:
+    """cvxlimit sweep: the table of :func:`sweep`, exit codes as for solve."""
+
+    def test_all_solved_stored_and_not_solved_again(self, tmp_path: Path, capsys) -> None:
+        given = ["sweep", "single-block", "--vary", "friction=0.2:0.6:3", "--vary", "tilt=0,5"]
+        folder = tmp_path / "rows"
+        assert run([*given, "--output", str(folder)]) == 0
+        out = capsys.readouterr().out
+        assert f"6 variations: 6 certified; all rows in {folder}" in out
+        stored = read_sweep(folder)
+        here = quiet(builtin_scene("single-block"), {"friction": [0.2, 0.4, 0.6], "tilt": [0, 5]})
+        assert stored["load_factor"].to_numpy() == pytest.approx(here["load_factor"].to_numpy())
+        before = sorted(folder.glob("*.parquet"))
+        assert run([*given, "--output", str(folder)]) == 0
+        assert sorted(folder.glob("*.parquet")) == before  # nothing was added
+
+    def test_failures_are_rows_and_the_code_says_so(self, capsys) -> None:
+        code = run(["sweep", "single-block", "--vary", "friction=0.5,-1"])
+        said = capsys.readouterr()
+        assert code == 4
+        assert "2 variations: 1 certified, 1 failed" in said.out
+        assert said.err.startswith(
+            "cvxlimit: 1 of 2 variations have no certified answer; the first"
+        )
+        assert said.err.count("\n") == 1
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--vary", "frition=0.5"], "its parameters are friction"),
+            (["--vary", "friction"], "NAME=VALUES is meant"),
+            (["--vary", "friction=0:1"], "FIRST:LAST:NUMBER is meant"),
+            (["--vary", "tilt=1", "--vary", "tilt=2"], "'tilt' is varied already"),
+            (["--vary", "tilt=1", "--workers", "0"], "--workers must be"),
+            ([], "Missing option"),
+        ],
+    )
+    def test_refusals(self, options: list[str], message: str, capsys) -> None:
+        assert run(["sweep", "single-block", *options]) == 2
+        said = capsys.readouterr().err
+        assert message in said
+        assert said.count("\n") == 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
 from cvxlimit.model.formulations import resultants
 from cvxlimit.plotting import plot
-from cvxlimit.plotting.crushing import yielding
+from cvxlimit.plotting.crushing import CRUSHED_COLOUR, YIELDING_COLOUR, yielding
+from cvxlimit.plotting.webpage import Page, page
 from helpers import rotations
 
 FloatArray = NDArray[np.float64]
@@ -130,3 +133,23 @@ def test_picture(tmp_path: Path) -> None:
     assert yielding(scene, slack.forces).tolist() == [False]
     plot(scene, pulled, tmp_path / "tied.png")
     assert (tmp_path / "tied.png").stat().st_size > 0
+
+
+def data_of(made: Page) -> dict[str, Any]:
+    """What the page was given to draw."""
+    text = str(made).split('type="application/json">')[1].split("</script>")[0]
+    data: dict[str, Any] = json.loads(text)
+    return data
+
+
+def test_interactive_page() -> None:
+    """The page has the tie that yields and the zone that crushes, and moves them with blocks."""
+    scene = tied_block(4.0).with_strength(compressive=2e3)
+    data = data_of(page(scene, solve(scene)))
+    kinds = [(shape["zone"], shape["colour"]) for shape in data["shapes"]]
+    assert kinds == [(True, CRUSHED_COLOUR), (False, YIELDING_COLOUR)]
+    tie = data["shapes"][1]
+    assert tie["points"] == [-3.0, 0.5, 2.0, 0.0, 0.5, 2.0]
+    assert tie["moves"][:3] == [0.0, 0.0, 0.0]  # its end on the wall
+    assert tie["moves"][3] > 0.0
+    assert "yields at 4" in tie["text"]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import cvxlimit
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
@@ -246,3 +247,12 @@ class TestRefusals:
         facets = solve(scene, [Rocking()], formulation=octagon)
         assert_certified(facets, scene)
         assert exact.load_factor < facets.load_factor < 1.083 * exact.load_factor
+
+
+def test_tab_completion_offers_public_names_and_python_can_suggest_them() -> None:
+    offered = [name for name in dir(cvxlimit) if not name.startswith("_")]
+    assert sorted(offered) == sorted(set(cvxlimit.__all__) - {"__version__"})
+    with pytest.raises(AttributeError) as caught:
+        cvxlimit.slove  # noqa: B018
+    assert caught.value.name == "slove"  # from these two Python asks: did you mean 'solve'?
+    assert caught.value.obj is cvxlimit

@@ -20,6 +20,7 @@ from cvxlimit.io import read_result
 from cvxlimit.masonry import running_bond, single_block, wall
 from cvxlimit.methods.complementarity import projected
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.model.formulations import vertex_forces
 from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
 from planar import extreme_member
 
@@ -178,6 +179,14 @@ def test_rotation(turn: FloatArray) -> None:
 
 
 class TestSmall:
+    def test_a_load_straight_down_gives_no_number(self) -> None:
+        """It does no harm with associated friction, and what the iteration ends at is no answer."""
+        block = single_block()
+        pressed = Scene(block.blocks, block.supports, Load(acceleration=(0, 0, -1)), friction=0.4)
+        found = solve(pressed, flow="zero-dilatancy")
+        assert (found.status, found.load_factor) == (Status.NOT_CONVERGED, None)
+        assert "flow 'associated' first" in found.note
+
     def test_wall_one_attains_the_published_range(self) -> None:
         factors = [m.load_factor for m in solved("ferris-tin-loi-1").members]
         assert (factors[0], factors[-1]) == pytest.approx(PUBLISHED["ferris-tin-loi-1"], rel=1e-5)
@@ -237,7 +246,7 @@ class TestSmall:
         ):
             with pytest.raises(ModelError, match=message):
                 solve(scene, flow="zero-dilatancy", **options)
-        with pytest.raises(ModelError, match="knows no strength"):
-            solve(scene.with_strength(compressive=1e3), flow="zero-dilatancy")
+        with pytest.raises(ModelError, match="brings its own formulation"):
+            solve(scene, flow="zero-dilatancy", formulation=vertex_forces)
         with pytest.raises(ModelError, match="damping must be above 0"):
             replace(ZeroDilatancy(), damping=0.0)

@@ -18,13 +18,14 @@ from time import perf_counter
 
 from rich.console import Console
 
-from benchmarks.interaction.experiments import Apart, Experiment, Result, experiments
+from benchmarks.interaction.experiments import FIRST, Apart, Experiment, Result, experiments
 from benchmarks.interaction.page import write_page
 from cvxlimit.files import write_file
 
 console = Console(highlight=False, soft_wrap=True)
 
 PARTS = ("tables", "brackets", "settings", "orders")
+KINDS = (FIRST, "certified", "fixed-point")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -33,6 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--docs", type=Path, default=Path("docs"))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--scenes", nargs="+", default=None)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--budget", type=float, default=540.0, help="seconds in all")
     parser.add_argument("--each", type=float, default=60.0, help="CPU seconds per run")
     parser.add_argument("--write", action="store_true", help="make the page's tables and pictures")
@@ -43,6 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     measured = Apart()
     try:
         for experiment in due(every, found, options.parts, options.scenes):
+            if experiment.kind not in options.kinds:
+                continue
             if perf_counter() - started > options.budget:
                 break
             result = measured(experiment, options.each)

@@ -18,24 +18,31 @@ Pair = tuple[Experiment, Result]
 PAPER = {
     "s12-panel": ("S12 (Table 8)", 0.186, 0.137, 0.129),
     "s10-panel": ("S10 (Table 10)", 0.262, 0.215, 0.213),
-    "tuff-wall": ("tuff wall", None, None, None),
+    "tuff-wall": ("tuff wall (Table 5)", None, None, None),
 }
 """The paper's name, first and last factor, and the experiment's."""
+
+MINUTES = {"s12-panel": "34 min", "s10-panel": "61 min", "tuff-wall": "3 s"}
+"""What the paper's last iterates took it."""
 
 SETTLED = 3
 """Iterates from this one on count for the range in which an iteration wanders."""
 
 
+PAGES = ("interaction.md", "paper.md")
+
+
 def write_page(docs: Path, found: Found) -> None:
-    """Fill the tables of ``interaction.md`` and draw its pictures."""
-    page = docs / "interaction.md"
-    text = page.read_text(encoding="utf-8")
+    """Fill the tables of both pages and draw the pictures."""
     pairs = list(found.values())
-    for name, table in TABLES.items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        filled = "\n".join(table(pairs)) + "\n"
-        text = pattern.sub(lambda match, filled=filled: match[1] + filled + match[2], text)
-    write_file(page, text.encode())
+    for name in PAGES:
+        page = docs / name
+        text = page.read_text(encoding="utf-8")
+        for mark, table in TABLES.items():
+            pattern = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
+            filled = "\n".join(table(pairs)) + "\n"
+            text = pattern.sub(lambda match, filled=filled: match[1] + filled + match[2], text)
+        write_file(page, text.encode())
     draw(docs, pairs)
 
 
@@ -112,7 +119,7 @@ def spread(pairs: Sequence[Pair]) -> list[str]:
             f"- **{title}**: the paper {last}; from the third iterate on its reading is at "
             f"{_against(own, last)}, with all four choices of axes at {_against(every, last)}"
         )
-        orders = _later_of(_of(pairs, "orders", scene=scene, moments="paper", surface="octagon"))
+        orders = _later_of(paper_orders_of(pairs, scene))
         if orders:
             line += f", with its blocks in other orders at {_against(orders, last)}"
         others = _later_of(paper_settings_of(pairs, scene))
@@ -158,6 +165,39 @@ def paper_settings_of(pairs: Sequence[Pair], scene: str) -> list[Pair]:
     return [(e, r) for e, r in chosen if setting(e) != DEFAULTS]
 
 
+def last(pairs: Sequence[Pair]) -> list[str]:
+    """Tables 5, 8 and 10 and Fig. 21: last iterates of the paper's reading, and brackets."""
+    rows = []
+    for scene, (title, _, published, experiment) in PAPER.items():
+        runs = _of(pairs, "tables", scene=scene, moments="paper")
+        rows += [
+            (
+                title,
+                f"{_told(published)}, {MINUTES[scene]}",
+                _told(experiment),
+                f"{_range(_later(r))}, {_number(r.load_factor)} after {r.solves}",
+                f"{r.seconds:.0f}",
+            )
+            for _, r in runs
+        ]
+        for moments in ("paper", "independent", "signed"):
+            found = _of(pairs, "brackets", scene=scene, moments=moments, kind="certified")
+            rows += [
+                (f"certified, {moments}", "", "", _inside(r), f"{r.seconds:.0f}") for _, r in found
+            ]
+    return _table(("", "the paper's last", "experiment", "cvxlimit", "s"), rows)
+
+
+def _told(value: float | None) -> str:
+    return "not in the text" if value is None else f"{value:.3f}"
+
+
+def paper_orders_of(pairs: Sequence[Pair], scene: str) -> list[Pair]:
+    """Runs of the paper's reading and settings with the blocks in other orders."""
+    chosen = _of(pairs, "orders", scene=scene, moments="paper", surface="octagon")
+    return [(e, r) for e, r in chosen if setting(e) == DEFAULTS]
+
+
 def _by_setting(chosen: Sequence[Pair]) -> list[str]:
     scenes = list(dict.fromkeys(e.scene for e, _ in chosen))
     cells: dict[tuple[str, str], dict[str, str]] = {}
@@ -181,31 +221,23 @@ def _ending(r: Result) -> str:
 
 def orders(pairs: Sequence[Pair]) -> list[str]:
     """Ends of the iteration with the blocks in other orders."""
+    groups: dict[tuple[str, ...], list[Result]] = {}
+    for e, r in _of(pairs, "orders"):
+        groups.setdefault((e.scene, e.moments, e.surface, setting(e)), []).append(r)
     rows = []
-    chosen = _of(pairs, "orders")
-    for scene, moments, surface in dict.fromkeys(
-        (e.scene, e.moments, e.surface) for e, _ in chosen
-    ):
-        same = _of(chosen, "orders", scene=scene, moments=moments, surface=surface)
-        runs = [r for _, r in same]
+    for group, runs in groups.items():
         ends = [r.load_factor for r in runs if r.load_factor is not None]
+        later = [f for r in runs for f in _later(r)]
         settled = [r.solves for r in runs if r.status == "converged"]
         counted = f"{len(settled)} of {len(runs)}"
         if settled:
             counted += f", after {min(settled)} to {max(settled)}"
-        later = _range(_later_of(same))
         most = str(max(r.solves for r in runs))
-        rows.append((scene, moments, surface, str(len(runs)), later, _range(ends), most, counted))
+        rows.append((*group, str(len(runs)), _range(later), _range(ends), most, counted))
     head = (
-        "scene",
-        "reading",
-        "surface",
-        "orders",
-        "from the third on",
-        "last",
-        "at most",
+        "scene", "reading", "surface", "setting", "orders", "from the third on", "last", "at most",
         "settled",
-    )
+    )  # fmt: skip
     return _table(head, rows)
 
 
@@ -276,12 +308,16 @@ def summary(pairs: Sequence[Pair]) -> list[str]:
                     f"- {moments}, {count} {what}: {len(widths)} brackets, median width "
                     f"{np.median(widths):.2g} %, widest {max(widths):.1f} %, {close} within 1 %."
                 )
+    times = sorted(r.measured for _, r in _of(pairs, "brackets", kind="certified") if r.measured)
+    if times:
+        lines.append(f"- Measured from {times[0]} to {times[-1]} (UTC), on the code of that time.")
     return lines
 
 
 TABLES: dict[str, Callable[[Sequence[Pair]], list[str]]] = {
     "readings": readings,
     "spread": spread,
+    "last": last,
     "settings": settings,
     "paper-settings": paper_settings,
     "orders": orders,

@@ -46,8 +46,10 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
     for row, (scene, (last, experiment)) in enumerate(PANELS.items()):
         for ax, names in zip(axes[row], columns, strict=True):
             _history(ax, pairs, scene, names)
-            _lines(ax, last, experiment)
-            ax.set_title(f"{scene}, {'the paper' if len(names) == 4 else names[0]}", fontsize=10)
+            _lines(ax.axhline, last, experiment)
+            ax.set_title(
+                f"{scene}, {'paper, all axes' if len(names) == 4 else names[0]}", fontsize=10
+            )
             _legend(ax, fontsize=7, loc="lower right", ncols=2)
         top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
         axes[row][0].set_ylim(0.0, top)
@@ -100,20 +102,21 @@ def _legend(ax: Axes, **options: Any) -> None:
         ax.legend(**options)
 
 
-def _lines(ax: Axes, last: float | None, experiment: float | None) -> None:
+def _lines(draw_line: Any, last: float | None, experiment: float | None) -> None:
+    """``draw_line`` is the axes' ``axhline`` or ``axvline``."""
     if last is not None:
-        ax.axhline(last, color="k", ls="--", lw=1, label="the paper's last")
+        draw_line(last, color="k", ls="--", lw=1, label="the paper's last")
     if experiment is not None:
-        ax.axhline(experiment, color="k", ls=":", lw=1, label="experiment")
+        draw_line(experiment, color="k", ls=":", lw=1, label="experiment")
 
 
 def widths(path: Path, pairs: Sequence[Pair]) -> None:
     """Width of the bracket against time, and the iteration's distance from it at its end."""
     chosen = [(e, r) for e, r in pairs if e.part == "brackets"]
     first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
-    figure = Figure(figsize=(12, 8), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for column, moments in enumerate(("independent", "signed")):
+    figure = Figure(figsize=(15, 8), layout="constrained")
+    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    for column, moments in enumerate(("independent", "signed", "paper")):
         for row, what in enumerate(("built-in scenes", "random walls")):
             ax = axes[row, column]
             mine = [
@@ -141,7 +144,8 @@ _LEAST = 1e-3
 
 def _widths(ax: Axes, pairs: Sequence[Pair], first: dict[str, float]) -> None:
     colours = {
-        scene: f"C{k % 10}" for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
+        scene: matplotlib.colormaps["tab20"](k % 20)
+        for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
     }
     brackets = {e.scene: r for e, r in pairs if e.kind == "certified"}
     for e, r in pairs:
@@ -196,7 +200,7 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
             labels.append(_label(e, kind))
         ax.set_yticks(range(len(labels)), labels, fontsize=7)
         ax.invert_yaxis()
-        _lines(ax, last, experiment)
+        _lines(ax.axvline, last, experiment)
         ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=9)
         ax.set_xlabel("load factor (octagon)")
         _legend(ax, fontsize=8)
@@ -219,4 +223,6 @@ def _kind(e: Experiment) -> str:
 def _label(e: Experiment, kind: str) -> str:
     if kind == "axes":
         return "as it is" if e.moments == "paper" else e.moments.removeprefix("paper ").strip("()")
-    return f"order {e.order}" if kind == "order" else setting(e)
+    if kind == "setting":
+        return setting(e)
+    return f"order {e.order}" + ("" if setting(e) == DEFAULTS else f", {setting(e)}")

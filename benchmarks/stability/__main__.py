@@ -20,7 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, then write the atlas; what is measured already is not measured again."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stability", description=__doc__)
     parser.add_argument("action", nargs="?", default="all", choices=("all", "run", "write", "list"))
-    parser.add_argument("--size", type=int, default=1050, help="scenes for our default")
+    parser.add_argument("--size", type=int, default=1100, help="scenes for our default")
+    parser.add_argument("--first", type=int, default=0, help="first seed, for scenes never seen")
     parser.add_argument("--scale", type=int, default=1, help="multiplies numbers of blocks")
     parser.add_argument("--study", choices=[*STUDIES, "peer"], action="append",
                         help="only this one")  # fmt: skip
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for family in FAMILIES.values():
             console.print(f"{family.name:12} {family.what}")
     if given.action in ("all", "run"):
-        _run([s for s in given.study or STUDIES if s != "peer"], given.size, given.scale)
+        _run([s for s in given.study or STUDIES if s != "peer"], given)
         if given.peer:
             with console.status("peer") as status:
                 ask_peer(given.peer, lambda text: status.update(f"peer: {text}"))
@@ -42,12 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
             console.print(str(path))
 
 
-def _run(studies: Sequence[str], size: int, scale: int) -> None:
+def _run(studies: Sequence[str], given: argparse.Namespace) -> None:
     for name in studies:
         ask, share = STUDIES[name]
-        number = max(1, round(share * size))
+        number = max(1, round(share * given.size))
         with console.status(name) as status:
-            ask(number, scale, lambda text, name=name: status.update(f"{name}: {text}"))
+            ask(number, given.scale, lambda text, name=name: status.update(f"{name}: {text}"),
+                given.first)  # fmt: skip
         console.print(f"{name}: {number} scenes")
 
 

@@ -9,6 +9,7 @@ from statistics import median
 
 from benchmarks.stability import charts, peers
 from benchmarks.stability.families import FAMILIES
+from benchmarks.stability.models import BELOW
 from benchmarks.stability.outcomes import RIGHT, WRONG, Outcome
 from benchmarks.stability.records import Record, Table
 from benchmarks.stability.words import (
@@ -18,18 +19,21 @@ from benchmarks.stability.words import (
     HEAD,
     HONEST,
     METHODS,
+    MODELS,
     ORDERS,
     PEER,
+    SPREADS,
 )  # fmt: skip
 from cvxlimit.files import write_file
+
+_TABLES = ("default", "methods", "models", "certified", "fixed-point", "orders", "peer")
 
 _GOOD = (Outcome.RIGHT, Outcome.NO_ANSWER)
 
 
 def write(folder: Path) -> list[Path]:
     """The page and its pictures; a study without records is left out."""
-    tables = {name: Table(name).rows() for name in
-              ("default", "methods", "certified", "fixed-point", "orders", "peer")}  # fmt: skip
+    tables = {name: Table(name).rows() for name in _TABLES}
     folder.mkdir(parents=True, exist_ok=True)
     written = [
         charts.saved(draw(tables[study]), folder / name)
@@ -42,12 +46,15 @@ def write(folder: Path) -> list[Path]:
     if rows := tables["methods"]:
         parts += [METHODS.format(**of_methods(rows), wrong=f"{WRONG:.1%}", right=f"{RIGHT:g}"),
                   methods_table(rows), worst(rows, tables["default"])]  # fmt: skip
+    if rows := tables["models"]:
+        parts += [MODELS.format(**of_models(rows)), models_table(rows)]
     if rows := tables["certified"]:
         parts += [CERTIFIED.format(**of_certified(rows)), certified_table(rows)]
     if rows := tables["fixed-point"]:
-        parts += [FIXED_POINT, fixed_point_table(rows), periods(rows)]
+        parts += [FIXED_POINT.format(**of_fixed_point(rows)), fixed_point_table(rows),
+                  periods(rows)]  # fmt: skip
     if rows := tables["orders"]:
-        parts += [ORDERS.format(**of_orders(rows))]
+        parts += [ORDERS.format(**of_orders(rows)), orders_table(rows), SPREADS]
     if rows := tables["peer"]:
         parts += [PEER, peer_table(rows)]
     page = folder / "atlas.md"
@@ -212,28 +219,82 @@ def periods(rows: Sequence[Record]) -> str:
     return f"Cycles: {each}."
 
 
+def of_fixed_point(rows: Sequence[Record]) -> dict[str, object]:
+    """How much was asked."""
+    scenes = Counter(family for family, _ in {(row["family"], row["seed"]) for row in rows})
+    return {"each": min(scenes.values()), "runs": len(rows)}
+
+
+def of_models(rows: Sequence[Record]) -> dict[str, object]:
+    """Figures of the study of models."""
+    scenes: dict[tuple[str, int], dict[str, Record]] = defaultdict(dict)
+    for row in rows:
+        scenes[row["family"], row["seed"]][row["model"]] = row
+    pairs = sum(
+        mine[a].get("status") is not None and mine[b].get("status") is not None
+        for mine in scenes.values()
+        for a, b, _ in BELOW
+        if a in mine and b in mine
+    )
+    return {
+        "scenes": len(scenes),
+        "pairs": f"{pairs:,}",
+        "contradicted": _of(rows, Outcome.WRONG) or "none",
+        "members": sum(row.get("members") or 0 for row in rows),
+    }
+
+
+def models_table(rows: Sequence[Record]) -> str:
+    """Model by model."""
+    groups: dict[str, list[Record]] = defaultdict(list)
+    for row in rows:
+        groups[row["model"]].append(row)
+    lines = [
+        [name, len(mine), *[_of(mine, o) or "" for o in Outcome],
+         f"{1000 * median(r['seconds'] for r in mine):.0f}"]
+        for name, mine in groups.items()
+    ]  # fmt: skip
+    return table(["model", "scenes", *Outcome, "ms of CPU, median"], lines)
+
+
 def of_orders(rows: Sequence[Record]) -> dict[str, object]:
     """Figures of the study of orders."""
-    spreads, plain = [], []
-    groups: dict[tuple[str, int], list[Record]] = defaultdict(list)
-    for row in rows:
-        if row.get("load_factor") is not None and row.get("plain") is not None:
-            groups[row["family"], row["seed"]].append(row)
-    for mine in groups.values():
-        middle = median(r["plain"] for r in mine)
-        for values, to in ((mine, spreads), ([], [])):
-            if values:
-                last = [r["load_factor"] for r in values]
-                to.append((max(last) - min(last)) / abs(middle))
-        bare = [r["plain"] for r in mine]
-        plain.append((max(bare) - min(bare)) / abs(middle))
+    plain = [spread([r["plain"] for r in mine], mine) for mine in _by_scene(rows).values()]
     return {
-        "scenes": len(groups),
-        "runs": len(rows),
-        "largest": f"{100 * max(spreads, default=0.0):.0f} %",
-        "median": f"{100 * median(spreads) if spreads else 0.0:.2g} %",
+        "scenes": len({row["scene"] for row in rows}),
+        "runs": f"{len(rows):,}",
         "plain": f"{max(plain, default=0.0):.0e}",
     }
+
+
+def _by_scene(rows: Iterable[Record]) -> dict[tuple[str, ...], list[Record]]:
+    """Runs that should agree: those of one scene, reading and choice of forces."""
+    groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
+    for row in rows:
+        if row.get("load_factor") is not None and row.get("plain") is not None:
+            groups[row["scene"], row["moments"], row["choice"]].append(row)
+    return groups
+
+
+def spread(values: Sequence[float], rows: Sequence[Record]) -> float:
+    """How far apart values are, over the load factor without interaction."""
+    return (max(values) - min(values)) / abs(median(r["plain"] for r in rows))
+
+
+def orders_table(rows: Sequence[Record]) -> str:
+    """Scene by scene: the spread with every choice of forces, and how many runs converged."""
+    groups, lines = _by_scene(rows), []
+    choices = list(dict.fromkeys(row["choice"] for row in rows))
+    for scene, moments in dict.fromkeys((row["scene"], row["moments"]) for row in rows):
+        cells = []
+        for choice in choices:
+            mine = groups.get((scene, moments, choice), [])
+            good = sum(r["ending"] == "converged" for r in mine)
+            apart = f"{spread([r['load_factor'] for r in mine], mine):.1e}" if mine else "-"
+            cells.append(f"{apart} ({good} of {len(mine)})" if mine else "-")
+        lines.append([scene, moments, *cells])
+    shown = [f"{choice}: spread (converged)" for choice in choices]
+    return table(["scene", "moments", *shown], lines)
 
 
 def peer_table(rows: Sequence[Record]) -> str:

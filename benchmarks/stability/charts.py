@@ -161,6 +161,7 @@ def settling(rows: Sequence[Record]) -> Figure:
         axes.set_xlim(-0.5, len(weights) - 0.5)
         axes.set_title(f"{reading} moments", fontsize=10)
         axes.set_xlabel("weight of the old forces")
+        axes.tick_params(labelsize=9)
         axes.spines[:].set_visible(False)
         axes.tick_params(length=0)
     panels[0].set_yticks(range(len(families)), families)
@@ -173,35 +174,31 @@ def settling(rows: Sequence[Record]) -> Figure:
 
 
 def spread(rows: Sequence[Record]) -> Figure:
-    """What the order of the blocks and the solver do to the last load factor."""
-    scenes = list(dict.fromkeys((row["family"], row["seed"]) for row in rows))
-    figure = Figure(figsize=(8.5, 0.34 * len(scenes) + 1.5), layout="constrained")
-    axes = figure.subplots()
-    for y, scene in enumerate(scenes):
-        mine = [r for r in rows if (r["family"], r["seed"]) == scene and r.get("plain")]
-        if not mine:
-            continue
-        plain = float(np.median([r["plain"] for r in mine]))
-        for ending, colour in ENDINGS.items():
-            found = [r["load_factor"] / plain for r in mine
-                     if r["ending"] == ending and r["load_factor"] is not None]  # fmt: skip
-            axes.scatter(
-                found, [y + 0.12] * len(found), s=34, color=colour, alpha=0.6, linewidths=0
-            )
-        axes.scatter([r["plain"] / plain for r in mine], [y - 0.18] * len(mine), marker="|", s=60,
-                     color=_INK, linewidths=1)  # fmt: skip
-    axes.set_yticks(range(len(scenes)), [f"{f} {s}" for f, s in scenes], fontsize=8)
-    axes.invert_yaxis()
-    axes.set_xlabel("last load factor over the one without interaction")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="x", color="#e6e6e6")
-    axes.set_axisbelow(True)
+    """What order of the blocks and solver do to the last load factor, by choice of forces."""
+    scenes = list(dict.fromkeys((row["scene"], row["moments"]) for row in rows))
+    choices = list(dict.fromkeys(row["choice"] for row in rows))
+    figure = Figure(figsize=(11.5, 0.33 * len(scenes) + 1.6), layout="constrained")
+    panels = figure.subplots(1, len(choices), sharey=True, sharex=True, squeeze=False)[0]
+    for axes, choice in zip(panels, choices, strict=True):
+        for y, scene in enumerate(scenes):
+            mine = [r for r in rows if (r["scene"], r["moments"]) == scene
+                    and r["choice"] == choice and r.get("plain")]  # fmt: skip
+            plain = float(np.median([r["plain"] for r in mine])) if mine else 1.0
+            for ending, colour in ENDINGS.items():
+                found = [r["load_factor"] / plain for r in mine
+                         if r["ending"] == ending and r["load_factor"] is not None]  # fmt: skip
+                axes.scatter(found, [y] * len(found), s=34, color=colour, alpha=0.6, linewidths=0)
+        axes.set_title(choice, fontsize=10)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(axis="both", color="#e6e6e6")
+        axes.set_axisbelow(True)
+    panels[0].set_yticks(range(len(scenes)), [f"{s}, {m}" for s, m in scenes], fontsize=8)
+    panels[0].invert_yaxis()
+    figure.supxlabel("last load factor over the one without interaction", fontsize=9)
     labels = {"not converged": "wandering"}
-    handles = [axes.scatter([], [], s=34, color=c, label=labels.get(e, e))
+    handles = [panels[0].scatter([], [], s=34, color=c, label=labels.get(e, e))
                for e, c in ENDINGS.items() if any(r["ending"] == e for r in rows)]  # fmt: skip
-    handles.append(axes.scatter([], [], marker="|", s=60, color=_INK, label="without interaction"))
-    axes.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=5,
-                frameon=False, fontsize=8)  # fmt: skip
+    figure.legend(handles=handles, loc="outside upper center", ncol=5, frameon=False, fontsize=8)
     return figure
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from benchmarks.stability import interacting
-from benchmarks.stability.families import FAMILIES, Sample, sample, samples
+from benchmarks.stability.asking import Tell, asked, key_of
+from benchmarks.stability.families import Sample, sample
 from benchmarks.stability.methods import methods
+from benchmarks.stability.models import ask_models
 from benchmarks.stability.outcomes import (
     ROUNDING,
     Outcome,
@@ -22,37 +23,30 @@ from benchmarks.stability.outcomes import (
     refutation,
 )
 from benchmarks.stability.records import Record, Table
+from benchmarks.stability.settling import ask_fixed_point, ask_orders
 from benchmarks.stability.truths import linear_bounds
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import Rocking
 
-Tell = Callable[[str], object]
+Ask = Callable[[int, int, Tell, int], None]
 
 LINEAR_EVERY = 4
 """One scene in so many of the default's study is solved once more as a linear program."""
-
-WEIGHTS = (0.0, 0.2, 0.5, 0.8, 0.95)
-"""Old-value weights of the fixed point's map; the paper's is 0.8."""
-
-SETTLING = ("walls", "panels", "stacks", "blocks", "slivers", "densities", "few-loads", "sizes",
-            "arches", "domes", "rocks", "frictions")  # fmt: skip
-"""Families of the fixed point's map: those in which bending, shear and torsion meet."""
 
 BUDGET = Certified(solves=8, branching_seconds=3.0)
 """Of the certified method in this bench: a short one, so that many scenes can be tried."""
 
 
-def ask_default(number: int, scale: int, tell: Tell) -> None:
+def ask_default(number: int, scale: int, tell: Tell, first: int = 0) -> None:
     """Our default on ``number`` scenes: what it says, and whether anything refutes it."""
     with Table("default") as table:
-        for family, seed in _asked(number, scale, table, tell):
-            table.add(_key(family, seed, scale), _default(family, seed, scale))
+        for family, seed in asked(number, scale, table, tell, first):
+            table.add(key_of(family, seed, scale), _default(family, seed, scale))
 
 
 def _default(family: str, seed: int, scale: int) -> Record:
@@ -104,12 +98,12 @@ def _contradiction(scene: Scene, solution: Solution) -> str:
     return ""
 
 
-def ask_certified(number: int, scale: int, tell: Tell) -> None:
+def ask_certified(number: int, scale: int, tell: Tell, first: int = 0) -> None:
     """The certified interaction on a short budget: does anything refute its bracket?"""
     with Table("certified") as table:
-        for family, seed in _asked(number, scale, table, tell):
+        for family, seed in asked(number, scale, table, tell, first):
             for moments in ("independent", "signed"):
-                key = f"{_key(family, seed, scale)}/{moments}"
+                key = f"{key_of(family, seed, scale)}/{moments}"
                 if key not in table:
                     table.add(key, _certified(family, seed, scale, moments))
 
@@ -160,15 +154,15 @@ def _refuted(solution: Solution, truth: float | None, states: list[float]) -> st
     return ""
 
 
-def ask_methods(number: int, scale: int, tell: Tell) -> None:
+def ask_methods(number: int, scale: int, tell: Tell, first: int = 0) -> None:
     """Every method on ``number`` scenes: what it claims, and what that is worth."""
     known = methods()
     with Table("methods") as table:
-        for family, seed in _asked(number, scale, None, tell):
+        for family, seed in asked(number, scale, None, tell, first):
             made: Sample | None = None
             references: dict[str, Reference | None] = {}
             for method in known:
-                key = f"{_key(family, seed, scale)}/{method.name}"
+                key = f"{key_of(family, seed, scale)}/{method.name}"
                 if key in table:
                     continue
                 made = made or sample(family, seed, scale)
@@ -204,106 +198,12 @@ def _reference(made: Sample, surface: str) -> Reference | None:
     return Reference(solution.lower, solution.upper, none, solution.bracket.least)
 
 
-def ask_fixed_point(number: int, scale: int, tell: Tell) -> None:
-    """The paper's iteration at every weight: how it ends, and where it went."""
-    with Table("fixed-point") as table:
-        for seed in range(max(1, number // len(SETTLING))):
-            for family in SETTLING:
-                tell(f"{family} {seed}")
-                for moments in ("independent", "signed"):
-                    for weight in WEIGHTS:
-                        key = f"{_key(family, seed, scale)}/{moments}/{weight}"
-                        if key not in table:
-                            record = _iterated(family, seed, scale, moments, weight)
-                            table.add(key, record)
-
-
-def _iterated(family: str, seed: int, scale: int, moments: str, weight: float) -> Record:
-    about: Record = {"family": family, "seed": seed, "moments": moments, "weight": weight}
-    made = sample(family, seed, scale)
-    start = time.process_time()
-    try:
-        solution = solve(made.scene, interaction=FixedPoint(weight), moments=moments)
-    except CvxlimitError as error:
-        return {**about, "ending": "refused", "why": str(error)}
-    factors = [h.load_factor for h in solution.history]
-    return {
-        **about,
-        "ending": solution.status,
-        "period": period(factors) if solution.status == "cycling" else None,
-        "iterations": len(factors),
-        "factors": [f for f in factors if f is not None][-12:],
-        "first": factors[0],
-        "seconds": time.process_time() - start,
-    }
-
-
-def period(factors: list[float | None]) -> int | None:
-    """The shortest number of iterates after which the last ones repeat.
-
-    >>> period([0.5, 0.1, 0.3, 0.1, 0.3, 0.1, 0.3])
-    2
-    """
-    for lap in range(2, 9):
-        tail = [f for f in factors[-2 * lap :] if f is not None]
-        if len(tail) == 2 * lap and np.allclose(tail[:lap], tail[lap:], rtol=2e-4):
-            return lap
-    return None
-
-
-def ask_orders(number: int, scale: int, tell: Tell) -> None:
-    """The paper's iteration with blocks in other orders, and with other solvers."""
-    with Table("orders") as table:
-        for k in range(number):
-            family = ("walls", "panels", "few-loads")[k % 3]
-            seed = k // 3
-            for order in range(6):
-                for solver in ("CLARABEL", "QOCO", "CVXOPT"):
-                    key = f"{_key(family, seed, scale)}/{order}/{solver}"
-                    if key not in table:
-                        tell(key)
-                        table.add(key, _reordered(family, seed, scale, order, solver))
-
-
-def _reordered(family: str, seed: int, scale: int, order: int, solver: str) -> Record:
-    scene = shuffled(sample(family, seed, scale).scene, order)
-    about: Record = {"family": family, "seed": seed, "order": order, "solver": solver}
-    try:
-        found = solve(scene, interaction=FixedPoint(), moments="signed", ladder=[solver])
-        plain = solve(scene, ladder=[solver])
-    except CvxlimitError as error:
-        return {**about, "ending": "refused", "why": str(error)}
-    return {**about, "ending": found.status, "load_factor": found.load_factor,
-            "plain": plain.load_factor}  # fmt: skip
-
-
-def shuffled(scene: Scene, order: int) -> Scene:
-    """The same scene with its blocks in another order; order 0 is as it was."""
-    if order == 0:
-        return scene
-    places = np.random.default_rng(order).permutation(len(scene.blocks))
-    return replace(scene, blocks=tuple(scene.blocks[i] for i in places))
-
-
-def _asked(number: int, scale: int, table: Table | None, tell: Tell) -> Iterator[tuple[str, int]]:
-    """Scenes that are not in the table yet."""
-    todo: Iterable[tuple[str, int, int]] = samples(number, scale)
-    for k, (family, seed, _) in enumerate(todo, 1):
-        if table is None or _key(family, seed, scale) not in table:
-            tell(f"{k} of {number}: {family} {seed}")
-            yield family, seed
-
-
-def _key(family: str, seed: int, scale: int) -> str:
-    assert family in FAMILIES
-    return f"{family}-{seed}" + (f"x{scale}" if scale > 1 else "")
-
-
-STUDIES: dict[str, tuple[Callable[[int, int, Tell], None], float]] = {
+STUDIES: dict[str, tuple[Ask, float]] = {
     "default": (ask_default, 1.0),
     "certified": (ask_certified, 0.15),
     "methods": (ask_methods, 0.2),
-    "fixed-point": (ask_fixed_point, 0.1),
-    "orders": (ask_orders, 0.015),
+    "models": (ask_models, 0.1),
+    "fixed-point": (ask_fixed_point, 0.12),
+    "orders": (ask_orders, 0.01),
 }
 """All studies by name, and the share of ``--size`` scenes that each of them takes."""

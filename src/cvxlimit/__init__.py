@@ -7,6 +7,7 @@ A module is loaded when a name of it is first asked for: CVXPY and SciPy take a 
 the command line must be able to answer Ctrl-C.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -102,11 +103,13 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
         if name in _MODULES:
             return import_module(f"cvxlimit.{name}")
         if name not in _HOME:
-            raise AttributeError(f"module 'cvxlimit' has no attribute {name!r}")
+            reason = f"module 'cvxlimit' has no attribute {name!r}"
+            raise AttributeError(reason, name=name, obj=sys.modules[__name__])  # did you mean ...?
         value = getattr(import_module(f"cvxlimit.{_HOME[name]}"), name)
         globals()[name] = value
         return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """What tab completion offers: public names, whether they are loaded or not."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

@@ -33,9 +33,9 @@ def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = ""
 
 def positive(value: Any, what: str) -> float:
     """``value`` as a finite float above 0; ``what`` names it in the refusal."""
-    if not_negative(value, what) == 0.0:
-        raise InputError(f"{what} must be above 0, got {value!r}")
-    return float(value)
+    if is_number(value) and -np.inf < value <= 0.0:
+        raise InputError(f"{what} must be above 0, got {value!r:.40}")
+    return not_negative(value, what)
 
 
 def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:

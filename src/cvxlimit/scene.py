@@ -8,25 +8,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.checks import not_negative, of_type, positive, strength
+from cvxlimit.checks import of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
+from cvxlimit.strengths import BY_CONTACT, PER_AREA, of_contacts, own_values
 from cvxlimit.ties import Tie, with_ties
 
 if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
-
-if TYPE_CHECKING:
     from cvxlimit.reductions.explaining import Explanation
 
 FloatArray = NDArray[np.float64]
@@ -123,11 +121,12 @@ class Scene:
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "supports", supports)
         _check_kinds(self)
-        for what, check in _BY_CONTACT.items():
+        ids = {block.id for block in blocks}
+        for what, check in BY_CONTACT.items():
             value = check(getattr(self, what), f"{what} of the scene")
             object.__setattr__(self, what, value)
-            overrides = _overrides(what, getattr(self, f"contact_{what}") or {})
-            object.__setattr__(self, f"contact_{what}", MappingProxyType(overrides))
+            own = own_values(what, getattr(self, f"contact_{what}"), ids)
+            object.__setattr__(self, f"contact_{what}", own)
         if self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
@@ -303,15 +302,17 @@ class Scene:
     def _strengths(self, factor: float) -> dict[str, Any]:
         """Strengths and cohesion, of all contacts and their own, times a factor."""
         result: dict[str, Any] = {}
-        for what in _PER_AREA:
+        for what in PER_AREA:
             result[what] = factor * getattr(self, what)
             own = getattr(self, f"contact_{what}")
             result[f"contact_{what}"] = {pair: factor * value for pair, value in own.items()}
         return result
 
     def _copy(self, **changes: object) -> Scene:
+        """A copy with changes that leave all shapes as they are; settlement frees a support."""
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        for kept in ("_detection", "_given_contacts", "geometry", "free"):  # shapes never change
+        same = () if {"supports", "blocks"} & set(changes) else ("geometry", "free")
+        for kept in ("_detection", "_given_contacts", *same):
             if kept in self.__dict__:
                 copy.__dict__[kept] = self.__dict__[kept]
         return copy
@@ -370,50 +371,11 @@ class Scene:
     def _with_own(self, contacts: Contacts) -> Contacts:
         """Contacts with the scene's friction, cohesion and strengths, or the pair's own."""
         friction, cohesion, compressive, tensile = (
-            self._by_contact(what, contacts) for what in _BY_CONTACT
+            of_contacts(what, getattr(self, what), getattr(self, f"contact_{what}"), contacts)
+            for what in BY_CONTACT
         )
         made = contacts.with_friction(friction).with_cohesion(cohesion)
         return made.with_strength(compressive, tensile)
-
-    def _by_contact(self, what: str, contacts: Contacts) -> FloatArray:
-        default, own = getattr(self, what), getattr(self, f"contact_{what}")
-        result = np.full(len(contacts), default)
-        if not own:
-            return result
-        ids = contacts.block_ids
-        pairs = [
-            tuple(sorted((ids[a], ids[b]))) for a, b in zip(contacts.a, contacts.b, strict=True)
-        ]
-        unknown = set(own) - set(pairs)
-        if unknown:
-            a, b = sorted(unknown)[0]
-            raise InputError(
-                f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
-                "remove the entry or move the blocks"
-            )
-        return np.array([own.get(pair, default) for pair in pairs])
-
-
-_BY_CONTACT = {
-    "friction": not_negative,
-    "cohesion": not_negative,
-    "compressive_strength": strength,
-    "tensile_strength": not_negative,
-}
-"""What contacts have from the scene, or of their own, and how it is checked."""
-
-_PER_AREA = ("cohesion", "compressive_strength", "tensile_strength")
-
-
-def _overrides(what: str, given: Mapping[tuple[str, str], float]) -> dict[tuple[str, ...], float]:
-    checked = {
-        tuple(sorted(pair)): _BY_CONTACT[what](value, f"{what} of contact {pair[0]!r}-{pair[1]!r}")
-        for pair, value in given.items()
-    }
-    if len(checked) < len(given):
-        twice = next(p for p in given if p[::-1] in given)
-        raise InputError(f"{what} of contact {twice[0]!r}-{twice[1]!r} is given twice")
-    return checked
 
 
 def check_scene(value: Any) -> None:
@@ -445,14 +407,6 @@ def _check_kinds(scene: Scene) -> None:
     for case in ("live", "dead"):
         cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
         of_type(getattr(scene, case), Load, f"the {case} load must be a Load", cure)
-    for what in _BY_CONTACT:
-        given = getattr(scene, f"contact_{what}")
-        kind = f"contact_{what} must be a mapping of two ids to a number"
-        cure = "write {('b1', 'b2'): 0.5}"
-        for pair in of_type({} if given is None else given, Mapping, kind, cure):
-            two = isinstance(pair, tuple) and len(pair) == 2
-            if not (two and all(isinstance(key, str) for key in pair)):
-                raise InputError(f"{kind}, got {pair!r}: {cure}")
 
 
 def _check_ids(scene: Scene) -> None:
@@ -473,14 +427,6 @@ def _check_ids(scene: Scene) -> None:
     if len(set(scene.supports)) < len(scene.supports):
         twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
         raise InputError(f"support {twice!r} is listed twice")
-    for what in _BY_CONTACT:
-        for pair in getattr(scene, f"contact_{what}"):
-            for key in pair:
-                if key not in known:
-                    raise InputError(
-                        f"{what} is given for contact {pair[0]!r}-{pair[1]!r}, but there is no "
-                        f"block {key!r}"
-                    )
     if not len(scene.free):
         raise InputError(
             f"scene {scene.name!r} has no free block: at least one block must not be a support"

@@ -146,6 +146,10 @@ class Member:
         return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
 
 
+LOAD_FACTOR = "load factor"
+"""What a solution is about unless it says otherwise."""
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Result of an analysis: plain numbers and NumPy arrays, and the scene that was solved.
@@ -216,7 +220,7 @@ class Solution:
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
     model: tuple[str, ...] = ()
-    quantity: str = "load factor"
+    quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:

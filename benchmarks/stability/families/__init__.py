@@ -37,8 +37,8 @@ def sample(family: str, seed: int, scale: int = 1) -> Sample:
     return Sample(made.scene.with_name(f"{family}-{seed}"), made.truth, made.knob)
 
 
-def samples(number: int, scale: int = 1) -> Iterator[tuple[str, int, int]]:
-    """Names, seeds and scale of ``number`` scenes, families in turn."""
+def samples(number: int, scale: int = 1, first: int = 0) -> Iterator[tuple[str, int, int]]:
+    """Names, seeds from ``first`` on, and scale of ``number`` scenes, families in turn."""
     for k in range(number):
         seed, place = divmod(k, len(FAMILIES))
-        yield list(FAMILIES)[place], seed, scale
+        yield list(FAMILIES)[place], first + seed, scale

@@ -100,6 +100,29 @@ def _factor(rng: np.random.Generator, scale: int) -> Sample:
     return Sample(scene.with_live(live), knob=f"live load x {size:.0e}")
 
 
+def _mixed(rng: np.random.Generator, scale: int) -> Sample:
+    """Several of these at once: slivers or walls, densities, joints without friction, few loads."""
+    scene = _sliver(rng, scale).scene if rng.random() < 0.5 else _small_wall(rng, scale)
+    powers, slippery = float(rng.uniform(0, 6)), float(rng.choice([0.0, 0.1, 0.3]))
+    blocks = tuple(
+        b if b.density is None else replace(b, density=10.0 ** float(rng.uniform(0, powers)))
+        for b in scene.blocks
+    )
+    own = {
+        (c.a, c.b): 0.0 if rng.random() < slippery else float(rng.uniform(0.3, 1.5))
+        for c in scene.contacts
+    }
+    scene = replace(scene, blocks=blocks, contact_friction=own)
+    free = [scene.blocks[i] for i in scene.free]
+    if rng.random() < 0.5:
+        chosen = free[int(rng.integers(len(free)))]
+        push = chosen.weight * rng.normal(size=6) * spread(rng, 1e-3, 1e3)
+        scene = scene.with_live(Load(forces={chosen.id: tuple(push.tolist())}))
+    length = spread(rng, 1e-3, 1e3)
+    scene = scene.in_units(Units("-", "-"), length, 1.0)
+    return Sample(scene, knob=f"contrast 1e{powers:.0f}, {slippery:.0%} of joints without friction")
+
+
 FAMILIES = (
     Family("slivers", "contacts with side ratios down to 1e-4", _sliver),
     Family("densities", "densities up to 1e9 apart in one wall", _contrast),
@@ -108,4 +131,5 @@ FAMILIES = (
     Family("frictions", "friction from 0 to 5 and from 1e-6 to 1e6, joint by joint", _friction),
     Family("few-loads", "loads on few blocks, in half the scenes all others weightless", _few),
     Family("factors", "load factors from 1e-9 to 1e9", _factor),
+    Family("mixed", "slivers, densities, joints without friction and few loads at once", _mixed),
 )

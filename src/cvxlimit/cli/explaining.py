@@ -10,6 +10,7 @@ import typer
 from rich.text import Text
 
 from cvxlimit.cli.naming import scene_named
+from cvxlimit.cli.options import SceneName, SurfaceName
 from cvxlimit.cli.outputs import ExitCode
 from cvxlimit.cli.report import show
 from cvxlimit.io.fields import one_line
@@ -18,15 +19,8 @@ from cvxlimit.reductions.explaining import explain
 
 
 def explain_command(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
-        ),
-    ],
-    surface: Annotated[
-        str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
-    ] = "conic",
+    scene: SceneName,
+    surface: SurfaceName = "conic",
     model: Annotated[
         str, typer.Option(metavar="|".join(MODELS), help="How much model, as for solve.")
     ] = "auto",

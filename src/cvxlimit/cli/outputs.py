@@ -1,9 +1,10 @@
-"""Exit codes, and output files that are refused before the work rather than after it."""
+"""Exit codes, refusals, and output files that are refused before the work rather than after."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -11,6 +12,7 @@ from enum import IntEnum
 from pathlib import Path
 
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io.fields import one_line
 
 PICTURES = (".png", ".html", ".vtu")
 """What a solution can be drawn as."""
@@ -28,6 +30,13 @@ class ExitCode(IntEnum):
     NO_ANSWER = 3
     NOT_GOOD_ENOUGH = 4
     INTERRUPTED = 130
+
+
+def refuse(code: ExitCode, message: str) -> ExitCode:
+    """One line on stderr that says why; the code again."""
+    if sys.stderr is not None:
+        sys.stderr.write(f"cvxlimit: {one_line(message)}\n")
+    return code
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, str]) -> None:

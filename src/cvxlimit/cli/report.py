@@ -13,7 +13,7 @@ from rich.text import Text
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
 
 _NO_TERMINAL_WIDTH = 1000
 """Columns where no terminal sets a limit, so that nothing wraps in files and pipes."""
@@ -83,11 +83,28 @@ def advice(solution: Solution) -> str:
     return solution.note if general in solution.note else general
 
 
+def verdict(solution: Solution) -> str:
+    """Why there is no good answer, in one sentence, and what to do.
+
+    A reaction that has no limit is the answer to another question than the load factor's, whose
+    words do not fit.
+    """
+    if solution.status is Status.LIVE_LOAD_HARMLESS and solution.quantity != LOAD_FACTOR:
+        return (
+            f"the {solution.quantity} has no limit: blocks wedged between supports hold any, and "
+            "forces that do were found and checked: ask for another direction, or for the other "
+            "reaction"
+        )
+    return f"{solution.status}: {advice(solution)}"
+
+
 def is_eventful(solution: Solution) -> bool:
     """True if the history tells more than the summary: not one run that went well."""
     about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
     good = solution.status is Status.CERTIFIED
     failed = any(iterate.status.startswith("failed") for iterate in solution.history)
+    if solution.quantity != LOAD_FACTOR:
+        return False  # it is about the limit problem behind a reaction, in units of its own
     if solution.flow != "associated":
         return False  # dozens of iterates from several starts; the summary has what came of them
     return solution.interaction != "none" or about_load_factor != 1 or failed or not good

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from cvxlimit.cli.naming import scene_named
+from cvxlimit.cli.options import SceneName
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
 from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
 from cvxlimit.io.fields import one_line
@@ -21,12 +22,7 @@ Job = Callable[[], int]
 
 
 def show_command(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
-        ),
-    ],
+    scene: SceneName,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="OUT.png|.html", help="Picture, or page to turn and point at."),

@@ -237,11 +237,6 @@ class Contacts(ReadOnlyArrays):
                 result.__dict__[name] = self.__dict__[name]
         return result
 
-    def corner_sums(self, values: FloatArray) -> FloatArray:
-        """Sum of corner values (m, ...) over each contact, (n, ...)."""
-        result: FloatArray = np.add.reduceat(values, self.corner_start[:-1], axis=0)
-        return result
-
     def corner_minimum(self, values: FloatArray) -> FloatArray:
         """Minimum of corner values (m,) over each contact, (n,)."""
         result: FloatArray = np.minimum.reduceat(values, self.corner_start[:-1])

@@ -28,7 +28,7 @@ from cvxlimit.io.fields import (
     text,
     whole,
 )
-from cvxlimit.solution import FloatArray, Iterate, Member, Solution, Status
+from cvxlimit.solution import LOAD_FACTOR, FloatArray, Iterate, Member, Solution, Status
 
 _REQUIRED = (
     "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
@@ -145,7 +145,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
             document["bracket"] = _bracket_to_dict(solution.bracket)
         if solution.torsion_shear != "linear":
             document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
-        if solution.quantity != "load factor":
+        if solution.quantity != LOAD_FACTOR:
             document["quantity"] = text(solution.quantity, "quantity")
         if solution.flow != "associated":
             document["flow"] = text(solution.flow, "flow")
@@ -198,7 +198,7 @@ this is not a result file
             versions=_versions(top.get("versions", {})),
             torsion_shear=text(top.get("torsion_shear", "linear"), "torsion_shear"),
             flow=text(top.get("flow", "associated"), "flow"),
-            quantity=text(top.get("quantity", "load factor"), "quantity"),
+            quantity=text(top.get("quantity", LOAD_FACTOR), "quantity"),
             members=tuple(
                 _member(i, x) for i, x in enumerate(items(top.get("members", []), "members"))
             ),

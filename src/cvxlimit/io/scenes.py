@@ -29,15 +29,14 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.loads import Load, PointForce, Pressure
 from cvxlimit.scene import Scene, Units, check_scene
+from cvxlimit.strengths import BY_CONTACT, PER_AREA
 from cvxlimit.ties import Tie
 
 _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
 _LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
-_STRENGTHS = ("cohesion", "compressive_strength", "tensile_strength")
-_BY_CONTACT = ("friction", *_STRENGTHS)
-_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *_STRENGTHS, "ties")
+_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *PER_AREA, "ties")
 
 
 def read_scene(path: Path) -> Scene:
@@ -167,9 +166,7 @@ def scene_from_dict(document: object) -> Scene:
         supports = items(top["supports"], "supports")
         joint_tolerance = _joint_tolerance(top)
         own: dict[str, Any] = dict(_by_contact(top.get("contacts", [])))
-        own |= {
-            what: number(top[what], f"{what} of the scene") for what in _STRENGTHS if what in top
-        }
+        own |= {what: number(top[what], f"{what} of the scene") for what in PER_AREA if what in top}
         return Scene(
             blocks=_blocks(top["blocks"], joint_tolerance),
             supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
@@ -336,7 +333,7 @@ def _tie(index: int, value: object) -> Tie:
 
 def _strengths_to_dict(scene: Scene) -> JsonObject:
     """Cohesion and strengths that the scene has: none and unlimited ones are left out."""
-    values = {what: getattr(scene, what) for what in _STRENGTHS}
+    values = {what: getattr(scene, what) for what in PER_AREA}
     return {
         what: number(value, f"{what} of the scene")
         for what, value in values.items()
@@ -347,7 +344,7 @@ def _strengths_to_dict(scene: Scene) -> JsonObject:
 def _contacts_to_list(scene: Scene) -> list[JsonObject]:
     """One entry per pair of blocks with anything of its own."""
     entries: dict[tuple[str, str], JsonObject] = {}
-    for what in _BY_CONTACT:
+    for what in BY_CONTACT:
         for pair, value in getattr(scene, f"contact_{what}").items():
             if value == float("inf"):
                 raise InputError(
@@ -361,19 +358,17 @@ def _contacts_to_list(scene: Scene) -> list[JsonObject]:
 
 def _by_contact(value: object) -> dict[str, dict[tuple[str, str], float]]:
     """What contacts have of their own, as arguments of the scene."""
-    result: dict[str, dict[tuple[str, str], float]] = {
-        f"contact_{what}": {} for what in _BY_CONTACT
-    }
+    result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in BY_CONTACT}
     for i, item in enumerate(items(value, "contacts")):
         where = f"entry {i} of contacts"
-        entry = fields(item, where, ("between",), _BY_CONTACT)
+        entry = fields(item, where, ("between",), BY_CONTACT)
         first, second = _pair(entry["between"], f"'between' in {where}")
         contact = f"contact {shown(first)}-{shown(second)}"
         if first == second:
             raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
-        given = [what for what in _BY_CONTACT if what in entry]
+        given = [what for what in BY_CONTACT if what in entry]
         if not given:
-            raise InputError(f"{where} lacks {', '.join(_BY_CONTACT)}: give at least one")
+            raise InputError(f"{where} lacks {', '.join(BY_CONTACT)}: give at least one")
         for what in given:
             own = result[f"contact_{what}"]
             if (first, second) in own or (second, first) in own:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
-from cvxlimit.masonry.rings import abutment, between, radial_joints
-from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, positive
+from cvxlimit.masonry.rings import Ring, between, check_ring, radial_joints
+from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile
 from cvxlimit.scene import Load, Scene
 
 
@@ -73,17 +76,12 @@ def arch(
     >>> len(scene.free), len(scene.contacts)
     (12, 13)
     """
-    number, radius = count(voussoirs, "voussoirs"), positive(mean_radius, "mean_radius")
-    ratio, angle = positive(thickness_ratio, "thickness_ratio"), positive(embrace, "embrace")
-    check_ring(number, ratio, angle)
+    ring = Ring.of(count(voussoirs, "voussoirs"), mean_radius, thickness_ratio, embrace)
     weight = positive(density, "density of the arch")
-    depth, sides = ratio * radius, (0.0, positive(width, "width"))
-    half = np.radians(angle) / 2.0
-    angles = np.pi / 2.0 + np.linspace(half, -half, number + 1)
-    joints = radial_joints(angles, radius, depth, sides)
-    blocks = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
-    left = abutment("left-abutment", joints[0], angles[0], depth)
-    right = abutment("right-abutment", joints[-1], angles[-1], -depth)
+    sides = (0.0, positive(width, "width"))
+    joints = ring.joints(sides)
+    blocks = [between(f"v{i + 1}", *ends, weight) for i, ends in enumerate(pairwise(joints))]
+    left, right = ring.abutments(sides)
     return Scene(
         blocks=(left, *blocks, right),
         supports=(left.id, right.id),
@@ -192,18 +190,3 @@ def arch_on_piers(
         friction=friction,
         name=name,
     )
-
-
-def check_ring(number: int, ratio: float, angle: float) -> None:
-    """Refuse a ring of ``number`` voussoirs over ``angle`` degrees that cannot be built."""
-    if ratio >= 2.0:
-        raise InputError(
-            f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
-            "centre of the arch"
-        )
-    if angle >= 360.0:
-        raise InputError(f"embrace must be below 360 degrees, got {angle:g}")
-    if angle / number >= 180.0:
-        raise InputError(
-            f"voussoirs must each span less than 180 degrees, got {number} over {angle:g} degrees"
-        )

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.rings import between, radial_joints
-from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, positive
+from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile
 from cvxlimit.scene import Load, Scene
 
 FloatArray = NDArray[np.float64]

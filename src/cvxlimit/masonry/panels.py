@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import (
-    Size,
-    count,
-    ground_below,
-    is_negligible,
-    positive,
-    size_of,
-)
+from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, size_of
 from cvxlimit.scene import Load, Scene
 
 Span = tuple[float, float]

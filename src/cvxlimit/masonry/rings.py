@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.checks import positive
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 
 FloatArray = NDArray[np.float64]
@@ -52,3 +56,62 @@ def abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
     Positive depths go the way of growing angles.
     """
     return between(id, joint, joint + depth * np.array([-np.sin(angle), 0.0, np.cos(angle)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """Joints of an arch in the plane (x, z), about the origin and symmetric to the axis z.
+
+    Attributes
+    ----------
+    angles : (n + 1,) array
+        Of the joints of n voussoirs, from +x towards +z, falling; radians.
+    radius, thickness : float
+    """
+
+    angles: FloatArray
+    radius: float
+    thickness: float
+
+    @classmethod
+    def of(cls, voussoirs: int, mean_radius: float, thickness_ratio: float, embrace: float) -> Ring:
+        """Of so many voussoirs over an angle of ``embrace`` degrees.
+
+        Raises
+        ------
+        InputError
+            If it cannot be built.
+        """
+        radius, ratio = (
+            positive(mean_radius, "mean_radius"), positive(thickness_ratio, "thickness_ratio"),
+        )  # fmt: skip
+        angle = positive(embrace, "embrace")
+        check_ring(voussoirs, ratio, angle)
+        half = np.radians(angle) / 2.0
+        angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
+        return cls(angles, radius, ratio * radius)
+
+    def joints(self, sides: tuple[float, float]) -> FloatArray:
+        """Corners (n + 1, 4, 3) of joints that reach from one of ``sides`` to the other, in y."""
+        return radial_joints(self.angles, self.radius, self.thickness, sides)
+
+    def abutments(self, sides: tuple[float, float]) -> tuple[Block, Block]:
+        """The fixed blocks at both ends."""
+        joints, depth = self.joints(sides), self.thickness
+        left = abutment("left-abutment", joints[0], self.angles[0], depth)
+        return left, abutment("right-abutment", joints[-1], self.angles[-1], -depth)
+
+
+def check_ring(number: int, ratio: float, angle: float) -> None:
+    """Refuse a ring of ``number`` voussoirs over ``angle`` degrees that cannot be built."""
+    if ratio >= 2.0:
+        raise InputError(
+            f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
+            "centre of the arch"
+        )
+    if angle >= 360.0:
+        raise InputError(f"embrace must be below 360 degrees, got {angle:g}")
+    if angle / number >= 180.0:
+        raise InputError(
+            f"voussoirs must each span less than 180 degrees, got {number} over {angle:g} degrees"
+        )

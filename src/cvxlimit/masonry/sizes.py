@@ -9,21 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.checks import finite_vector
+from cvxlimit.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""
-
-
-def positive(value: Any, what: str) -> float:
-    """``value`` as a finite float > 0; ``what`` names it in the refusal."""
-    number = isinstance(value, (int, float, np.floating, np.integer))
-    if isinstance(value, bool) or not number or not np.isfinite(value) or value <= 0.0:
-        raise InputError(f"{what} must be a positive number, got {value!r}")
-    return float(value)
 
 
 def count(value: Any, what: str, least: int = 1) -> int:

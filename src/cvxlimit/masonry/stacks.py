@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from cvxlimit.checks import finite_vector
+from cvxlimit.checks import finite_vector, positive
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, positive, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, size_of
 from cvxlimit.scene import Load, Scene
 
 

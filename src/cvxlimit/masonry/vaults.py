@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.checks import not_negative
+from cvxlimit.checks import not_negative, positive
 from cvxlimit.errors import InputError
-from cvxlimit.masonry.arches import check_ring
-from cvxlimit.masonry.rings import abutment, between, radial_joints
-from cvxlimit.masonry.sizes import count, positive
+from cvxlimit.masonry.rings import Ring, between
+from cvxlimit.masonry.sizes import count
 from cvxlimit.masonry.walls import running_bond
 from cvxlimit.scene import Load, Scene
 
@@ -85,23 +84,17 @@ def barrel_vault(
     >>> [scene.blocks[i].id for i in scene.free][:5]
     ['v1.1', 'v1.2', 'v2.1', 'v2.2', 'v2.3']
     """
-    number, radius = count(rows, "rows"), positive(mean_radius, "mean_radius")
-    ratio, angle = positive(thickness_ratio, "thickness_ratio"), positive(embrace, "embrace")
-    check_ring(number, ratio, angle)
-    depth, far = ratio * radius, positive(length, "length")
-    along = count(units, "units")
+    number = count(rows, "rows")
+    ring = Ring.of(number, mean_radius, thickness_ratio, embrace)
+    far, along = positive(length, "length"), count(units, "units")
     weight = positive(density, "density of the vault")
-    half = np.radians(angle) / 2.0
-    angles = np.pi / 2.0 + np.linspace(half, -half, number + 1)
     voussoirs = []
     for row, lengths in enumerate(running_bond(along, number)):
         ends = np.concatenate([[0.0], np.cumsum(lengths)]) * far / along
         for place, sides in enumerate(pairwise(ends), start=1):
-            joints = radial_joints(angles[row : row + 2], radius, depth, sides)
-            voussoirs.append(between(f"v{row + 1}.{place}", joints[0], joints[1], weight))
-    joints = radial_joints(angles, radius, depth, (0.0, far))
-    left = abutment("left-abutment", joints[0], angles[0], depth)
-    right = abutment("right-abutment", joints[-1], angles[-1], -depth)
+            below, above = ring.joints(sides)[row : row + 2]
+            voussoirs.append(between(f"v{row + 1}.{place}", below, above, weight))
+    left, right = ring.abutments((0.0, far))
     return Scene(
         blocks=(left, *voussoirs, right),
         supports=(left.id, right.id),

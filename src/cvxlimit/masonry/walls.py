@@ -6,9 +6,10 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
+from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, positive, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, size_of
 from cvxlimit.scene import Load, Scene
 
 Course = Sequence[float]

@@ -64,16 +64,17 @@ def has_equations(surfaces: Sequence[YieldSurface]) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class Point:
     """Internal forces (p,), torsion over its arm, block rates (6 free,) and load factor."""
 
     forces: FloatArray
     motion: FloatArray
     load_factor: float
 
-    def moved(self, step: FloatArray) -> _Point:
+    def moved(self, step: FloatArray) -> Point:
+        """After a step (p + 6 free + 1,)."""
         p, m = len(self.forces), len(self.motion)
-        return _Point(
+        return Point(
             self.forces + step[:p],
             self.motion + step[p : p + m],
             self.load_factor + float(step[p + m]),
@@ -156,8 +157,8 @@ class FrictionSystem:
 
         Only :class:`~cvxlimit.methods.zero_dilatancy.Verifier` tells which it is.
         """
-        equations = _Equations(self, self._point(state))
-        return self._state(equations.solved(), state)
+        equations = _Equations(self, self.point(state))
+        return self.state(equations.solved(), state)
 
     def scaled_forces(self, state: LimitState) -> FloatArray:
         """Internal forces (p,) in the units of the scaling, torsion over its arm."""
@@ -165,20 +166,22 @@ class FrictionSystem:
         size = np.where(self.model.is_moment, units.length, 1.0) * units.force
         return np.asarray(state.internal) / size / self.arm
 
-    def _point(self, state: LimitState) -> _Point:
+    def point(self, state: LimitState) -> Point:
+        """A state with forces and mechanism, in the units of the scaling."""
         if state.mechanism is None or state.load_factor is None:
             raise ValueError("a state without mechanism cannot be polished")
         units = self.assemblage.scaling
         rows = np.tile([1.0, 1.0, 1.0] + [units.length] * 3, len(state.mechanism))
         motion = state.mechanism.ravel() * units.live * rows
         power = float(self.assemblage.scaled.live @ motion)
-        return _Point(
+        return Point(
             self.scaled_forces(state),
             motion / power,
             state.load_factor * units.live / units.force,
         )
 
-    def _state(self, point: _Point, state: LimitState) -> LimitState:
+    def state(self, point: Point, state: LimitState) -> LimitState:
+        """A point as a state, with all else from ``state``."""
         units = self.assemblage.scaling
         inner = point.forces * self.arm
         size = np.where(self.model.is_moment, units.length, 1.0) * units.force
@@ -194,12 +197,12 @@ class FrictionSystem:
 class _Equations:
     """Of a :class:`FrictionSystem`, in units of the typical force and rate of a first point."""
 
-    def __init__(self, system: FrictionSystem, first: _Point) -> None:
+    def __init__(self, system: FrictionSystem, first: Point) -> None:
         self.system, self.first = system, first
         scaled = system.assemblage.scaled
         self.dead, self.live = scaled.dead, scaled.live
-        self.force = _typical(first.forces)
-        self.rate = _typical(system.matrix.T @ first.motion)
+        self.force = typical(first.forces)
+        self.rate = typical(system.matrix.T @ first.motion)
         self.ratio = self.force / self.rate
         columns = (
             np.full(len(first.forces), self.force),
@@ -212,7 +215,7 @@ class _Equations:
         self._opening = (system.corner @ self._rates).tocsr()
         self._slip = (system.slid @ self._rates).tocsr()
 
-    def solved(self) -> _Point:
+    def solved(self) -> Point:
         """The last point of Levenberg and Marquardt's steps."""
         at, damping, slow = self.first, _DAMPING, 0
         rest = self.residual(at)
@@ -245,7 +248,7 @@ class _Equations:
             return None
         each = sp.eye_array(len(down))
         if self._order is None:
-            self._order = _elimination_order((square + largest * each).tocsc())
+            self._order = elimination_order((square + largest * each).tocsc())
         matrix = (square + max(weight, _ROUNDING * largest) * each).tocsc()
         ordered = matrix[self._order][:, self._order].tocsc()
         step = np.empty_like(down)
@@ -255,7 +258,7 @@ class _Equations:
             return None
         return step
 
-    def residual(self, at: _Point) -> FloatArray:
+    def residual(self, at: Point) -> FloatArray:
         """Equilibrium, live power, corners and sliding, in typical forces."""
         balance = self.system.matrix @ at.forces + self.dead + at.load_factor * self.live
         power = (float(self.live @ at.motion) - 1.0) * self.force
@@ -266,20 +269,20 @@ class _Equations:
         slid = friction - projected(trial, limit).value
         return np.concatenate([balance, [power], corner, slid.ravel()]) / self.force
 
-    def _sliding(self, at: _Point) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _sliding(self, at: Point) -> tuple[FloatArray, FloatArray, FloatArray]:
         friction = (self.system.slid @ at.forces).reshape(-1, 3)
         slip = (self._slip @ at.motion).reshape(-1, 3)
         limit = self.system.limit @ at.forces + self.system.cohesion
         return friction, limit, friction - self.ratio * slip
 
-    def _jacobian(self, at: _Point) -> sp.csr_array:
+    def _jacobian(self, at: Point) -> sp.csr_array:
         """Derivatives of the residual by forces, motion and load factor, columns scaled."""
         system, live = self.system, self.live
         pressed = system.corner @ at.forces - self.ratio * (self._opening @ at.motion) > 0.0
         _, limit, trial = self._sliding(at)
         found = projected(trial, limit)
-        by_trial = _blocks(found.by_force)
-        by_limit = _columns(found.by_limit)
+        by_trial = in_blocks(found.by_force)
+        by_limit = by_columns(found.by_limit)
         sliding = system.slid - by_trial @ system.slid - by_limit @ system.limit
         rows = [
             [system.matrix, None, sp.csr_array(live[:, None])],
@@ -291,14 +294,15 @@ class _Equations:
         return (matrix @ sp.diags_array(self.columns / self.force)).tocsr()
 
 
-def _elimination_order(matrix: sp.csc_array) -> IntArray:
+def elimination_order(matrix: sp.csc_array) -> IntArray:
     """Of minimum degree, as SuperLU finds it; the pattern is that of all steps."""
     symmetric = {"SymmetricMode": True}
     factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
     return np.argsort(factor.perm_c)
 
 
-def _typical(values: FloatArray) -> float:
+def typical(values: FloatArray) -> float:
+    """Root of the mean square; 1 where all are zero."""
     return float(np.sqrt(np.mean(values**2))) or 1.0
 
 
@@ -311,13 +315,13 @@ def _rows(kept: NDArray[np.bool_]) -> sp.dia_array:
     return sp.diags_array(kept.astype(float))
 
 
-def _blocks(blocks: FloatArray) -> sp.csr_array:
+def in_blocks(blocks: FloatArray) -> sp.csr_array:
     """Block diagonal (3 n, 3 n) of (n, 3, 3)."""
     n = len(blocks)
     return sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
 
-def _columns(blocks: FloatArray) -> sp.csr_array:
+def by_columns(blocks: FloatArray) -> sp.csr_array:
     """(3 n, n) of (n, 3)."""
     n = len(blocks)
     index = (np.arange(3 * n), np.repeat(np.arange(n), 3))

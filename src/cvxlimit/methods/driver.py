@@ -273,8 +273,8 @@ class Run:
         return [iterate.load_factor for iterate in self.history]
 
 
-def check_dry(run: Run, what: str) -> None:
-    """Refuse formulations, strengths and ties that ``what`` does not know.
+def check_formulation(run: Run, what: str) -> None:
+    """Refuse formulations for ``what``, which has its own.
 
     Raises
     ------
@@ -282,6 +282,16 @@ def check_dry(run: Run, what: str) -> None:
     """
     if run.formulation is not corner_compressions:
         raise ModelError(f"{what} brings its own formulation: leave formulation out")
+
+
+def check_dry(run: Run, what: str) -> None:
+    """Refuse formulations, strengths and ties that ``what`` does not know.
+
+    Raises
+    ------
+    ModelError
+    """
+    check_formulation(run, what)
     if run.scene.ties:
         raise ModelError(f"{what} knows no ties yet: leave ties out")
     if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
@@ -370,10 +380,16 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         versions=versions(run.solvers),
         torsion_shear=run.torsion_shear,
         flow=run.flow,
-        members=answer.members,
+        members=tuple(_in_original(member, run.mortar) for member in answer.members),
         model=run.reductions,
         solved_scene=run.given,
     )
+
+
+def _in_original(member: Member, mortar: Mortar) -> Member:
+    """With the contact forces of the scene that was given."""
+    forces = mortar.original(member.forces)
+    return member if forces is None else replace(member, forces=forces)
 
 
 def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar]:

@@ -100,20 +100,19 @@ class FixedPoint(Rule):
     epsilon : float
         The paper's small number of Eq. 41, here in mean block weights: Eq. 31 divides by
         N + epsilon, so that contacts which carry next to nothing count as pressed near their
-        centres. No value is better than 0, its limit (contacts without compression then count as
-        pressed at their centres): of 18 iterations, the tuff wall and five random walls under
-        three readings, 15 settled with 0, and 13, 16, 14, 13, 12 and 11 with 1e-4, 1e-3, 1e-2,
-        3e-2, 1e-1 and 3e-1; where they ended differed by up to 4 % either way.
+        centres. The default is 0, its limit (contacts without compression then count as pressed at
+        their centres): with 1e-3 to 1e-1 the panel S12 ends within 1 % of where it ends with 0,
+        and the tuff wall wanders as widely (docs/interaction.md).
     regularisation : float
         Weight of the squared norm of the forces that is taken off the load factor, so that the
         forces which the next eccentricities are made of are the only ones there are: not those
         that rounding picks. In scaled units, where a load factor is of order one: with 1e-3 it
-        falls by 2.7e-4 of itself on the tuff wall. Alone it does not make the iteration
-        independent of the order of the blocks and of the solver: where nothing presses, Eq. 31
-        still divides rounding by rounding. With ``epsilon=1e-2`` beside it, it does on walls and
-        panels (docs/atlas.md): on the tuff wall six runs end within 1e-6 after 5 iterations, where
-        without either they end 21 % apart after 2 to 60. (The least norm among optimal forces, by
-        a second problem, was tried: from the second iterate on solvers do not get it to 1e-4.)
+        falls by 2.7e-4 of itself on the tuff wall. It is no cure: with ``epsilon=1e-2`` beside it,
+        signed moments and three orders of the blocks by two solvers, ends on the tuff wall are 2e-5
+        apart (7e-3 without either) and on random walls 1e-4 at most, but 9e-3 on the S12-class
+        panel (3e-3 without) and 7 % on a wall with few loads (docs/atlas.md). The least norm among
+        optimal forces by a second problem was tried: from the second iterate on solvers do not
+        find it.
 
     Example
     -------

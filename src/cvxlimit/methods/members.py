@@ -37,6 +37,10 @@ multiplier; solutions are checked in any case."""
 class Verifier:
     """Checks of zero-dilatancy solutions in NumPy, outside any solver.
 
+    Only friction does not open joints: rates to which the opening that goes with their slip is
+    added must be those of the associated flow rule, under which stone crushes, mortar tears and
+    ties yield. What strength takes up of power is known from these rates, and forces must do it.
+
     Parameters
     ----------
     run : Run
@@ -45,9 +49,10 @@ class Verifier:
 
     def __init__(self, run: Run) -> None:
         self.assemblage = run.assemblage
-        self.contacts = run.contacts
+        self.contacts = run.assemblage.contacts
         self.flow = FlowRule(run.surfaces, self.contacts)
         self.certifier = Certifier(run.assemblage, run.surfaces)
+        self.strength = self.certifier.strength
 
     def dilatancy(self, rates: FloatArray) -> FloatArray:
         """Opening (n,) that the associated flow rule would go with slip and twist of (n, 6)."""
@@ -60,20 +65,21 @@ class Verifier:
 
         Forces are put into equilibrium first, the mechanism is scaled to live power 1.
         """
-        if state.forces is None or state.mechanism is None or state.load_factor is None:
+        given, alpha = self.certifier.given(state), state.load_factor
+        if given is None or state.mechanism is None or alpha is None:
             return None
-        statics, alpha = self.assemblage.statics, state.load_factor
-        forces = self.assemblage.balance.balanced(state.forces, alpha, statics)
+        statics = self.assemblage.statics
+        balanced = self.strength.balanced(given, alpha, statics)
         live = float(statics.live @ state.mechanism.ravel())
         if not live > 0.0:
             return None
         mechanism = state.mechanism / live
         rates = statics.relative_rates(mechanism)
         openings = corner_openings(rates, self.contacts)
-        penetration = np.maximum(-self.contacts.corner_minimum(openings), 0.0)
+        forces = self.strength.forces(balanced)
         power = (forces * self.work(rates)).sum(axis=1)
-        taken_up = self.contacts.cohesion * self.contacts.area * self._gauge(rates)
-        certificate = self.certifier.certificate(forces, alpha, None)
+        penetration, lost = self._flow(rates, openings, power)
+        certificate = self.certifier.certificate(balanced, alpha, None)
         unit = max(abs(alpha), self.assemblage.scaling.least)
         return Member(
             load_factor=alpha,
@@ -81,11 +87,23 @@ class Verifier:
             iterations=iterations,
             equilibrium=certificate.equilibrium_residual,
             yield_excess=certificate.yield_excess,
-            flow=float(penetration.max() / max(np.abs(openings).max(), np.abs(rates[:, :2]).max())),
-            complementarity=float(np.abs(power + taken_up).sum() / unit),
+            flow=penetration / max(np.abs(openings).max(), np.abs(rates[:, :2]).max()),
+            complementarity=lost / unit,
             forces=forces,
             mechanism=mechanism,
         )
+
+    def _flow(
+        self, rates: FloatArray, openings: FloatArray, power: FloatArray
+    ) -> tuple[float, float]:
+        """Largest penetration beyond what crushing allows, and power that strength does not take
+        up, from that of the forces (n,)."""
+        if self.strength.is_internal:
+            found = self.strength.flow.shortfall(self.work(rates))
+            return max(float(found.missing.max()), 0.0), abs(float(power.sum()) + found.dissipation)
+        penetration = np.maximum(-self.contacts.corner_minimum(openings), 0.0)
+        taken_up = self.contacts.cohesion * self.contacts.area * self._gauge(rates)
+        return float(penetration.max()), float(np.abs(power + taken_up).sum())
 
     def work(self, rates: FloatArray) -> FloatArray:
         """(n, 6): times forces, their power on ``rates`` and what friction takes up of it."""

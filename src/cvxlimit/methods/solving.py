@@ -96,7 +96,7 @@ def solve(
         How much model: no more than the scene needs (planar, half of a symmetric scene, parts
         with live load only; :func:`cvxlimit.explain` says which), or all of it; ``"least"`` takes
         reductions that do not pay as well. Bounds are those of the full scene in any case. With
-        interaction only planar scenes have less, and only by the certified method.
+        interaction only the certified method has less, for planar and for symmetric scenes.
 
     Returns
     -------

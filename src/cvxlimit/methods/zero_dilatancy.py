@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
+from cvxlimit.methods.central_path import CentralPath
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
-from cvxlimit.methods.driver import Answer, Rule, Run, check_dry
+from cvxlimit.methods.driver import Answer, Rule, Run, check_formulation
 from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables
@@ -58,6 +59,17 @@ mixed-integer search knows, only prices far above found the lowest branch."""
 _POLISH = 10
 """Iterates between attempts to solve the equations of the fixed point from where it is: an attempt
 takes as long as about five iterates."""
+
+_WIDTHS = (0.1, 1.0)
+"""How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive more
+often."""
+
+_STEPS = 400
+"""Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
+solve; of the paths that arrive most need 80 to 360."""
+
+_PROMISING = 100.0
+"""Residual over the tolerance up to which a path's end is polished."""
 
 _WALK = 6
 """Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
@@ -114,7 +126,7 @@ class ZeroDilatancy(Rule):
     def start(self, run: Run) -> _Search:
         """Compile the one problem of all iterates."""
         run.flow = "zero-dilatancy"
-        check_dry(run, "zero dilatancy")
+        check_formulation(run, "zero dilatancy")
         return _Search(self, run)
 
     def step(self, run: Run, state: _Search) -> _Search:
@@ -156,8 +168,9 @@ class _Search:
                 run.assemblage, run.surfaces, objective=PricedPressure(self.price)
             )
             self.verifier = Verifier(run)
-            is_known = has_equations(run.surfaces)
+            is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
             self.system = FrictionSystem(run.assemblage) if is_known else None
+            self.path = None if self.system is None else CentralPath(self.system)
             self.lowest = ExtremeForces(run, self.verifier, -1.0)
             self.highest = ExtremeForces(run, self.verifier, 1.0)
             self.mechanisms = (
@@ -196,7 +209,7 @@ class _Search:
             self._next_start(None)
             return
         if self.iterations % _POLISH == 0:
-            member, state = self._polished(member, state)
+            member, state = self._followed(*self._polished(member, state))
         self.last = member
         rates = self.run.assemblage.statics.relative_rates(member.mechanism)
         wanted = self.verifier.dilatancy(rates)
@@ -219,6 +232,21 @@ class _Search:
         if found is None or found.residual >= member.residual:
             return member, state
         return found, near
+
+    def _followed(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
+        """The end of a path from a state to a solution, where the polish did not get there."""
+        if self.path is None or state.internal is None or member.residual <= self.rule.tolerance:
+            return member, state
+        width = _WIDTHS[(self.iterations // _POLISH - 1) % len(_WIDTHS)]
+        random = np.random.default_rng((self.rule.seed, self.at_start, self.iterations))
+        with self.run.clock.phase("solve"):
+            end = self.path.followed(state, width, random, _STEPS)
+        found = self.verifier.member(end, member.start, member.iterations)
+        if found is None or found.residual >= member.residual:
+            return member, state
+        if self.rule.tolerance < found.residual <= _PROMISING * self.rule.tolerance:
+            return self._polished(found, end)
+        return found, end
 
     @property
     def _label(self) -> str:
@@ -294,6 +322,8 @@ class _Search:
         )  # fmt: skip
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
         if not members:
+            if self.associated is None:
+                return Answer(note=f"{_NO_ASSOCIATED}; none was found from {tried}")
             residual = "" if self.last is None else f", last residual {self.last.residual:.1e}"
             return Answer(
                 load_factor=None if self.last is None else self.last.load_factor,
@@ -315,6 +345,11 @@ class _Search:
             members=tuple(members),
         )
 
+
+_NO_ASSOCIATED = (
+    "associated friction has no largest load factor here, which would bound zero-dilatancy "
+    "solutions from above: solve with flow 'associated' first, it says why"
+)
 
 _LADDER = tuple(
     settings_for("CLARABEL", tolerance, name)

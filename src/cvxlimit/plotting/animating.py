@@ -54,8 +54,8 @@ class Animation:
     @property
     def gif(self) -> bytes:
         """The animation as a GIF that runs for ever."""
-        images = [Image.fromarray(frame) for frame in self.frames]
-        palette = images[len(images) // 2].quantize(255)  # the farthest one has all colours
+        palette = _palette(self.frames[len(self.frames) // 2])  # the farthest one has all colours
+        images = map(Image.fromarray, self.frames)
         shown = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
         buffer = io.BytesIO()
         pause = round(1000 * self.seconds / len(shown))
@@ -154,15 +154,17 @@ def animation(
     frame = frame_of(camera.project(ends), _PIXELS)
     drawing = mechanism_drawing(scene, solution, moving)
 
-    def painted(share: float) -> NDArray[np.float64]:
-        part = replace(moving, scale=share * moving.scale)
-        return paint(scene, part, camera, marking=drawing.marking, frame=frame).image
-
     shares = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))
     last = paint(scene, moving, camera, marking=drawing.marking, frame=frame)
     figure, image = assembled(scene, moving, camera, drawing, last)
     figure.set_dpi(_DPI)
     canvas = FigureCanvasAgg(figure)
+
+    def painted(share: float) -> NDArray[np.float32]:
+        part = replace(moving, scale=share * moving.scale)
+        marking, ghost = drawing.marking, last.ghost
+        return paint(scene, part, camera, marking=marking, frame=frame, ghost=ghost).image
+
     forth: list[Bytes] = []
     for share in shares.tolist():
         image.set_data(painted(share))
@@ -170,6 +172,27 @@ def animation(
         shown = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         forth.append(shown[:, :, :3].copy())
     return Animation((*forth, *forth[-2:0:-1]))
+
+
+_ALIKE = 0xF8F8F8
+"""Bits of red, green and blue that tell colours apart in a palette: 8 levels of 256 do not show."""
+
+
+def _palette(frame: Bytes) -> Image.Image:
+    """The commonest colours of a frame, as they are: areas, lines and keys of the legend.
+
+    Pillow's own palettes hold means, in which the purple of small swatches became magenta. Of
+    colours that are nearly the same one is kept: it might take another for white.
+    """
+    red, green, blue = np.moveaxis(frame.astype(np.int32), -1, 0)
+    found, counts = np.unique((red << 16) | (green << 8) | blue, return_counts=True)
+    commonest = found[np.argsort(-counts, kind="stable")]
+    _, first = np.unique(commonest & _ALIKE, return_index=True)
+    kept = commonest[np.sort(first)[:256]]
+    colours = np.stack([kept >> 16, (kept >> 8) & 255, kept & 255], axis=1).astype(np.uint8)
+    result = Image.new("P", (1, 1))
+    result.putpalette(colours.tobytes())
+    return result
 
 
 def _ffmpeg() -> str:

@@ -95,32 +95,66 @@ def overlay(scene: Scene, solution: Solution, moving: Motion) -> Overlay | None:
     forces = contact_forces(scene, solution)
     if forces is None:
         return None
-    zones = crushed_zones(scene, forces)
-    if not (zones or scene.ties):
+    shapes = shapes_of(scene, forces, moving)
+    if not shapes:
         return None
-
-    def moved(points: FloatArray, block: int) -> FloatArray:
-        at = np.full(len(points), block)
-        result: FloatArray = points + moving.scale * velocity_of(scene, moving.rates, points, at)
-        return result
 
     def draw(axes: Axes, camera: Camera) -> FloatArray:
         taken = [np.empty((0, 2))]
-        for zone in zones:
-            flat = camera.project(moved(zone.corners, int(scene.contacts.a[zone.contact])))[:, :2]
-            axes.fill(*flat.T, color=CRUSHED_COLOUR, alpha=0.85, lw=2.0, zorder=6)
+        for shape in shapes:
+            flat = camera.project(shape.points + shape.moves)[:, :2]
+            if shape.is_zone:
+                axes.fill(*flat.T, color=shape.colour, alpha=0.85, lw=2.0, zorder=6)
+            else:
+                axes.plot(*flat.T, "-o", color=shape.colour, lw=2.6, ms=4.0, zorder=6.5,
+                          clip_on=False)  # fmt: skip
             taken.append(flat)
-        place = {block.id: i for i, block in enumerate(scene.blocks)}
-        for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
-            ends = (np.array([tie.start]), place[tie.a]), (np.array([tie.end]), place[tie.b])
-            line = camera.project(np.concatenate([moved(*end) for end in ends]))[:, :2]
-            colour = YIELDING_COLOUR if yields else TIE_COLOUR
-            axes.plot(*line.T, "-o", color=colour, lw=2.6, ms=4.0, zorder=6.5, clip_on=False)
-            taken.append(line)
-        _key(axes, len(zones), yielding(scene, forces))
+        _key(axes, sum(shape.is_zone for shape in shapes), yielding(scene, forces))
         return np.concatenate(taken)
 
     return draw
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A crushed zone, or a tie as a line.
+
+    Attributes
+    ----------
+    points, moves : (k, 3)
+        Where it is, and how far the drawn mechanism takes it.
+    colour, text : str
+    is_zone : bool
+    """
+
+    points: FloatArray
+    moves: FloatArray
+    colour: str
+    text: str
+    is_zone: bool
+
+
+def shapes_of(scene: Scene, forces: FloatArray, moving: Motion) -> list[Shape]:
+    """Crushed zones, then ties, for forces (n, 6)."""
+
+    def moves(points: FloatArray, blocks: list[int]) -> FloatArray:
+        at = np.array(blocks)
+        result: FloatArray = moving.scale * velocity_of(scene, moving.rates, points, at)
+        return result
+
+    result = []
+    for zone in crushed_zones(scene, forces):
+        text = f"crushed zone of {scene.contacts.names[zone.contact]}"
+        shift = moves(zone.corners, [int(scene.contacts.a[zone.contact])] * len(zone.corners))
+        result.append(Shape(zone.corners, shift, CRUSHED_COLOUR, text, True))
+    place = {block.id: i for i, block in enumerate(scene.blocks)}
+    for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
+        points = np.array([tie.start, tie.end])
+        colour = YIELDING_COLOUR if yields else TIE_COLOUR
+        text = f"tie {tie.a}-{tie.b} {'yields at' if yields else 'below'} {tie.yield_force:g}"
+        shift = moves(points, [place[tie.a], place[tie.b]])
+        result.append(Shape(points, shift, colour, text, False))
+    return result
 
 
 def _key(axes: Axes, zones: int, yields: NDArray[np.bool_]) -> None:

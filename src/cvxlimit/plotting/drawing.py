@@ -37,7 +37,7 @@ from cvxlimit.plotting.look import (
     scene_title,
 )  # fmt: skip
 from cvxlimit.plotting.movement import Motion, motion, still
-from cvxlimit.plotting.picture import Picture, paint
+from cvxlimit.plotting.picture import Picture, Pixels, paint
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -53,7 +53,9 @@ LEFT, RIGHT, TOP, BOTTOM = 0.6, 1.1, 0.6, 0.55
 """Inches around the painted part for tick labels, colour bar, title and legend."""
 
 LETTERS, LINE = 84, 0.15
-"""Letters in a line of a refusal, of the narrowest picture, and inches from line to line."""
+HEADING_LETTERS, HEADING_LINE = 72, 0.2
+"""Letters in a line of a caption and of a title that the narrowest picture holds, and inches from
+line to line."""
 
 DPI = 150
 
@@ -186,8 +188,10 @@ def assembled(
     if drawing.overlay is not None:
         seen.append(drawing.overlay(axes, camera))
     said = _wrapped(f"refused: {notes.refusal}" if notes.refusal else drawing.caption)
-    _arrange(result, axes, np.concatenate(seen), LINE * len(said))
-    _draw_title(result, drawing.heading, said, MARK_COLOUR if notes.refusal else INK)
+    heading = textwrap.wrap(drawing.heading, HEADING_LETTERS)
+    more = LINE * len(said) + HEADING_LINE * (len(heading) - 1)
+    _arrange(result, axes, np.concatenate(seen), more)
+    _draw_title(result, heading, said, MARK_COLOUR if notes.refusal else INK)
     if drawing.bar is not None:
         _draw_colour_bar(result, axes, drawing.bar)
     _draw_legend(result, moving, drawing)
@@ -209,7 +213,7 @@ def scene_thumbnail(scene: Scene, refusal: InputError | None, pixels: int = 420)
     return _plain_png(paint(scene, moving, camera, pixels, culprits=culprits).image)
 
 
-def _plain_png(image: FloatArray) -> bytes:
+def _plain_png(image: Pixels) -> bytes:
     buffer = io.BytesIO()
     imsave(buffer, np.clip(image, 0.0, 1.0), format="png")
     return buffer.getvalue()
@@ -257,13 +261,15 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
     axes.set_axis_off()
 
 
-def _draw_title(result: Figure, heading: str, said: list[str], colour: str) -> None:
+def _draw_title(result: Figure, heading: list[str], said: list[str], colour: str) -> None:
+    height = result.get_figheight()
+    below = 0.4 + HEADING_LINE * (len(heading) - 1)
     result.text(
-        0.5, 1.0 - 0.32 / result.get_figheight(), heading,
-        ha="center", va="center", fontsize=11, parse_math=False, wrap=True,
+        0.5, 1.0 - 0.24 / height, "\n".join(heading),
+        ha="center", va="top", fontsize=11, parse_math=False,
     )  # fmt: skip
     result.text(
-        0.5, 1.0 - 0.48 / result.get_figheight(), "\n".join(said),
+        0.5, 1.0 - (below + 0.08) / height, "\n".join(said),
         ha="center", va="top", fontsize=8.5, color=colour, parse_math=False,
     )  # fmt: skip
 

@@ -98,8 +98,16 @@ def block_colours(
     return colours
 
 
+_FRICTION = {"conic": "Coulomb friction", "octagon": "octagonal friction"}
+_BENDING = {
+    "certified": "interaction with bending",
+    "fixed-point": "interaction with bending, iterated",
+}
+"""What an engineer calls them."""
+
+
 def title(solution: Solution) -> str:
-    """Scene, surface, load factor and bracket if there is one; the status without an answer.
+    """Scene, friction, load factor and bracket if there is one; the status without an answer.
 
     The bracket's ends are rounded outwards, so that what is printed is still a bracket.
     Characters that do not print are replaced.
@@ -110,11 +118,13 @@ def title(solution: Solution) -> str:
     >>> from cvxlimit.solution import Solution, Status
     >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058,
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
-    'tuff-wall, conic: load factor 0.42306 in [0.42305, 0.42306]'
+    'tuff-wall, Coulomb friction: load factor 0.42306 in [0.42305, 0.42306]'
     """
-    what = f"{printable(solution.scene)}, {solution.surface}"
-    if solution.interaction != "none":
-        what += f", {solution.interaction} interaction ({solution.moments} moments)"
+    what = f"{printable(solution.scene)}, {_FRICTION.get(solution.surface, solution.surface)}"
+    if solution.interaction in _BENDING:
+        what += f", {_BENDING[solution.interaction]} ({solution.moments} moments)"
+    elif solution.interaction != "none":
+        what += f", {solution.interaction}"
     if solution.load_factor is None:
         return f"{what}: {solution.status}"
     doubt = "" if solution.status.is_good else f" ({solution.status})"

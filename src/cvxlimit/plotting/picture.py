@@ -17,6 +17,7 @@ from cvxlimit.plotting.raster import NOTHING, Canvas
 from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
+Pixels = NDArray[np.float32]
 
 OVERSAMPLING = 2
 """Image pixels are means of this many by this many drawn ones: smooth edges."""
@@ -65,10 +66,12 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A painted scene: ``image`` (height, width, 4) with values 0..1, and its frame."""
+    """A painted scene: ``image`` (height, width, 4) with values 0..1, its frame, and the blocks
+    at rest behind those that move."""
 
-    image: FloatArray
+    image: Pixels
     frame: Frame
+    ghost: Canvas | None = None
 
 
 def paint(
@@ -81,12 +84,13 @@ def paint(
     colours: FloatArray | None = None,
     decals: Sequence[Decal] = (),
     frame: Frame | None = None,
+    ghost: Canvas | None = None,
 ) -> Picture:
     """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels.
 
     ``marking`` says which contacts are outlined; None outlines nothing. Blocks that are
     ``culprits`` are red. ``colours`` (n_blocks, 3) replace those of the blocks, ``frame`` that
-    which holds what is painted.
+    which holds what is painted, and ``ghost`` is that of another picture in the same frame.
     """
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
@@ -95,9 +99,10 @@ def paint(
     marks = None if marking is None else _marks(scene, motion, camera, marking)
     if frame is None:
         frame = frame_of(np.concatenate([still, moved]) if motion.moves else moved, pixels)
-    image = np.zeros((frame.height * OVERSAMPLING, frame.width * OVERSAMPLING, 4))
+    size = frame.height * OVERSAMPLING, frame.width * OVERSAMPLING
+    image = np.zeros((*size, 4), dtype=np.float32)
     if motion.moves:
-        ghost = _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
+        ghost = ghost or _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
         _blend(image, _ghost_shape(ghost, motion, mesh), np.array([0.5, 0.53, 0.6]), 0.16)
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.3, 0.33, 0.4]), 0.45)
     points = frame.pixels(moved, OVERSAMPLING)
@@ -117,9 +122,9 @@ def paint(
         canvas.draw(frame.pixels(raised, OVERSAMPLING), number)
     inks.append(np.array([rgb(decal.colour) for decal in decals]).reshape(-1, 3))
     _ink(image, canvas, np.concatenate(inks), mesh)
-    if motion.moves:
+    if motion.moves and ghost is not None:
         _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.15, 0.15, 0.2]), 0.14)
-    return Picture(_reduced(image), frame)
+    return Picture(_reduced(image), frame, ghost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +217,11 @@ def _ribbon(line: FloatArray, half: float, raised: float) -> FloatArray:
     return np.array([line[0] - across, line[1] - across, line[1] + across, line[0] + across]) + lift
 
 
-def _ink(image: FloatArray, canvas: Canvas, colours: FloatArray, mesh: Mesh) -> None:
-    drawn = canvas.seen != NOTHING
-    image[drawn, :3] = colours[canvas.seen[drawn]]
-    image[drawn, 3] = 1.0
+def _ink(image: Pixels, canvas: Canvas, colours: FloatArray, mesh: Mesh) -> None:
+    drawn = np.flatnonzero(canvas.seen != NOTHING)
+    opaque = np.ones((len(colours), 4), dtype=np.float32)
+    opaque[:, :3] = colours
+    image.reshape(-1, 4)[drawn] = opaque[canvas.seen.ravel()[drawn]]
     _blend(image, canvas.outlines(mesh.patch), np.array([0.10, 0.12, 0.15]), 0.62)
 
 
@@ -229,18 +235,23 @@ def _ghost_lines(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]
     return _ghost_shape(ghost, motion, mesh) & ghost.outlines(mesh.patch)
 
 
-def _blend(image: FloatArray, where: NDArray[np.bool_], colour: FloatArray, opacity: float) -> None:
+def _blend(image: Pixels, where: NDArray[np.bool_], colour: FloatArray, opacity: float) -> None:
     """Paint ``colour`` over some pixels of an image with straight alpha."""
-    below = image[where]
-    alpha = opacity + below[:, 3:] * (1.0 - opacity)
-    mixed = (colour * opacity + below[:, :3] * below[:, 3:] * (1.0 - opacity)) / alpha
-    image[where] = np.concatenate([mixed, alpha], axis=1)
+    pixels, at = image.reshape(-1, 4), np.flatnonzero(where)
+    below = pixels[at]
+    left = below[:, 3:] * np.float32(1.0 - opacity)
+    alpha = left + np.float32(opacity)
+    mixed = (colour.astype(np.float32) * np.float32(opacity) + below[:, :3] * left) / alpha
+    pixels[at] = np.concatenate([mixed, alpha], axis=1)
 
 
-def _reduced(image: FloatArray) -> FloatArray:
+def _reduced(image: Pixels) -> Pixels:
     """Means of the oversampled pixels, weighted by opacity."""
-    height, width = image.shape[0] // OVERSAMPLING, image.shape[1] // OVERSAMPLING
-    cells = image.reshape(height, OVERSAMPLING, width, OVERSAMPLING, 4)
-    alpha = cells[..., 3:].mean(axis=(1, 3))
-    colour = (cells[..., :3] * cells[..., 3:]).mean(axis=(1, 3))
-    return np.concatenate([colour / np.maximum(alpha, 1e-12), alpha], axis=2)
+    image[..., :3] *= image[..., 3:]
+    times = range(OVERSAMPLING)
+    parts = [image[i::OVERSAMPLING, j::OVERSAMPLING] for i in times for j in times]
+    total = sum(parts[1:], start=parts[0])
+    alpha = total[..., 3:]
+    total[..., :3] /= np.maximum(alpha, np.float32(1e-12))
+    alpha /= np.float32(OVERSAMPLING**2)
+    return total

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,21 +39,24 @@ class Canvas:
         The nearness varies as on the plane through the corners (best fit if they are not
         flat). Polygons seen edge-on leave no trace.
         """
-        xy = polygon[:, :2]
-        doubled = _doubled_area(xy)
-        if abs(doubled) < 1e-6:
+        corners: list[list[float]] = polygon.tolist()  # few: quicker one by one than as arrays
+        x, y, _ = zip(*corners, strict=True)
+        normal, middle = _plane(corners)
+        if abs(normal[2]) < 1e-6:
             return
-        low = np.maximum(np.ceil(xy.min(axis=0)), 0).astype(int)
-        high = np.minimum(np.floor(xy.max(axis=0)) + 1, self.seen.shape[::-1]).astype(int)
-        if (high <= low).any():
+        height, width = self.seen.shape
+        low = max(math.ceil(min(x)), 0), max(math.ceil(min(y)), 0)
+        high = min(math.floor(max(x)) + 1, width), min(math.floor(max(y)) + 1, height)
+        if high[0] <= low[0] or high[1] <= low[1]:
             return
         columns = np.arange(low[0], high[0])
         rows = np.arange(low[1], high[1])[:, None]
         inside = np.ones((len(rows), len(columns)), dtype=bool)
-        along = (np.roll(xy, -1, axis=0) - xy) * np.sign(doubled)
-        for (x, y), (dx, dy) in zip(xy, along, strict=True):
-            inside &= dx * (rows - y) >= dy * (columns - x)
-        depth = _plane(polygon, columns, rows)
+        sign = math.copysign(1.0, normal[2])
+        for (x0, y0, _), (x1, y1, _) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            inside &= sign * (x1 - x0) * (rows - y0) >= sign * (y1 - y0) * (columns - x0)
+        across, down = normal[0] / normal[2], normal[1] / normal[2]
+        depth = middle[2] - across * (columns - middle[0]) - down * (rows - middle[1])
         window = np.s_[low[1] : high[1], low[0] : high[0]]
         nearest = inside & (depth > self.nearness[window])
         self.nearness[window][nearest] = depth[nearest]
@@ -79,17 +83,18 @@ class Canvas:
         return result
 
 
-def _doubled_area(xy: FloatArray) -> float:
-    x, y = (xy - xy[0]).T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
-
-
-def _plane(polygon: FloatArray, columns: IntArray, rows: IntArray) -> FloatArray:
-    """Nearness at pixels on the plane through the polygon's mean with its mean normal."""
-    middle = polygon.mean(axis=0)
-    spokes = polygon - middle
-    nx, ny, nz = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
-    result: FloatArray = (
-        middle[2] - (nx / nz) * (columns - middle[0]) - (ny / nz) * (rows - middle[1])
-    )
-    return result
+def _plane(corners: list[list[float]]) -> tuple[list[float], list[float]]:
+    """Area vector, doubled, and mean of a polygon's corners."""
+    x0, y0, z0 = corners[0]
+    normal, total = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    ax, ay, az = (last - first for last, first in zip(corners[-1], corners[0], strict=True))
+    for x, y, z in corners:
+        bx, by, bz = x - x0, y - y0, z - z0  # from a corner: differences of large numbers are less
+        normal[0] += (ay - by) * (az + bz)
+        normal[1] += (az - bz) * (ax + bx)
+        normal[2] += (ax - bx) * (ay + by)
+        total[0] += x
+        total[1] += y
+        total[2] += z
+        ax, ay, az = bx, by, bz
+    return normal, [value / len(corners) for value in total]

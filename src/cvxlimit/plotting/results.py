@@ -21,9 +21,8 @@ from cvxlimit.plotting.annotations import Decal, Marking, annotated
 from cvxlimit.plotting.camera import Camera, camera_from, thin_axis
 from cvxlimit.plotting.crushing import overlay as yielding_overlay
 from cvxlimit.plotting.drawing import Bar, Drawing, SceneFigure, camera_for, drawn
+from cvxlimit.plotting.joints import moving_joints
 from cvxlimit.plotting.look import (
-    KIND_COLOURS,
-    KIND_TEXTS,
     SPEED_STOPS,
     SPEED_TEXT,
     SUPPORT_COLOUR,
@@ -34,7 +33,6 @@ from cvxlimit.plotting.look import (
 )
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import (
-    ContactKind,
     Motion,
     contact_forces,
     free_size,
@@ -59,9 +57,6 @@ LONGEST_FORCE = 0.16
 
 FAINTEST = 0.004
 """Forces below this share of the largest are not drawn: a tenth of a line's width."""
-
-THINNEST = 0.22
-"""Width of the joint that moves least, as a share of that which moves most: still to be seen."""
 
 CRACK = 2.2
 """Width of the widest crack, in lines of the mechanism's widest joint: nothing gapes there to be
@@ -132,24 +127,12 @@ def mechanism_drawing(scene: Scene, solution: Solution, moving: Motion) -> Drawi
     return Drawing(
         title(solution),
         caption if moving.moves else "",
-        marking=_moving_joints(scene, moving),
+        marking=moving_joints(scene, moving),
         notes=annotated(scene),
         bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
         blocks="block (no mechanism)",
         overlay=yielding_overlay(scene, solution, moving),
     )
-
-
-def _moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
-    what = moving.contacts
-    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
-    opening = -scene.contacts.corner_minimum(-what.opening)
-    slides = np.isin(what.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
-    rate = np.where(slides, what.slip, opening)
-    largest = float(rate[what.kind != ContactKind.CLOSED].max(initial=0.0))
-    share = np.clip(rate / largest, 0.0, 1.0) if largest > 0.0 else np.ones(len(rate))
-    width = THINNEST + (widest - THINNEST) * share
-    return Marking(scene.contacts, what.kind, kinds, KIND_TEXTS, width)
 
 
 def cracks(solution: Solution, *, viewer: Viewer = None) -> SceneFigure:
@@ -162,7 +145,7 @@ def cracks(solution: Solution, *, viewer: Viewer = None) -> SceneFigure:
     drawing = Drawing(
         title(solution),
         "crack pattern: joint lines as wide as they move in the mechanism",
-        marking=_moving_joints(scene, moving, CRACK),
+        marking=moving_joints(scene, moving, CRACK),
         colours=_pale(scene),
     )
     camera = camera_for(scene, moving, viewer)

@@ -21,12 +21,12 @@ from cvxlimit.plotting.annotations import (
     refused,
 )
 from cvxlimit.plotting.camera import default_camera, upright
+from cvxlimit.plotting.crushing import Shape, shapes_of
+from cvxlimit.plotting.joints import moving_joints
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
     JOINT_COLOURS,
     JOINT_TEXTS,
-    KIND_COLOURS,
-    KIND_TEXTS,
     MARK_COLOUR,
     SPEED_STOPS,
     SPEED_TEXT,
@@ -67,11 +67,12 @@ def page(scene: Scene, solution: Solution) -> Page:
     forces and rates of a contact. Texts from the scene are data to the page, never markup.
     """
     moving = motion(scene, solution)
-    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
-    marking = Marking(scene.contacts, moving.contacts.kind, kinds, KIND_TEXTS)
+    marking = moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
     forces = contact_forces(scene, solution)
+    shapes = [] if forces is None else shapes_of(scene, forces, moving)
     data |= {
+        "shapes": [_shape_data(scene, shape) for shape in shapes],
         "title": title(solution),
         "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
         "speedText": SPEED_TEXT,
@@ -154,8 +155,19 @@ def _page_data(
             {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
             for mark in notes.marks
         ],
+        "shapes": [],
         "markColour": MARK_COLOUR,
         "markText": "where it is wrong" if notes.refusal else "near miss",
+    }
+
+
+def _shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
+    return {
+        "points": _coordinates(scene, shape.points),
+        "moves": _coordinates(scene, shape.moves),
+        "colour": shape.colour,
+        "text": shape.text,
+        "zone": shape.is_zone,
     }
 
 
@@ -208,6 +220,7 @@ def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
         "a": c.a.tolist(),
         "b": c.b.tolist(),
         "kind": marking.kind.tolist(),
+        "width": None if marking.width is None else _short(marking.width),
         "start": c.corner_start.tolist(),
         "points": _coordinates(scene, c.corner_points),
         "origin": _coordinates(scene, c.origin),
@@ -234,11 +247,6 @@ def _motion_data(scene: Scene, moving: Motion) -> dict[str, Any]:
 def _short(values: FloatArray) -> list[float]:
     """All numbers in a row, with :data:`DIGITS` significant digits."""
     return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
-
-
-def _bytes(colours: FloatArray) -> list[int]:
-    values: list[int] = np.round(255 * colours).astype(int).ravel().tolist()
-    return values
 
 
 def _coordinates(scene: Scene, points: FloatArray) -> list[float]:

@@ -8,7 +8,8 @@ partners carry the symmetric part of their forces. By duality some optimal mecha
 well: blocks move like their partners, and blocks on the plane in it and about its normal.
 
 None of this holds with interaction: Eq. 30 is not convex, and the mean of two admissible states
-need not be admissible.
+need not be admissible. What holds there of its convex problems is said in
+:mod:`cvxlimit.methods.interaction.readings.halves`.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ def iterate_ladder() -> Ladder:
     Clarabel at 1e-9 comes first, whatever else is installed: which of many possible forces a
     solver picks depends on the solver, and at tighter tolerances on rounding. With twelve orders of
     the tuff wall's blocks, signed moments and old-value weight 0.8, the fixed point converged 12
-    times at 1e-9, 10 times at 1e-11, and 8 times at 1e-8 and at 1e-10.
+    times at 1e-9, after 25 to 42 iterations, between 0.3408 and 0.3415.
 
     Example
     -------

@@ -66,7 +66,7 @@ _ROWS = (
     Solver("ECOS", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), 1e-10,
            {"max_iters": 300}, is_tried=True),
     Solver("HIGHS", "MIT", _CORE, ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-           1e-9, has_cones=False, is_tried=True),
+           1e-9, {"time_limit": 60.0}, has_cones=False, is_tried=True),
     # Iterations alone are no budget: 100,000 take more than eight minutes on 1,906 contacts with
     # interaction, and an answer this late has not been seen to be of use.
     Solver("SCS", "MIT", _CORE, ("eps_abs", "eps_rel"), 1e-9,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,6 +15,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.strengths import PER_AREA
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Values: TypeAlias = "Iterable[Any] | float | str"
 Grid: TypeAlias = "Mapping[str, Values] | Sequence[Mapping[str, Any]] | DataFrame"
-
-_SIZED = ("cohesion", "compressive_strength", "tensile_strength")
 
 
 def varied(
@@ -93,8 +92,8 @@ def varied(
 def _resized(scene: Scene, size: float) -> Scene:
     factor = positive(size, "size, a factor on all lengths,")
     larger = scene.in_units(scene.units, factor, factor**3)
-    kept: dict[str, Any] = {what: getattr(scene, what) for what in _SIZED}
-    own: dict[str, Any] = {f"contact_{w}": dict(getattr(scene, f"contact_{w}")) for w in _SIZED}
+    kept: dict[str, Any] = {what: getattr(scene, what) for what in PER_AREA}
+    own: dict[str, Any] = {f"contact_{w}": dict(getattr(scene, f"contact_{w}")) for w in PER_AREA}
     return replace(larger, **kept, **own)
 
 
@@ -239,6 +238,3 @@ def _drawn(name: str, distribution: Any, number: int, source: np.random.Generato
             f"draws of {name!r} must be {number} finite values, got shape {values.shape}"
         )
     return values
-
-
-Factory = Callable[..., Scene]

@@ -8,6 +8,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.states.majorants import Plane, Point
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
@@ -40,9 +41,14 @@ class SafeStep:
     ----------
     scene : Scene or Assemblage
     moments : Moments
+    half : Half or None
+        The half of a symmetric scene to which steps are restricted; answers are those of the
+        whole.
     """
 
-    def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
+    def __init__(
+        self, scene: Scene | Assemblage, moments: Moments, half: Half | None = None
+    ) -> None:
         whole = Assemblage.of(scene)
         self.moments, self.scaling = moments, whole.scaling
         rectangles = Rectangles.of(whole.contacts, moments.inscribed)
@@ -51,9 +57,13 @@ class SafeStep:
             whole, statics=replace(whole.statics, contacts=rectangles.contacts)
         )
         self.statics = self.assemblage.scaled
-        contacts = self.statics.contacts
-        self.model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
-        self.fields, self.magnitudes = moments.fields(self.model.components, contacts.friction)
+        self.half = half
+        self.kept = np.arange(len(self.statics.contacts)) if self.half is None else self.half.kept
+        self.own = self.rectangles.take(self.kept)
+        contacts = self.own.contacts
+        model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
+        self.fields, self.magnitudes = moments.fields(model.components, contacts.friction)
+        self.model = model if self.half is None else self.half.lifted(model)
 
     def solve(
         self,
@@ -69,11 +79,15 @@ class SafeStep:
         it steps are longer (:meth:`Row.lengthened`). ``point`` is scaled, as :meth:`point` returns
         it; ``most`` is the largest load factor asked for. Never raises for what the solver does.
         """
-        slack = None if price is None else cp.Variable(len(self.statics.contacts), nonneg=True)
+        slack = None if price is None else cp.Variable(len(self.kept), nonneg=True)
         limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
         bought = None if slack is None else price * cp.sum(slack)
         problem = StaticProblem(
-            self.assemblage, self.model, limits, LargestFactor(cost=bought, most=most)
+            self.assemblage,
+            self.model,
+            limits,
+            LargestFactor(cost=bought, most=most),
+            None if self.half is None else self.half.rates,
         )
         state = problem.solve(settings)
         if state.forces is None:
@@ -94,8 +108,8 @@ class SafeStep:
     def _cones(
         self, point: Point, slack: cp.Variable | None, curvature: float
     ) -> list[cp.Constraint]:
-        contacts, normal = self.statics.contacts, self.fields.N
-        plane = Plane.at(point, self.rectangles, self.moments.balance)
+        contacts, normal, point = self.own.contacts, self.fields.N, point.take(self.kept)
+        plane = Plane.at(point, self.own, self.moments.balance)
         found = self.moments.rows(self.fields, point, plane, contacts.sides, contacts.friction)
         if curvature < 1.0:
             found = [row.lengthened(normal, curvature) for row in found]

@@ -87,7 +87,7 @@ class Moments(ABC):
     ----------
     name : str
         As in options and result files.
-    starts : tuple of {"relaxation", "middle"}
+    starts : tuple of {"relaxation", "middle", "boxes"}
         Where climbs to a lower bound begin unless they are told.
     frozen : callable
         Eq. 32: the convex surface with the eccentricities frozen, and its cone.
@@ -216,7 +216,7 @@ class Independent(Moments):
     name = "independent"
     splits_polygons = True
     is_about_centre = False
-    starts = ("relaxation", "middle")
+    starts = ("relaxation", "middle", "boxes")
     frozen = TorsionShearBending
     fields = staticmethod(forces_with_sizes)
     rows = staticmethod(independent_rows)

@@ -142,6 +142,8 @@ def limited_support(
 def polygon_support(lever: Lever, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
     """An upper bound on the largest power, but for w_N, of contacts ``rows`` of any convex shape.
 
+    ``w`` (k, 6) are the rates of these contacts, in their order.
+
     c over an effective region, which is symmetric about its centre, is at most two thirds of its
     largest half chord, hence a third of the contact's diameter; with that for c the bound of the
     module holds for any polygon, at the corners of its parts in the quadrants.
@@ -151,7 +153,9 @@ def polygon_support(lever: Lever, w: FloatArray, contacts: Contacts, rows: IntAr
         corners = contacts.corners_of(j)
         diameter = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
         e = _with_axis_points(corners)[:, None]
-        case = _Case(lever, w[[j]], contacts.friction[[j]], e, np.full((len(e), 1), diameter / 3.0))
+        case = _Case(
+            lever, w[[place]], contacts.friction[[j]], e, np.full((len(e), 1), diameter / 3.0)
+        )
         result[place] = case.shared()[0]
     return result
 

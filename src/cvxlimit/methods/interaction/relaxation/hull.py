@@ -24,6 +24,7 @@ from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.states.copies import Copies, copy_forces
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LargestFactor, StaticProblem
@@ -84,6 +85,13 @@ def missed_copies(
 class HullProblem:
     """Limit problems over copies of one scene's contacts, in the units of :class:`Scaling`.
 
+    Parameters
+    ----------
+    scene : Scene or Assemblage
+    half : Half or None
+        The half of a symmetric scene to which problems are restricted; answers are those of the
+        whole.
+
     Example
     -------
     >>> from cvxlimit import builtin_scene
@@ -94,8 +102,8 @@ class HullProblem:
     0.4
     """
 
-    def __init__(self, scene: Scene | Assemblage) -> None:
-        self.assemblage = Assemblage.of(scene)
+    def __init__(self, scene: Scene | Assemblage, half: Half | None = None) -> None:
+        self.assemblage, self.half = Assemblage.of(scene), half
 
     def solve(
         self,
@@ -108,9 +116,14 @@ class HullProblem:
         With ``relief_price``, any share of the dead load may be taken off at this price: see
         :class:`~cvxlimit.model.problem.LargestFactor`.
         """
+        half, rates = self.half, None
+        if half is not None:
+            copies, rates = copies.without(half.dropped), half.rates
         forces = copy_forces(copies, self.assemblage.scaled.contacts)
+        if half is not None:
+            forces = half.lifted_whole(forces)
         objective = LargestFactor(relief_price=relief_price)
-        problem = StaticProblem(self.assemblage, forces, (), objective)
+        problem = StaticProblem(self.assemblage, forces, (), objective, rates)
         return problem.solve(settings or default_ladder()[0])
 
 
@@ -136,12 +149,12 @@ class UpperBound:
     0.4
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, half: Half | None = None) -> None:
         self.run = run
         with run.clock.phase("compile"):
             self.flow = InteractionFlow(run.contacts, run.moments)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
-            self.problem = HullProblem(run.assemblage)
+            self.problem = HullProblem(run.assemblage, half)
             self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
         self.state: LimitState | None = None

@@ -33,6 +33,7 @@ from cvxlimit.geometry.polygons import torsion_arm_gradient
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,10 @@ class Point:
             np.where(pressed, moments / safe, otherwise.centre),
             np.where(pressed, shear / safe, otherwise.shear),
         ).inside(contacts)
+
+    def take(self, rows: IntArray) -> Point:
+        """Of some contacts (k,)."""
+        return Point(self.centre[rows], self.shear[rows])
 
     def inside(self, contacts: Contacts) -> Point:
         """The nearest point with pressure in the rectangles and shear components below friction."""

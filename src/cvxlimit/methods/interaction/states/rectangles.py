@@ -25,6 +25,7 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance, torsion_arm
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _ANGLES = 24
 """Directions tried besides those of the contact's own edges."""
@@ -97,6 +98,12 @@ class Rectangles:
             area[j] = sides[j].prod()
             corners[j] = _SIGNS * sides[j] / 2.0
         return cls(_replaced(contacts, corners, sides, area, turn, offset), share, turn, offset)
+
+    def take(self, rows: IntArray) -> Rectangles:
+        """Some of the contacts (k,)."""
+        return Rectangles(
+            self.contacts.take(rows), self.arm_share[rows], self.turn[rows], self.offset[rows]
+        )
 
     def scaled(self, length: float) -> Rectangles:
         """The same with all lengths multiplied."""

@@ -1,0 +1,103 @@
+"""One half of a symmetric scene with interaction: half the problem, bounds of the whole.
+
+Eq. 30 is not convex, so the mean of a state and its mirror image need not be admissible, and the
+best state may be none that is its own image (:mod:`cvxlimit.reductions.mirror` says why it is
+without interaction). But hulls of true states are convex, and safe steps built at a symmetric point
+are convex and symmetric too: each of these problems has a symmetric solution. A relaxation loses
+nothing by being solved on one half, and a climb stays among symmetric states, which are admissible
+or not like any others. Bounds are computed on the whole scene as ever.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.model.formulations import ForceVariables
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.mirror import Mirror
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SAME = 1e-9
+"""Difference of excesses over the largest that is put down to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """The half of a symmetric scene that says it all, under one reading of Eq. 30.
+
+    Attributes
+    ----------
+    kept, dropped : (k,), (n - k,) int arrays
+        Contacts of this half, those on the plane among them, and those of the other.
+    forces : (6 n, 6 k) sparse array
+        Forces of all contacts, per forces of those kept.
+    rates : (r, 6 free blocks) sparse array
+        Symmetric ways in which blocks move.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.model.assemblage import Assemblage
+    >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
+    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> assemblage = Assemblage.of(builtin_scene("s10-panel"))
+    >>> found = Reductions.of(assemblage, surfaces_of("conic")[0])
+    >>> half = Half.of(found, SIGNED)
+    >>> len(half.kept), len(assemblage.contacts)
+    (960, 1906)
+    """
+
+    kept: IntArray
+    dropped: IntArray
+    forces: sp.csr_array
+    rates: sp.csr_array
+
+    @classmethod
+    def of(cls, found: Reductions, moments: Moments) -> Half | None:
+        """Of a scene's reductions, or None: without a mirror plane, in planar scenes, where the
+        reading is not indifferent to the mirror, as one with tied signs need not be, and with
+        contacts that are not rectangles: safe steps put rectangles into those, in places of their
+        own, and their arms, not the problems, take the time (the dome gained nothing)."""
+        mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.whole
+        if mirror is None or found.plane is not None or not contacts.is_rectangle.all():
+            return None
+        if whole.forces is None or whole.rates is None:
+            return None
+        if not _is_indifferent(moments, mirror, contacts):
+            return None
+        is_kept = np.arange(len(contacts)) <= mirror.contacts
+        kept, dropped = np.flatnonzero(is_kept), np.flatnonzero(~is_kept)
+        return cls(kept, dropped, whole.forces, whole.rates)
+
+    def lifted(self, variables: ForceVariables) -> ForceVariables:
+        """Variables of the contacts kept, with what they mean for all."""
+        maps = [(v, (self.forces @ meaning).tocsr()) for v, meaning in variables.maps]
+        return replace(variables, maps=maps)
+
+    def lifted_whole(self, variables: ForceVariables) -> ForceVariables:
+        """The same for variables written for all contacts, of which only those kept have any."""
+        columns = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
+        maps = [(v, (self.forces @ meaning[columns]).tocsr()) for v, meaning in variables.maps]
+        return replace(variables, maps=maps)
+
+
+def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:
+    """True if random forces exceed Eq. 30 at every contact by as much as their mirror image does:
+    a reading that is not indifferent differs almost surely."""
+    random = np.random.default_rng(0)
+    forces = random.normal(size=(len(contacts), len(COMPONENTS)))
+    forces[:, COLUMN["N"]] = np.abs(forces[:, COLUMN["N"]])
+    forces[:, COLUMN["M1"] :] *= 0.3 * np.sqrt(contacts.area)[:, None]
+    image = np.empty_like(forces)
+    image[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, forces)
+    one = moments.excess(forces, contacts)
+    other = moments.excess(image, contacts)[mirror.contacts]
+    return bool(np.abs(one - other).max() <= _SAME * np.abs(one).max())
