@@ -37,7 +37,13 @@ from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import Scaling, Statics
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, installed, settings_for
+from cvxlimit.solvers import (
+    LimitState,
+    SolverSettings,
+    default_ladder,
+    installed,
+    settings_for,
+)
 from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +84,10 @@ _GAIN = 0.1
 _CLOSED = 0.9
 """Share of the gap asked for at which nodes are closed. Asked for 1 % on a wall of 22 contacts, 20
 CPU seconds end at 1.16 % with it, and at 1.36 % with half."""
+
+_TIGHT = settings_for("CLARABEL", 1e-9)
+"""For forces that are to be admissible to 1e-9 of the load: at 1e-6 the lower bound of a beam on
+two piers stayed 3e-4 below what is carried."""
 
 _TILT = 1e-6
 """Share of the node's own mechanism in a proof of narrowing, which alone may do no live work."""
@@ -162,6 +172,7 @@ class Explorer:
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
         self.ladder = tuple(ladder or node_ladder())
+        self.tight = tuple(ladder or (_TIGHT, *default_ladder()[:1]))
         self.half = half_extent(self.contacts)
         whole = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=whole)
@@ -241,9 +252,13 @@ class Explorer:
         return node
 
     def _solve(
-        self, copies: Copies, price: float | None, glued: IntArray | None = None
+        self,
+        copies: Copies,
+        price: float | None,
+        glued: IntArray | None = None,
+        ladder: Sequence[SolverSettings] | None = None,
     ) -> LimitState:
-        for settings in self.ladder:
+        for settings in ladder or self.ladder:
             self.solves += 1
             self.solvers.add(settings.name)
             state = self.problem.solve(copies, settings, price, glued)
@@ -252,8 +267,8 @@ class Explorer:
         return state
 
     def safe(self, copies: Copies) -> LimitState:
-        """States that are all admissible."""
-        return self._solve(copies, None)
+        """States that are all admissible, solved tightly: their forces are what counts."""
+        return self._solve(copies, None, ladder=self.tight)
 
     def _narrowed(self, node: Node, goal: Goal) -> Node:
         """Ranges of all contacts that carry the gap, without what cannot reach the bound."""
@@ -321,8 +336,10 @@ class Explorer:
         assert node.mechanism is not None
         speed = self._speeds(node.mechanism)
         speed = speed + _SPEED_AT_REST * float(speed.max())
-        excess = np.maximum(self.moments.excess(node.forces, self.contacts), 0.0)
         width = np.ptp(node.boxes, axis=2).max(axis=1)
+        # what is beyond that in a narrow box is the solver's, and no split takes it away
+        most = width * np.maximum(node.forces[:, COLUMN["N"]], 0.0)
+        excess = np.clip(self.moments.excess(node.forces, self.contacts), 0.0, most)
         counts = self.can_split & (width > _NARROW)
         return np.where(counts if free is None else counts & free, excess * speed, 0.0)
 
@@ -410,12 +427,13 @@ class Explorer:
 def node_ladder() -> tuple[SolverSettings, ...]:
     """Solvers for nodes: QOCO where it is installed, then what solves nodes that it gives up.
 
-    QOCO takes half of Clarabel's time (16 for 30 ms with 24 contacts, 34 for 56 with 42, 40 for
-    79 with 58), and nodes need no more than 1e-6: bounds are certified whatever is left. Boxes that
+    QOCO takes half of Clarabel's time (17 for 33 ms with 24 contacts, 33 for 60 with 42, 42 for 84
+    with 58). At 1e-6 it is hardly faster, and a beam on two piers asked for 1e-4 never closed: what
+    was left of the excess looked like something to split. Boxes that
     cannot carry the dead load have no force at all as their answer, where Clarabel ends in a
     numerical error (67 of 213 nodes of one wall); both others solve all of these.
     """
-    quick = (settings_for("QOCO", 1e-6),) if "QOCO" in installed() else ()
+    quick = (settings_for("QOCO", 1e-8),) if "QOCO" in installed() else ()
     return (*quick, settings_for("CLARABEL", 1e-8), settings_for("BLOCKWISE", 1e-8))
 
 
