@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_malformed import GEOMETRIES, damaged
 
 from broken_meshes import TABLE
 from cvxlimit.cli.main import run
 from malformed_scenes import GOLDEN, MALFORMED
-from test_malformed import GEOMETRIES, damaged
 
 PIECES = [b"", b"0", b"-", b"1e999", b"[", b"}", b'"', b",", b"\xff", b"nan", b"\n", b"null",
           b"9" * 30, b"-1", b"\0\0\0\0", b"/", b"e"]  # fmt: skip

@@ -13,7 +13,7 @@ import pytest
 
 import cvxlimit
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README, CONTRIBUTING, SYMBOLS, CHANGELOG = (
     (ROOT / name).read_text("utf-8")
     for name in ("README.md", "CONTRIBUTING.md", "docs/symbols.md", "CHANGELOG.md")

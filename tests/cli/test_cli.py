@@ -513,7 +513,7 @@ def test_interrupt_during_imports(entry: tuple[str, ...], library: str, tmp_path
 
 
 def test_the_console_script_is_the_module() -> None:
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
     assert project["project"]["scripts"] == {"cvxlimit": "cvxlimit.__main__:main"}
 
 

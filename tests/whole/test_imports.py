@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parents[1] / "src" / "cvxlimit"
+SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},

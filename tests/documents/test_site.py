@@ -19,7 +19,7 @@ import cvxlimit
 from cvxlimit import compare, errors, io, masonry, plotting, solvers, surfaces
 from cvxlimit.cli.main import app
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("api/*.md")])
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]

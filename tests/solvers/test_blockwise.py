@@ -198,7 +198,7 @@ class TestAnswers:
     def test_published_values(
         self, name: str, surface: str, published: float, backend: str
     ) -> None:
-        """On its own, certified: digits and tolerance of tests/test_published.py."""
+        """On its own, certified: digits and tolerance of tests/whole/test_published.py."""
         rung = SolverSettings("BLOCKWISE", {"backend": backend})
         solution = solve(builtin_scene(name), surface, ladder=[rung])
         assert_certified(solution, builtin_scene(name), proved=name != "ferris-tin-loi-1")
