@@ -67,7 +67,7 @@ class NonAssociative(Rule):
         return Guess(LimitProblem(run.assemblage, surfaces), pressed)
 
     def step(self, run: Run, state: Guess) -> Guess:
-        new, rung = run.climb(state.problem.solve, run.ladder or default_ladder())
+        new, rung = run.try_solvers(state.problem.solve, run.ladder or default_ladder())
         run.note(new, rung)
         if new.forces is None:
             return state
@@ -217,7 +217,7 @@ def test_bounds_that_contradict_each_other_are_no_answer() -> None:
 def test_the_ladder_is_climbed_until_there_are_forces() -> None:
     ladder = [SolverSettings("NO_SUCH_SOLVER"), *default_ladder()]
     run = Run(single_block(), ladder=ladder)
-    state, rung = run.climb(LimitProblem(run.assemblage).solve, ladder)
+    state, rung = run.try_solvers(LimitProblem(run.assemblage).solve, ladder)
     assert state.forces is not None
     assert rung.name == "CLARABEL"
     assert run.solvers == {"NO_SUCH_SOLVER", "CLARABEL"}

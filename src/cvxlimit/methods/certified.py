@@ -244,7 +244,7 @@ class _Proof:
             return False
         with run.clock.phase("compile"):
             problem = ReducedProblem(found.assemblage, run.surfaces, found.whole)
-        state, settings = run.climb(problem.solve, run.ladder or problem.ladder())
+        state, settings = run.try_solvers(problem.solve, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
             return False
         outer.offer(state.mechanism)

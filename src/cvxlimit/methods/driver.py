@@ -230,7 +230,7 @@ class Run:
             self.clock.book(state.outcome)
         return state
 
-    def climb(
+    def try_solvers(
         self, solver: Solver, ladder: Sequence[SolverSettings]
     ) -> tuple[LimitState, SolverSettings]:
         """Solvers in turn, until one has forces or claims that there is no optimum."""

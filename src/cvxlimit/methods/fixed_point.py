@@ -151,7 +151,7 @@ class FixedPoint(Rule):
     def step(self, run: Run, state: _Iteration) -> _Iteration:
         """One convex problem at the blended forces' eccentricities."""
         pressure = Pressure.of(state.blended, run.contacts, state.epsilon)
-        new, rung = run.climb(
+        new, rung = run.try_solvers(
             lambda settings: state.frozen.solve(pressure, settings), run.ladder or iterate_ladder()
         )
         run.note(new, rung, change=_change(run.load_factors, new.load_factor))

@@ -177,7 +177,7 @@ class _Scheme:
             held = (1.0 + self.rule.eta) * friction * self.pressure
             self.held.value = held + self.rule.cohesion * self.unit
             problem = self.problem
-        return self.run.climb(problem.solve, self.run.ladder or _LADDER)
+        return self.run.try_solvers(problem.solve, self.run.ladder or _LADDER)
 
     @property
     def _change(self) -> float | None:

@@ -171,7 +171,7 @@ class ExtremeForces:
         self.chance.value = np.zeros(n) if random is None else _NUDGE * random.uniform(size=n) ** 2
         rates = self.run.assemblage.statics.relative_rates(mechanism)
         self.power.value = self.run.scaling.live * self.verifier.work(rates)
-        state, rung = self.run.climb(self.problem.solve, ladder)
+        state, rung = self.run.try_solvers(self.problem.solve, ladder)
         return replace(state, mechanism=mechanism), rung
 
 

@@ -200,7 +200,7 @@ class _Search:
     def _iterate(self) -> None:
         self.iterations += 1
         self.price.value = self.run.scaling.live * self.prices
-        state, rung = self.run.climb(self.problem.solve, self.ladder)
+        state, rung = self.run.try_solvers(self.problem.solve, self.ladder)
         member = self.verifier.member(state, self._label, self.iterations)
         self.run.note(state, rung, change=None if member is None else member.residual)
         if self.at_start == 0 and self.iterations == 1:

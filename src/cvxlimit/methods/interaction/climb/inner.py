@@ -357,7 +357,7 @@ class InnerMethod:
 
     def _solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
         """Solve, check, keep the bound if it is better, and note all of it."""
-        state, rung = self.run.climb(solver, ladder)
+        state, rung = self.run.try_solvers(solver, ladder)
         bound, figures = None, {}
         if state.forces is not None and state.load_factor is not None:
             with self.run.clock.phase("certify"):

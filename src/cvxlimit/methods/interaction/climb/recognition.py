@@ -80,7 +80,7 @@ def _candidates(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> Itera
     """Forces that carry the load: without interaction, then by steps from there and the middle."""
     alone = run.assemblage.under(run.scene.with_live(load).with_dead(Load()))
     problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-    plain, _ = run.climb(problem.solve, ladder)
+    plain, _ = run.try_solvers(problem.solve, ladder)
     if (forces := _carried(plain)) is not None:
         yield forces
     with run.clock.phase("compile"):
@@ -101,7 +101,7 @@ def _stepped(
         def solver(rung: SolverSettings, at: Point = at, price: float | None = price) -> StepState:
             return step.solve(at, rung, price, most=1.0)
 
-        state, _ = run.climb(solver, ladder)
+        state, _ = run.try_solvers(solver, ladder)
         if (forces := _carried(state)) is not None:
             yield forces
             point = step.point(forces, point, _PRESSED)
