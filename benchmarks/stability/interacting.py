@@ -105,7 +105,7 @@ SPARE = 1e-13
 """What states must keep of Eq. 9 and 30, over the largest compression: a hundred times the rounding
 of forces that are summed up in doubles. States that hold them to 1e-9 "within rounding" do not
 count: one carried 2.4e-10 more than a proved upper bound, and it is those 1e-9 that pay for it
-(``tests/methods/interaction/test_states_that_refute.py`` shows it in exact arithmetic)."""
+(``tests/benchmarks/test_states_that_refute.py`` shows it in exact arithmetic)."""
 
 NEARLY = 1e-9
 """What solvers leave of Eq. 9 and 30: a state this close is worth being repaired."""

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from broken_meshes import TABLE, assembly, binary_stl, obj, ply, text_stl
+from broken_meshes import GEOMETRIES, damaged
 from cvxlimit import (
     Block,
     Certified,
@@ -99,14 +99,6 @@ def test_every_entry_of_a_scene_refuses_what_is_not_its_kind(
 # --- files with bytes changed, lost and doubled ---------------------------------------------------
 
 
-def damaged(data: bytes, cuts: list[tuple[int, int, bytes]]) -> bytes:
-    """Each cut replaces some bytes from a place on by others."""
-    for place, length, new in cuts:
-        at = place % (len(data) + 1)
-        data = data[:at] + new + data[at + length :]
-    return data
-
-
 def refusal_of(call: Callable[[], object]) -> str:
     """What is said about bad input; nothing if it is good. Any other error is a failure."""
     try:
@@ -136,14 +128,6 @@ def test_damaged_scenes_are_scenes_or_refused(cuts: list[tuple[int, int, bytes]]
     assert len(said) < 2000
 
 
-GEOMETRIES = {
-    "a.obj": obj().encode(),
-    "a.ply": ply().encode(),
-    "a.stl": binary_stl(),
-    "b.stl": text_stl().encode(),
-    "a.json": assembly().encode(),
-    "a.csv": (TABLE + "brick,0,0,0,1,1,1,20,\n").encode(),
-}
 KNOWN = {"length_unit": "m", "up": "z", "friction": 0.7, "density": 20.0, "supports": "lowest"}
 
 

@@ -227,3 +227,21 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
     "unknown-suffix": ("a.dwg", "?", "a.dwg: cannot tell the format from '.dwg'"),
     "empty-json": ("a.json", "", "a.json: the file is empty"),
 }  # fmt: skip
+
+
+def damaged(data: bytes, cuts: list[tuple[int, int, bytes]]) -> bytes:
+    """Each cut replaces some bytes from a place on by others."""
+    for place, length, new in cuts:
+        at = place % (len(data) + 1)
+        data = data[:at] + new + data[at + length :]
+    return data
+
+
+GEOMETRIES = {
+    "a.obj": obj().encode(),
+    "a.ply": ply().encode(),
+    "a.stl": binary_stl(),
+    "b.stl": text_stl().encode(),
+    "a.json": assembly().encode(),
+    "a.csv": (TABLE + "brick,0,0,0,1,1,1,20,\n").encode(),
+}

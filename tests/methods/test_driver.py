@@ -19,6 +19,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import product
+from falling import FALLING, GOOD, STOPPED, UNKNOWN, assert_falls
 
 # An outer loop of a user's own: friction that slides without opening (Gilbert et al. 2006).
 
@@ -236,8 +237,6 @@ def test_what_an_own_loop_may_not_combine() -> None:
 
 def test_an_upper_bound_below_zero_found_late_is_a_fall() -> None:
     """Rungs that answer nothing leave the question open until a good one answers it."""
-    from test_ladder import FALLING, GOOD, STOPPED, UNKNOWN, assert_falls
-
     scene = FALLING["overhang"]().with_live(Load(acceleration=(1.0, 0.0, 0.0)))
     solution = solve(scene, ladder=[STOPPED, UNKNOWN, GOOD])
     assert_falls(solution, scene)

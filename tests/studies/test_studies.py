@@ -311,7 +311,7 @@ class TestProcesses:
 
     @pytest.mark.filterwarnings("ignore")  # of distributed, tornado and asyncio, about themselves
     def test_the_same_table_from_a_cluster(self) -> None:
-        """Workers are threads here; processes, one of them killed: tests/heavy/killed_worker.py."""
+        """Workers are threads here; processes, one of them killed: test_killed_worker.py."""
         distributed = pytest.importorskip("distributed")
         grid = {"friction": [0.2, 0.3, -1.0], "tilt": [0.0, 5.0]}
         here = without_times(quiet(stone(), grid))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.io import read_result
+from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.model.point_friction import ExactFlow, PointFriction, at_centroids, at_corners
 from cvxlimit.surfaces import Parabola, ParabolicTorsionShear, Rocking
@@ -278,3 +280,13 @@ class TestExact:
         assert json.loads(out.read_text())["torsion_shear"] == "parabolic"
         assert read_result(out).torsion_shear == "parabolic"
         assert run(["solve", "stack", "--torsion-shear", "cubic"]) == 2
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", BUILTIN)
+def test_line_parabola_exact_on_every_built_in_scene(name: str) -> None:
+    scene = builtin_scene(name)
+    tolerances = {"linear": 1e-6, "parabolic": 1e-6, "exact": 5e-3}
+    found = [solve(scene, torsion_shear=form, tolerance=t) for form, t in tolerances.items()]
+    for lesser, larger in pairwise(found):
+        assert lesser.lower <= larger.upper

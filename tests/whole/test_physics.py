@@ -21,7 +21,7 @@ from helpers import renumbered
 Answer = Callable[[Scene], float | None]
 
 SPACIOUS = tuple(name for name in BUILTIN if name not in ("s10-panel", "s12-panel"))
-"""The panels take too long for every run: tests/heavy/every_scene.py has them."""
+"""The panels take too long for every run: test_torsion_shear.py has all, marked exhaustive."""
 
 
 def solved(scene: Scene, **options: object) -> float | None:
@@ -107,7 +107,7 @@ def test_rotation_numbering_units(model: str) -> None:
 
 @pytest.mark.parametrize("name", SPACIOUS)
 def test_linear_below_parabolic(name: str) -> None:
-    """And below what is exact where that is quick: on the other scenes by tests/heavy."""
+    """And below what is exact where that is quick: on the others in test_torsion_shear.py."""
     scene = builtin_scene(name)
     forms = (
         ("linear", "parabolic", "exact") if len(scene.contacts) < 30 else ("linear", "parabolic")

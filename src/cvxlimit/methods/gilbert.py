@@ -46,7 +46,6 @@ class RotatedCones(YieldSurface):
         self.held, self.eta = held, eta
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
         return [Condition(norms, {"N": -self.eta * contacts.friction, CONSTANT: self.held})]
 

@@ -103,7 +103,6 @@ class PlasticField:
     divisions: int = _DIVISIONS
 
     def __call__(self, contacts: Contacts) -> ForceModel:
-        """See the class."""
         weak = np.flatnonzero(np.isfinite(contacts.compressive_strength))
         model = self.formulation(contacts)
         if not len(weak):

@@ -77,7 +77,6 @@ class PointFriction:
         return self.placing(contacts, count)
 
     def __call__(self, contacts: Contacts) -> ForceModel:
-        """See the class."""
         return friction_at(contacts, self.points(contacts))
 
 

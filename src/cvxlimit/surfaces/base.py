@@ -144,7 +144,6 @@ class Recession(YieldSurface):
         self.implies = surface.implies  # type: ignore[misc]
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         return [condition.recession() for condition in self.surface.conditions(contacts)]
 
 

@@ -28,7 +28,6 @@ class Rocking(YieldSurface):
     name = "rocking"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         contact, inward, offset = contacts.edges
         inside = {"N": 1, "M2": -inward[:, 0] / offset, "M1": inward[:, 1] / offset}
         return [Condition((), inside, contact)]
@@ -48,7 +47,6 @@ class Sliding(YieldSurface):
     name = "sliding"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         return [Condition([Norm({"V1": 1}, {"V2": 1})], slip_resistance(contacts))]
 
 
@@ -58,7 +56,6 @@ class Torsion(YieldSurface):
     name = "torsion"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         return [Condition([Norm({"MT": 1 / contacts.torsion_arm})], slip_resistance(contacts))]
 
 
@@ -69,6 +66,5 @@ class TorsionShear(YieldSurface):
     implies = frozenset({"sliding", "torsion"})
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
         return [Condition(norms, slip_resistance(contacts))]

@@ -67,7 +67,6 @@ class SignedTorsionShearBending(TorsionShearBending):
     implies = frozenset({"sliding"})
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         at = self.eccentricity
         torsion = {"MT": 1 / contacts.torsion_arm, "V2": product(-1.0, at.e1), "V1": at.e2}
         norms = [Norm({"V1": 1}, {"V2": 1}, weight=at.arm), Norm(torsion)]
@@ -81,7 +80,6 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
     implies = frozenset({"sliding", "torsion"})
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         torsion = Norm({"MT": 1 / contacts.torsion_arm})
         most = {"N": product(contacts.friction, self.eccentricity.arm)}
         return [*super().conditions(contacts), Condition([torsion], most)]

@@ -86,6 +86,5 @@ class ParabolicTorsionShear(YieldSurface):
         super().__init__(Parabola())
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class."""
         size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / parabola_arm(contacts)})
         return [Condition([size], slip_resistance(contacts))]

@@ -15,21 +15,16 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.polygons import (
     convex_hull,
-    effective_region,
-    mean_distance,
     torsion_arm,
 )
 from cvxlimit.methods.interaction.states.arm_bounds import ArmBounds
+from determinate import arm_at
 from helpers import regular
 
 FloatArray = NDArray[np.float64]
 
 ROUNDING = 2e-9
 """Twice what is added to every bound, as a share of the size."""
-
-
-def arm_at(polygon: FloatArray, e: FloatArray) -> float:
-    return mean_distance(effective_region(polygon, e), e)
 
 
 def inside(polygon: FloatArray, rng: np.random.Generator, *shape: int) -> FloatArray:

@@ -9,7 +9,6 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from test_hull import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons, prism, upper
 
 from cvxlimit import Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.geometry.polygons import torsion_arm
@@ -18,6 +17,7 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.methods.interaction.readings.named import parse_moments
+from determinate import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons, prism, upper
 from helpers import hand_equilibrium, interaction_excess
 
 TOLERANCE = 1e-4

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from test_arm_bounds import arm_at
-from test_hull import hexagons, prism, states, tangential
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
@@ -21,6 +19,7 @@ from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.solvers import settings_for
+from determinate import arm_at, hexagons, prism, states, tangential
 
 FloatArray = NDArray[np.float64]
 

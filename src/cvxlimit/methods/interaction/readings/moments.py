@@ -226,7 +226,6 @@ class Independent(Moments):
     reach = 1.0
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
 
@@ -298,7 +297,6 @@ class Signed(Moments):
     inaccurate answers."""
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(mt - at.e1 * v2 + at.e2 * v1)
 

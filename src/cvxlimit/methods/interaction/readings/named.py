@@ -130,7 +130,6 @@ class Paper(SignedTorsionBending):
         return np.abs(e) * np.array([-self.signs[1], self.signs[0]])
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         one, two = self.signs
         return np.abs(mt + one * np.abs(at.e2) * v1 + two * np.abs(at.e1) * v2)

@@ -1,9 +1,4 @@
-"""A sweep on a Dask cluster: the same table, and nothing lost with a worker that is killed.
-
-Not part of the suite, because five processes start for it:
-
-    .venv/bin/pytest tests/heavy/killed_worker.py
-"""
+"""A sweep on a Dask cluster: the same table, and nothing lost with a worker that is killed."""
 
 from __future__ import annotations
 
@@ -20,6 +15,7 @@ from cvxlimit.studies import varied
 distributed = pytest.importorskip("distributed")
 
 pytestmark = [
+    pytest.mark.exhaustive,  # it starts five processes
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),

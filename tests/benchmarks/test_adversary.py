@@ -1,7 +1,5 @@
 """An adversary of brackets with interaction: every lower bound is checked again, every upper bound
-held against a search for better states. Some minutes:
-
-pytest tests/heavy/closing.py
+held against a search for better states.
 
 Nothing here is of the package's ways to brackets. Equilibrium is written by hand, one contact at a
 time (``hand_equilibrium``), Eq. 30 is its checker's. The search is a local ascent on the true,
@@ -32,6 +30,8 @@ from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess
 
 FloatArray = NDArray[np.float64]
+
+pytestmark = pytest.mark.exhaustive
 
 CASES = [
     *(("walls", seed) for seed in (2, 4, 9, 11, 14, 17, 23, 24, 34, 35)),

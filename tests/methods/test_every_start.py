@@ -1,7 +1,4 @@
-"""Friction without dilatancy: every start ends at a solution, in the plane and in space, minutes.
-
-pytest tests/heavy/every_start.py
-"""
+"""Friction without dilatancy: every start ends at a solution, in the plane and in space."""
 
 from __future__ import annotations
 
@@ -9,6 +6,8 @@ import pytest
 
 from cvxlimit import Status, builtin_scene, solve
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+
+pytestmark = pytest.mark.exhaustive
 
 PLANE = ("ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3", "arch", "arch-on-piers")
 

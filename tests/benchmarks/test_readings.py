@@ -1,7 +1,4 @@
-"""Every reading of Eq. 30 on many scenes: lower bounds, and loads without an answer.
-
-Not collected by default (some minutes): ``pytest tests/heavy/readings.py``.
-"""
+"""Every reading of Eq. 30 on many scenes: lower bounds, and loads without an answer."""
 
 from __future__ import annotations
 
@@ -12,6 +9,8 @@ from benchmarks.stability.families import sample, samples
 from cvxlimit import Load, Scene, Solution, Status, solve
 from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.methods.certified import Certified
+
+pytestmark = pytest.mark.exhaustive
 
 WALLS = range(1, 15)
 SMALL = 40

@@ -1,6 +1,6 @@
 """The paper's Tables 8 and 10, first and last column, under its reading with all choices of axes.
 
-Not collected by default (two minutes): ``pytest tests/heavy/paper_columns.py``. The paper: S12
+The paper: S12
 0.186 -> 0.137, S10 0.262 -> 0.215, octagon, weight 0.8 of the old values. ``docs/interaction.md``
 shows more iterates, block orders and settings.
 """
@@ -15,6 +15,8 @@ from cvxlimit import builtin_scene, solve
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import Paper, parse_moments
+
+pytestmark = pytest.mark.exhaustive
 
 COLUMNS = [("s12-panel", 5, 0.186, 0.137), ("s10-panel", 4, 0.262, 0.215)]
 AXES = [(1, 1), (1, -1), (-1, 1), (-1, -1)]

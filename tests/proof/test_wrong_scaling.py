@@ -1,7 +1,5 @@
 """Design section 4 at its own size: 2,716 blocks, block weights as units, and success reported.
 
-Not collected by default (half a minute): ``pytest tests/heavy/wrong_scaling.py``.
-
 Found with CVXPY 1.9.3 and Clarabel 0.11.1, unit = block weight: "optimal", primal and dual both
 0.11148 at 1e-8 where 0.112059 is right (0.5 % off); a tenth of it: 0.0965 (14 % off); the six
 resultants instead of corner compressions: 0.0938 (16 % off). With the total weight as unit,
@@ -22,6 +20,8 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
+
+pytestmark = pytest.mark.exhaustive
 
 CLARABEL = SolverSettings("CLARABEL", {"direct_solve_method": "qdldl", "max_iter": 200})
 

@@ -1,4 +1,4 @@
-"""Memory stays flat over 1,000 solves (a minute): ``pytest tests/heavy/memory.py``.
+"""Memory stays flat over 1,000 solves.
 
 In a process of their own: a test runner keeps things too. Seen: 163.7 MB after 100 solves, when
 everything is there that is kept, and 163.9 MB after 1,000. Garbage is collected now and then: left
@@ -9,6 +9,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+
+import pytest
+
+pytestmark = pytest.mark.exhaustive
 
 PROGRAM = """
 import gc

@@ -1,9 +1,4 @@
-"""Branch and bound whose nodes are explored elsewhere: by a Dask client's executor.
-
-Not part of the suite, because processes start for it:
-
-    .venv/bin/pytest tests/heavy/closing_elsewhere.py
-"""
+"""Branch and bound whose nodes are explored elsewhere: by a Dask client's executor."""
 
 from __future__ import annotations
 
@@ -16,6 +11,7 @@ from cvxlimit.methods.certified import Certified
 distributed = pytest.importorskip("distributed")
 
 pytestmark = [
+    pytest.mark.exhaustive,  # it starts processes, and branches for minutes
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),

@@ -1,4 +1,4 @@
-"""Five hundred malformed files through the command line: ``pytest tests/heavy/fuzz.py`` (10 s).
+"""Five hundred malformed files through the command line.
 
 Scene files damaged in their bytes, scene files with a value replaced or left out, and geometry
 files of six formats, at random until 150 of each are refused, and scene files broken by hand. Each
@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_malformed import GEOMETRIES, damaged
 
-from broken_meshes import TABLE
+from broken_meshes import GEOMETRIES, TABLE, damaged
 from cvxlimit.cli.main import run
 from malformed_scenes import GOLDEN, MALFORMED
+
+pytestmark = pytest.mark.exhaustive
 
 PIECES = [b"", b"0", b"-", b"1e999", b"[", b"}", b'"', b",", b"\xff", b"nan", b"\n", b"null",
           b"9" * 30, b"-1", b"\0\0\0\0", b"/", b"e"]  # fmt: skip
