@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
-from cvxlimit.plotting.strength import BENDING, pressure_centres, utilisations
+from cvxlimit.plotting.strength import BENDING, utilisations
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Solution
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import Bracket, rounded
 from cvxlimit.errors import InputError
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -199,6 +200,9 @@ class Solution:
         What ``load_factor`` and the bracket are of: the load factor, or a support's reaction.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
+    surfaces : tuple of YieldSurface
+        What limited the contact forces; empty for a solution read from a file. Surfaces of one's
+        own go into a pickle if they are in a module, which has to be there to read it.
     """
 
     scene: str
@@ -222,6 +226,7 @@ class Solution:
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
+    surfaces: tuple[YieldSurface, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
@@ -254,8 +259,16 @@ class Solution:
         """True if neither bound rests on an assumption about the size of forces or rates."""
         return self.bracket.is_proved
 
-    def of(self, scene: Scene) -> Solution:
+    def __getstate__(self) -> dict[str, Any]:
+        """Surfaces of a script, a notebook or a function could not be read anywhere else."""
+        kinds = [type(surface) for surface in self.surfaces]
+        lasts = all(k.__module__ != "__main__" and "<locals>" not in k.__qualname__ for k in kinds)
+        return vars(self) if lasts else vars(self) | {"surfaces": ()}
+
+    def of(self, scene: Scene, surfaces: Sequence[YieldSurface] = ()) -> Solution:
         """The same with the scene that was solved: what tables and pictures ask for.
+
+        Surfaces of one's own are needed besides where the share of strength in use is asked for.
 
         Raises
         ------
@@ -278,7 +291,7 @@ class Solution:
                 f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene!r} does "
                 f"not belong to scene {scene.name!r}"
             )
-        return replace(self, solved_scene=scene)
+        return replace(self, solved_scene=scene, surfaces=tuple(surfaces) or self.surfaces)
 
     @property
     def drawn_scene(self) -> Scene:

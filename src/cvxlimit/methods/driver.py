@@ -383,6 +383,7 @@ def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
         members=tuple(_in_original(member, run.mortar) for member in answer.members),
         model=run.reductions,
         solved_scene=run.given,
+        surfaces=run.surfaces,
     )
 
 

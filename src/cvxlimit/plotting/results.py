@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.annotations import Decal, Marking, annotated
 from cvxlimit.plotting.camera import Camera, camera_from, thin_axis
 from cvxlimit.plotting.crushing import overlay as yielding_overlay
@@ -39,7 +40,7 @@ from cvxlimit.plotting.movement import (
     motion,
     still,
 )
-from cvxlimit.plotting.strength import pressure_centres, utilisations
+from cvxlimit.plotting.strength import utilisations
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import ModelError
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import reading_of
@@ -22,8 +22,7 @@ from cvxlimit.surfaces import (
     YieldSurface,
     utilisation,
 )
-from cvxlimit.surfaces.presets import surfaces_of
-from cvxlimit.surfaces.utilisation import CARRIES
+from cvxlimit.surfaces.presets import surfaces_named
 
 FloatArray = NDArray[np.float64]
 
@@ -34,25 +33,17 @@ _WITH_BENDING = ("fixed-point", "certified")
 """Interactions whose solutions have a reading of Eq. 30."""
 
 
-def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where forces (n, 6) press: (n, 2) in the contact's plane, and (n, 3) in space.
-
-    (e1, e2) = (-M2, M1) / N; NaN where a contact carries nothing.
-    """
-    normal = forces[:, 2]
-    carries = normal > CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
-    safe = np.where(carries, normal, np.nan)
-    centre = np.stack([-forces[:, 4], forces[:, 3]], axis=1) / safe[:, None]
-    return centre, contacts.origin + np.einsum("nk,nkx->nx", centre, contacts.axes[:, :2])
-
-
 def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface.
 
-    The largest is over the surfaces that were solved with where their name says what they are,
-    and over the paper's (rocking, torsion with shear) otherwise. With interaction it is over
+    The largest is over the surfaces that were solved with. With interaction it is over
     rocking and Eq. 30 as the solution reads it: ``utilisation_torsion_shear_bending``. NaN where a
     contact carries nothing.
+
+    Raises
+    ------
+    InputError
+        If the solution has lost the surfaces and they are not all built in.
     """
     contacts, forces = scene.contacts, contact_forces(scene, solution)
     solved = _solved_with(solution)
@@ -90,7 +81,11 @@ def _column(surface: YieldSurface) -> str:
 
 
 def _solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
-    try:
-        return surfaces_of(solution.surface, solution.torsion_shear)[0]
-    except ModelError:  # a list of surfaces of one's own: their names do not bring them back
-        return Rocking(), TorsionShear()
+    found = solution.surfaces or surfaces_named(solution.surface, solution.torsion_shear)
+    if found is None:
+        raise InputError(
+            f"how much of its strength a joint of {solution.scene!r} uses cannot be told: of the "
+            f"surfaces {solution.surface!r} only the names are left, and not all are built in; "
+            "solution.of(scene, surfaces) gives them back"
+        )
+    return found

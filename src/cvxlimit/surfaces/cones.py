@@ -122,7 +122,8 @@ class Facets(Cone):
 
     def __str__(self) -> str:
         name = "octagon" if self.count == 8 else f"{self.count}-gon"
-        return name if self.reach == 1.0 else f"{name}-inscribed"
+        names = {1.0: name, float(np.cos(np.pi / self.count)): f"{name}-inscribed"}
+        return names.get(self.reach, f"{name} of reach {self.reach!r}")
 
     @property
     def normals(self) -> FloatArray:

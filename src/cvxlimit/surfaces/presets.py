@@ -7,12 +7,16 @@ from collections.abc import Iterable, Sequence
 from cvxlimit.errors import ModelError
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone, Conic, parse_cone
-from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 from cvxlimit.surfaces.torsion_shear import ParabolicTorsionShear
 
 TORSION_SHEAR = ("linear", "parabolic", "exact")
 """How torsion and shear share friction: the paper's line (Eq. 24), a parabola between it and the
 exact limit, or that limit itself (Eq. 18-21), to a tolerance."""
+
+_BUILT_IN = {
+    kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
+}
 
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
@@ -73,7 +77,35 @@ def surfaces_of(
             "surface must be a name like 'octagon', a Cone, or a list of YieldSurface objects, "
             f"got {surface!r}"
         )
-    return surfaces, "+".join(f"{s.name}({s.cone})" for s in surfaces)
+    return surfaces, "+".join(map(_said, surfaces))
+
+
+def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurface, ...] | None:
+    """The surfaces whose name :func:`surfaces_of` made; None if one of them is not built in.
+
+    >>> [str(surface.cone) for surface in surfaces_named("rocking(conic)+sliding(octagon)")]
+    ['conic', 'octagon']
+    >>> surfaces_named("rocking(conic)+a surface of one's own(conic)")
+    """
+    try:
+        if not name.endswith(")"):
+            return surfaces_of(name, torsion_shear)[0]
+        parts = [part.removesuffix(")").split("(") for part in name.split("+")]
+        made = [_BUILT_IN[own](*_cones(own, cone)) for own, cone in parts]
+    except (KeyError, ValueError, ModelError):
+        return None
+    return tuple(made)
+
+
+def _cones(name: str, cone: str) -> list[Cone]:
+    return [] if name == ParabolicTorsionShear.name else [parse_cone(cone)]
+
+
+def _said(surface: YieldSurface) -> str:
+    """Name and cone; one's own surface with the name of a built-in one is told from it."""
+    kind = _BUILT_IN.get(surface.name)
+    own = "" if kind in (None, type(surface)) else " of one's own"
+    return f"{surface.name}{own}({surface.cone})"
 
 
 def _of_cone(cone: Cone, torsion_shear: str) -> tuple[YieldSurface, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.pressure import least_carried
 from cvxlimit.surfaces.base import (
     CONSTANT,
     Condition,
@@ -20,10 +21,6 @@ from cvxlimit.surfaces.base import (
 from cvxlimit.surfaces.cones import Cone
 
 FloatArray = NDArray[np.float64]
-
-CARRIES = 1e-6
-"""Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to
-1e-8 of it in joints that carry nothing, and what those use of nothing means nothing."""
 
 
 def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -> FloatArray:
@@ -47,7 +44,7 @@ def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -
     [[0.5], [0.5]]
     """
     values = columns(forces)
-    least = CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
+    least = least_carried(forces)
     result = np.full(len(contacts), np.nan)
     for condition in stated(surface, contacts):
         at = np.arange(len(contacts)) if condition.contact is None else condition.contact

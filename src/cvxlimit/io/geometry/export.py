@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
@@ -21,10 +22,6 @@ from cvxlimit.solution import Solution
 FloatArray = NDArray[np.float64]
 
 EXPORTS = (".obj", ".glb", ".csv")
-
-NO_PRESSURE = 1e-9
-"""A contact that carries less than this share of the largest normal force has no pressure centre:
-its moments over so little would be noise of the solver."""
 
 
 def export(
@@ -121,24 +118,13 @@ def contacts_table(scene: Scene, solution: Solution | None = None) -> str:
         for name, column in COLUMN.items():
             unit = f"{force} {length}" if name.startswith("M") else force
             columns[f"{name} ({unit})"] = forces[:, column].tolist()
-        columns |= _triple(("px", "py", "pz"), pressure_centres(scene, forces), f" ({length})")
+        columns |= _triple(("px", "py", "pz"), pressure_centres(c, forces)[1], f" ({length})")
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(map(one_line, columns))
     for row in zip(*columns.values(), strict=True):
         writer.writerow(one_line(x) if isinstance(x, str) else x for x in row)
     return buffer.getvalue()
-
-
-def pressure_centres(scene: Scene, forces: FloatArray) -> FloatArray:
-    """Where each contact's normal force acts, (n, 3); NaN where there is next to none."""
-    c = scene.contacts
-    normal = forces[:, COLUMN["N"]]
-    pressed = normal > NO_PRESSURE * max(float(normal.max(initial=0.0)), 1e-300)
-    safe = np.where(pressed, normal, np.nan)
-    e1, e2 = -forces[:, COLUMN["M2"]] / safe, forces[:, COLUMN["M1"]] / safe
-    result: FloatArray = c.origin + e1[:, None] * c.axes[:, 0] + e2[:, None] * c.axes[:, 1]
-    return result
 
 
 def _triple(names: str | tuple[str, ...], rows: FloatArray, unit: str) -> dict[str, list[object]]:

@@ -1,0 +1,44 @@
+"""Where contacts are pressed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+
+FloatArray = NDArray[np.float64]
+
+CARRIES = 1e-6
+"""Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to
+1e-8 of it in joints that carry nothing, and neither the moments over so little nor the share of so
+little mean anything."""
+
+
+def least_carried(forces: FloatArray) -> float:
+    """The force below which a contact counts as carrying nothing, for contact forces (n, 6).
+
+    Example
+    -------
+    >>> round(least_carried(np.array([[0.0, 0.0, 50.0, 1.0, 0.0, 0.0]])), 9)
+    5e-05
+    """
+    return CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
+
+
+def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where forces (n, 6) press: (n, 2) in the contact's plane, and (n, 3) in space.
+
+    (e1, e2) = (-M2, M1) / N; NaN where a contact carries nothing.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> contacts = builtin_scene("single-block").contacts
+    >>> pressure_centres(contacts, np.array([[0.0, 0.0, 2.0, 0.2, -0.1, 0.0]]))[0].tolist()
+    [[0.05, 0.1]]
+    """
+    normal = forces[:, COLUMN["N"]]
+    safe = np.where(normal > least_carried(forces), normal, np.nan)
+    centre = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1) / safe[:, None]
+    return centre, contacts.origin + np.einsum("nk,nkx->nx", centre, contacts.axes[:, :2])
