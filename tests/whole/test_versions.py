@@ -14,8 +14,7 @@ import pytest
 
 import cvxlimit
 from cvxlimit import Certified, FixedPoint, builtin_scene, solve
-from cvxlimit.solvers import SolverSettings
-from cvxlimit.versions import versions
+from cvxlimit.solvers import SolverSettings, versions
 
 SOURCE = Path(cvxlimit.__file__)
 PACKAGE = {"cvxlimit": cvxlimit.__version__, "cvxpy": version("cvxpy")}

@@ -23,7 +23,7 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.reduction import ReducedProblem, Reduction
 from cvxlimit.scene import Load, Scene, check_scene
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solvers import LimitState, SolverSettings, suits
+from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import needed_surfaces
 
@@ -156,8 +156,7 @@ class _Climb:
         run.reductions = reduction.names
         with run.clock.phase("compile"):
             self.problem = self._compiled(reduction)
-            ladder = run.ladder or self.problem.ladder(self.tolerance)
-        self.ladder = [settings for settings in ladder if suits(settings, self.problem.problem)]
+            self.ladder = run.ladder or self.problem.ladder(self.tolerance)
 
     def _compiled(self, reduction: Reduction) -> ReducedProblem:
         """The problem, compiled anew unless the run shares what is compiled with others."""

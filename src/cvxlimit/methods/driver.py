@@ -26,10 +26,9 @@ from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Member, Solution, Status
-from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of
+from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
-from cvxlimit.versions import versions
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -222,12 +221,21 @@ class Run:
         return self.surfaces[-1].cone
 
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
-        """One run of one solver, on the clock."""
+        """One run of one solver, on the clock.
+
+        Raises
+        ------
+        ModelError
+            If no solver of the ladder asked for can take the first problem.
+        """
         self.tell(f"solving with {settings}")
-        self.solvers.add(settings.name)
         with self.clock.phase("compile"):
             state = solver(settings)
             self.clock.book(state.outcome)
+        if not state.outcome.refusal:
+            self.solvers.add(settings.name)
+        elif self.ladder and not (self.solvers or any(rung.row.has_cones for rung in self.ladder)):
+            raise ModelError(f"the ladder cannot solve this: {state.outcome.refusal}")
         return state
 
     def try_solvers(

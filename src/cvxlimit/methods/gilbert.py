@@ -25,7 +25,7 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer, Rule, Run, check_dry
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status
-from cvxlimit.solvers import LimitState, SolverSettings, settings_for
+from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import CONSTANT
 from cvxlimit.surfaces.cones import Cone
@@ -33,7 +33,7 @@ from cvxlimit.surfaces.presets import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
 
-_LADDER = (settings_for("CLARABEL", 1e-8, "Clarabel"), settings_for("CLARABEL", 1e-6, "Clarabel"))
+_LADDER = clarabel_at(1e-8, 1e-6)
 
 
 class RotatedCones(YieldSurface):

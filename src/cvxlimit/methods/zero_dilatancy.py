@@ -26,7 +26,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.solution import Member, Status
-from cvxlimit.solvers import LimitState, SolverSettings, settings_for
+from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
 
 FloatArray = NDArray[np.float64]
 
@@ -351,8 +351,5 @@ _NO_ASSOCIATED = (
     "solutions from above: solve with flow 'associated' first, it says why"
 )
 
-_LADDER = tuple(
-    settings_for("CLARABEL", tolerance, name)
-    for tolerance, name in ((1e-10, "Clarabel tight"), (1e-8, "Clarabel"))
-)
+_LADDER = clarabel_at(1e-10, 1e-8)
 """Residuals below 1e-6 of the load factor take rates and forces to 1e-8 or better."""

@@ -16,8 +16,8 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import MODELS, Reductions
 from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solvers import Shape
-from cvxlimit.solvers.ladder import inequalities
+from cvxlimit.solvers import SOLVERS, Shape
+from cvxlimit.solvers.ladders import inequalities
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.presets import needed_surfaces, surfaces_of
 
@@ -29,15 +29,6 @@ MEANING: Mapping[str, str] = MappingProxyType(
     }
 )
 """What reductions are, by name."""
-
-_PACE: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {"QOCO": (1.8e-7, 1.6), "CLARABEL": (3.2e-7, 1.6), "BLOCKWISE": (1.7e-5, 1.2)}
-)
-"""Seconds on one core: the first times the number of variables to the power of the second.
-
-Fitted to planar walls of 10,224, 20,604 and 64,440 variables (QOCO 0.46, 1.37, 9.5 s; Clarabel
-0.83, 2.3, 16 s; blockwise 1.1, 2.5, 10 s); on a panel with 9,272 variables and cones they give 0.40
-(measured 0.43), 0.71 (0.71) and 0.98 s (0.73)."""
 
 
 @dataclass(frozen=True)
@@ -161,5 +152,5 @@ def _reason(solver: str, shape: Shape) -> str:
 
 
 def _seconds(solver: str, variables: int) -> float:
-    pace, growth = _PACE.get(solver, _PACE["CLARABEL"])
+    pace, growth = SOLVERS[solver].pace
     return float(pace * variables**growth)

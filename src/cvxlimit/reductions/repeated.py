@@ -33,17 +33,13 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import Terms
 from cvxlimit.reductions.reduction import ReducedProblem, Reduction
-from cvxlimit.solvers import settings_for
-from cvxlimit.solvers.ladder import Ladder
+from cvxlimit.solvers import Ladder, limit_ladder
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface
 
 FloatArray = NDArray[np.float64]
 
 _KINDS = (Rocking, TorsionShear)
 """Surfaces whose rows are linear in friction, and say all by their type and cone."""
-
-_LOOSE = 0.05
-"""Of the bracket that is asked for: QOCO's first tolerance."""
 
 _KEPT = 4
 """Compiled problems kept: one per pattern of the loads, as a rule two."""
@@ -97,18 +93,8 @@ class RepeatedProblem(ReducedProblem):
         self.renew(assemblage, reduction)
 
     def ladder(self, tolerance: float = 1e-5) -> Ladder:
-        """The usual solvers; QOCO first no tighter than it has to be.
-
-        With cones its brackets are about ten times as wide as its tolerance. On 25 variations of
-        the S12 panel, friction 0.5 to 0.9: at 1e-8, 1e-7, 5e-7 and 1e-6 together 619, 582, 555 and
-        620 iterations, brackets up to 1.3e-7, 1.2e-6, 6.5e-6, and some too wide with the last one.
-        Where that is not enough the next rung is the usual one.
-        """
-        own = super().ladder(tolerance)
-        loose = max(_LOOSE * tolerance, 1e-8)
-        if own[0].name != "QOCO" or not self.shape.is_conic or loose == 1e-8:
-            return own
-        return (settings_for("QOCO", loose), *own)
+        """The usual solvers; QOCO first no tighter than it has to be."""
+        return limit_ladder(self.shape, tolerance, is_repeated=True)
 
     def renew(self, assemblage: Assemblage, reduction: Reduction) -> RepeatedProblem:
         """Take the friction and the loads of an assemblage of the same geometry."""

@@ -1,35 +1,46 @@
 """Solvers: the table of them, the order in which they are tried, one run, and one of our own.
 
 To add one: if CVXPY knows it, write a row into :data:`~cvxlimit.solvers.table.SOLVERS`; it can be
-put on a ladder even without. One that CVXPY does not know is a class for
-:data:`cvxlimit.solvers.running.PLUG_INS`, like :class:`Blockwise`.
+put on a ladder even without. One that CVXPY does not know is a class like :class:`Blockwise`, which
+may stand on a ladder itself, or in such a row.
 """
 
 from cvxlimit.solvers.blockwise import Blockwise
-from cvxlimit.solvers.ladder import (
+from cvxlimit.solvers.ladders import (
+    Ladder,
     Shape,
-    check_installed,
+    clarabel_at,
     default_ladder,
-    installed,
     is_conic,
     iterate_ladder,
     ladder_of,
     leading_ladder,
     limit_ladder,
-    suits,
+    node_ladder,
+    tight_ladder,
 )
 from cvxlimit.solvers.running import LimitState, Outcome, run
-from cvxlimit.solvers.table import SOLVERS, Solver, SolverSettings, settings_for
+from cvxlimit.solvers.table import (
+    SOLVERS,
+    Solver,
+    SolverSettings,
+    check_installed,
+    installed,
+    settings_for,
+    versions,
+)
 
 __all__ = [
     "SOLVERS",
     "Blockwise",
+    "Ladder",
     "LimitState",
     "Outcome",
     "Shape",
     "Solver",
     "SolverSettings",
     "check_installed",
+    "clarabel_at",
     "default_ladder",
     "installed",
     "is_conic",
@@ -37,7 +48,9 @@ __all__ = [
     "ladder_of",
     "leading_ladder",
     "limit_ladder",
+    "node_ladder",
     "run",
     "settings_for",
-    "suits",
+    "tight_ladder",
+    "versions",
 ]

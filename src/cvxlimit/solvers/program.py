@@ -21,13 +21,10 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 from numpy.typing import NDArray
 
-from cvxlimit.solvers.running import PLUG_INS, Outcome
+from cvxlimit.solvers.running import Outcome
 from cvxlimit.solvers.table import SolverSettings
 
 FloatArray = NDArray[np.float64]
-
-_SPLIT = frozenset({"QOCO", "ECOS", "CVXOPT"})
-"""Solvers whose interfaces take equations and cones apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +64,11 @@ class ConeProgram:
 
         Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
         """
-        start = time.perf_counter()
-        name = settings.name
-        solver = PLUG_INS[name]() if name in PLUG_INS else SOLVER_MAP_CONIC[name]
-        data, inverse = self._data(name in _SPLIT)
+        if (refused := Outcome.refused(settings, bool(self.cones))) is not None:
+            return refused, None, None
+        start, row = time.perf_counter(), settings.row
+        solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
+        data, inverse = self._data(row.splits_equations)
         compiled = time.perf_counter()
         try:
             with warnings.catch_warnings():
@@ -78,9 +76,8 @@ class ConeProgram:
                 raw = solver.solve_via_data(data, False, False, dict(settings.options))
                 found = solver.invert(raw, inverse)
         except Exception as error:  # solvers raise what they like; the history keeps the reason
-            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
             took = time.perf_counter() - compiled
-            return Outcome(f"failed: {reason[:120]}", compiled - start, took), None, None
+            return Outcome.failed(error, compiled - start, took), None, None
         outcome = Outcome(found.status, compiled - start, time.perf_counter() - compiled)
         if not outcome.has_values:
             return outcome, None, None

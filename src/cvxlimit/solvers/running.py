@@ -8,27 +8,41 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
 from numpy.typing import NDArray
 
-from cvxlimit.solvers.blockwise import Blockwise
-from cvxlimit.solvers.rescaled import Rescaled
-from cvxlimit.solvers.table import SolverSettings
+from cvxlimit.solvers.ladders import is_conic
+from cvxlimit.solvers.table import SolverSettings, able
 
 FloatArray = NDArray[np.float64]
-
-PLUG_INS: dict[str, type[ConicSolver]] = {"BLOCKWISE": Blockwise, "RESCALED": Rescaled}
-"""Solvers that CVXPY does not know by name."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a solver reported, with seconds for CVXPY's compile and for the solver itself."""
+    """What a solver reported, with seconds for CVXPY's compile and for the solver itself.
+
+    ``refusal`` says what the solver lacks, if it was not run for that.
+    """
 
     status: str
     compile_seconds: float
     solve_seconds: float
+    refusal: str = ""
+
+    @classmethod
+    def failed(cls, error: Exception, compile_seconds: float, solve_seconds: float) -> Outcome:
+        """Of a run that ended in an error."""
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        return cls(f"failed: {reason[:120]}", compile_seconds, solve_seconds)
+
+    @classmethod
+    def refused(cls, settings: SolverSettings, has_cones: bool) -> Outcome | None:
+        """Of a problem that the solver cannot take, or None if it can."""
+        if settings.row.has_cones or not has_cones:
+            return None
+        lacks = f"{settings.name} takes no second-order cones, which this problem has"
+        others = f"{', '.join(able(with_cones=True))} take them"
+        return cls(f"failed: {lacks}", 0.0, 0.0, f"{lacks}; {others}")
 
     @property
     def has_values(self) -> bool:
@@ -66,23 +80,24 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
     CVXPY's warning about inaccurate solutions is not shown: the status says the same, is kept in
     the history, and the certificate decides what the solution is worth.
     """
+    if (refused := Outcome.refused(settings, is_conic(problem))) is not None:
+        return refused
     start = compiled = time.perf_counter()
-    solver = PLUG_INS[settings.name]() if settings.name in PLUG_INS else settings.name
+    row, options = settings.row, dict(settings.options)
     try:
+        solver = row.name if row.plug_in is None else row.plug_in()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Solution may be inaccurate")
             data, chain, inverse = problem.get_problem_data(
-                solver, ignore_dpp=ignore_dpp, solver_opts=dict(settings.options)
+                solver, ignore_dpp=ignore_dpp, solver_opts=options
             )
             compiled = time.perf_counter()
             raw = chain.solve_via_data(
-                problem, data, warm_start=False, verbose=False, solver_opts=dict(settings.options)
+                problem, data, warm_start=False, verbose=False, solver_opts=options
             )
             solved = time.perf_counter()
             problem.unpack_results(raw, chain, inverse)
     except Exception as error:  # solvers raise what they like; the history keeps the reason
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        message = f"failed: {reason[:120]}"
-        return Outcome(message, compiled - start, time.perf_counter() - compiled)
+        return Outcome.failed(error, compiled - start, time.perf_counter() - compiled)
     overhead = time.perf_counter() - solved
     return Outcome(problem.status, compiled - start + overhead, solved - compiled)

@@ -1,17 +1,29 @@
 """The table of solvers: one row each, with all that this package knows about it.
 
-To add one that CVXPY knows, write a row (without one it runs with its own default settings). One
-that CVXPY does not know is a class in :data:`cvxlimit.solvers.running.PLUG_INS` besides.
+To add one that CVXPY knows, write a row (without one it runs with its own default settings). For
+one that CVXPY does not know, its class stands in the row besides; a user's own class may be put on
+a ladder as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
+import cvxpy as cp
+from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
+
 from cvxlimit.checks import ratio
+from cvxlimit.errors import ModelError
+from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.rescaled import Rescaled
+from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.versions import __version__, version_of
 
 
 @dataclass(frozen=True)
@@ -31,56 +43,78 @@ class Solver:
         What is asked of them on the ladder.
     options : mapping
         Further options, with reasons in the rows below.
+    iterations : str
+        Option that holds the most iterations it may take.
     has_cones : bool
         False if it solves linear problems only.
     is_tried : bool
         True if it is on the default ladder, below Clarabel, where it is installed.
+    splits_equations : bool
+        True if CVXPY's interface to it takes equations and cones apart.
+    distribution : str
+        What it is installed as, if that is not its name in small letters.
+    pace : (float, float)
+        Seconds on one core: the first times the number of variables to the power of the second,
+        fitted to planar walls (docs/solvers.md). Without measurements it is Clarabel's.
+    plug_in : subclass of cvxpy's ConicSolver, or None
+        Its interface, if CVXPY does not know it by name.
     """
 
     name: str
-    licence: str
-    comes_with: str
+    licence: str = ""
+    comes_with: str = ""
     tolerances: tuple[str, ...] = ()
     tight: float = 1e-9
     options: Mapping[str, Any] = field(default_factory=dict)
+    iterations: str = "max_iter"
     has_cones: bool = True
     is_tried: bool = False
+    splits_equations: bool = False
+    distribution: str = ""
+    pace: tuple[float, float] = (3.2e-7, 1.6)
+    plug_in: type[ConicSolver] | None = None
 
 
 _CORE = "cvxlimit"
+_FAST = "cvxlimit[fast]"
 _ALONE = "a package of its own"
+_CLARABEL = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
+_OWN_LDL = {"direct_solve_method": "qdldl", "max_iter": 200}
 
 _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
-    # tolerances save little and cost the bracket: 1e-8 was 0 to 12 % faster than 1e-10 on panels of
-    # 886 to 7,219 contacts, with brackets 4e-6 to 1e-4 wide in place of 4e-8 to 3e-7.
-    Solver("CLARABEL", "Apache-2.0", _CORE, ("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-11,
-           {"direct_solve_method": "qdldl", "max_iter": 200}),
-    Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11),
-    Solver("RESCALED", "MIT", _CORE, ("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12,
-           {"direct_solve_method": "qdldl", "max_iter": 200}),
+    # tolerances save little and cost the bracket (docs/solvers.md).
+    Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL),
+    Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(1.7e-5, 1.2),
+           plug_in=Blockwise),
+    Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
+           plug_in=Rescaled),
     # At tolerances below 1e-8 its brackets are no narrower.
-    Solver("QOCO", "BSD-3-Clause", "cvxlimit[fast]", ("abstol", "reltol"), 1e-8),
-    Solver("MOSEK", "commercial", _ALONE, ("eps",), 1e-9, is_tried=True),
-    Solver("GUROBI", "commercial", _ALONE, ("BarConvTol", "BarQCPConvTol"), 1e-9, is_tried=True),
-    Solver("ECOS", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), 1e-10,
-           {"max_iters": 300}, is_tried=True),
+    Solver("QOCO", "BSD-3-Clause", _FAST, ("abstol", "reltol"), 1e-8, iterations="max_iters",
+           splits_equations=True, pace=(1.8e-7, 1.6)),
+    Solver("MOSEK", "commercial", _ALONE, ("eps",), is_tried=True),
+    Solver("GUROBI", "commercial", _ALONE, ("BarConvTol", "BarQCPConvTol"), is_tried=True,
+           distribution="gurobipy"),
+    Solver("ECOS", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), 1e-10, {"max_iters": 300},
+           "max_iters", is_tried=True, splits_equations=True),
     Solver("HIGHS", "MIT", _CORE, ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-           1e-9, {"time_limit": 60.0}, has_cones=False, is_tried=True),
+           1e-9, {"time_limit": 60.0}, has_cones=False, is_tried=True, distribution="highspy"),
     # Iterations alone are no budget: 100,000 take more than eight minutes on 1,906 contacts with
     # interaction, and an answer this late has not been seen to be of use.
     Solver("SCS", "MIT", _CORE, ("eps_abs", "eps_rel"), 1e-9,
-           {"max_iters": 100_000, "time_limit_secs": 60.0}, is_tried=True),
+           {"max_iters": 100_000, "time_limit_secs": 60.0}, "max_iters", is_tried=True),
     Solver("MOREAU", "Apache-2.0", _ALONE),
-    Solver("COPT", "commercial", _ALONE),
+    Solver("COPT", "commercial", _ALONE, distribution="coptpy"),
     Solver("XPRESS", "commercial", _ALONE),
     Solver("CUCLARABEL", "Apache-2.0", _ALONE),
     Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",), has_cones=False),
-    Solver("CVXOPT", "GPL-3.0", "cvxlimit[fast]", ("abstol", "reltol", "feastol")),
-    Solver("GLPK", "GPL-3.0", "cvxlimit[fast]", has_cones=False),
-    Solver("GLOP", "Apache-2.0", _ALONE, has_cones=False),
-    Solver("PDLP", "Apache-2.0", _ALONE, has_cones=False),
+    Solver("CVXOPT", "GPL-3.0", _FAST, ("abstol", "reltol", "feastol"), splits_equations=True),
+    Solver("GLPK", "GPL-3.0", _FAST, has_cones=False, distribution="cvxopt"),
+    Solver("GLPK_MI", "GPL-3.0", _FAST, has_cones=False, distribution="cvxopt"),
+    Solver("GLOP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
+    Solver("PDLP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
     Solver("CBC", "EPL-2.0", _ALONE, has_cones=False),
+    Solver("SCIP", "Apache-2.0", _ALONE, distribution="pyscipopt"),
     Solver("SCIPY", "BSD-3-Clause", _CORE, has_cones=False),
     Solver("OSQP", "Apache-2.0", _CORE, has_cones=False),
 )  # fmt: skip
@@ -93,6 +127,15 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 class SolverSettings:
     """A solver by CVXPY's name, its options, and a label for the history.
 
+    Attributes
+    ----------
+    name : str
+    options : mapping
+    label : str
+        What the history calls it; empty is its name.
+    plug_in : subclass of cvxpy's ConicSolver, or None
+        A solver that neither CVXPY nor this package knows by that name.
+
     Example
     -------
     >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
@@ -102,17 +145,30 @@ class SolverSettings:
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
     label: str = ""
+    plug_in: type[ConicSolver] | None = None
 
     def __str__(self) -> str:
         return self.label or self.name
 
+    @property
+    def row(self) -> Solver:
+        """What is known of the solver; of one without a row, that it has cones."""
+        own = Solver(self.name, plug_in=self.plug_in)
+        return own if self.plug_in is not None else SOLVERS.get(self.name, own)
+
 
 def settings_for(
-    solver: str, tolerance: float | None = None, label: str = "", /, **options: Any
+    solver: str,
+    tolerance: float | None = None,
+    label: str = "",
+    /,
+    iterations: int | None = None,
+    **options: Any,
 ) -> SolverSettings:
     """Settings of ``solver`` (CVXPY's name) at ``tolerance``, whatever it calls its options.
 
-    Without a tolerance they are those of the ladder; ``options`` win over the table's.
+    Without a tolerance they are those of the ladder; ``iterations`` are the most it may take;
+    ``options`` win over the table's.
 
     Raises
     ------
@@ -122,7 +178,57 @@ def settings_for(
     >>> settings_for("SCS", 1e-4).options["eps_rel"]
     0.0001
     """
-    row = SOLVERS.get(solver, Solver(solver, "", ""))
+    row = SolverSettings(solver).row
     asked = row.tight if tolerance is None else ratio(tolerance, "tolerance")
-    own = {**row.options, **dict.fromkeys(row.tolerances, asked), **options}
+    budget = {} if iterations is None else {row.iterations: iterations}
+    own = {**row.options, **dict.fromkeys(row.tolerances, asked), **budget, **options}
     return SolverSettings(solver, own, label)
+
+
+def check_installed(settings: SolverSettings) -> None:
+    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed.
+
+    Raises
+    ------
+    ModelError
+    """
+    name, row = settings.name, settings.row
+    if row.plug_in is None and name not in installed():
+        known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})
+        if name in known:
+            source = f"it comes with {row.comes_with or _ALONE}"
+            raise ModelError(f"solver {name} is not installed; {source}")
+        near, here = " or ".join(get_close_matches(name.upper(), known, 3, 0.7)), ", ".join(able())
+        hint = f"did you mean {near}?" if near else f"installed are {here}"
+        raise ModelError(f"there is no solver {name!r}; {hint}")
+    if settings.options.get("backend", "") == "cholmod" != best_backend():
+        raise ModelError("CHOLMOD is not installed; it comes with the package cvxopt")
+
+
+def able(with_cones: bool = False) -> list[str]:
+    """Solvers that can be put on a ladder here; those that take second-order cones only."""
+    names = {name for name, row in SOLVERS.items() if row.plug_in is not None} | installed()
+    return sorted(n for n in names if SolverSettings(n).row.has_cones or not with_cones)
+
+
+def versions(solvers: Iterable[str]) -> dict[str, str]:
+    """Versions by distribution: cvxlimit, CVXPY, and solvers by their names.
+
+    What this package brings itself has its version; what is not installed as a distribution is
+    ``"unknown"``.
+
+    >>> list(versions(["HIGHS", "CLARABEL", "BLOCKWISE"]))
+    ['cvxlimit', 'cvxpy', 'blockwise', 'clarabel', 'highspy']
+    """
+    found = {}
+    for row in (SolverSettings(name).row for name in solvers):
+        distribution = row.distribution or row.name.lower()
+        is_own = row.plug_in is not None and not row.distribution
+        found[distribution] = __version__ if is_own else version_of(distribution)
+    return {"cvxlimit": __version__, "cvxpy": version_of("cvxpy"), **dict(sorted(found.items()))}
+
+
+@cache
+def installed() -> frozenset[str]:
+    """Names of the solvers that CVXPY finds."""
+    return frozenset(cp.installed_solvers())

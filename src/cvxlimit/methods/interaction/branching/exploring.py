@@ -40,9 +40,8 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,
-    default_ladder,
-    installed,
-    settings_for,
+    node_ladder,
+    tight_ladder,
 )
 from cvxlimit.surfaces import Rocking
 
@@ -84,10 +83,6 @@ _GAIN = 0.1
 _CLOSED = 0.9
 """Share of the gap asked for at which nodes are closed. Asked for 1 % on a wall of 22 contacts, 20
 CPU seconds end at 1.16 % with it, and at 1.36 % with half."""
-
-_TIGHT = settings_for("CLARABEL", 1e-9)
-"""For forces that are to be admissible to 1e-9 of the load: at 1e-6 the lower bound of a beam on
-two piers stayed 3e-4 below what is carried."""
 
 _TILT = 1e-6
 """Share of the node's own mechanism in a proof of narrowing, which alone may do no live work."""
@@ -172,7 +167,7 @@ class Explorer:
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
         self.ladder = tuple(ladder or node_ladder())
-        self.tight = tuple(ladder or (_TIGHT, *default_ladder()[:1]))
+        self.tight = tuple(ladder or tight_ladder())
         self.half = half_extent(self.contacts)
         whole = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=whole)
@@ -422,19 +417,6 @@ class Explorer:
         """Pressure centres (n, 2) as fractions of the half extent."""
         at = Pressure.of(forces, self.contacts)
         return np.clip(np.stack([at.e1, at.e2], axis=1) / self.half, -1.0, 1.0)
-
-
-def node_ladder() -> tuple[SolverSettings, ...]:
-    """Solvers for nodes: QOCO where it is installed, then what solves nodes that it gives up.
-
-    QOCO takes half of Clarabel's time (17 for 33 ms with 24 contacts, 33 for 60 with 42, 42 for 84
-    with 58). At 1e-6 it is hardly faster, and a beam on two piers asked for 1e-4 never closed: what
-    was left of the excess looked like something to split. Boxes that
-    cannot carry the dead load have no force at all as their answer, where Clarabel ends in a
-    numerical error (67 of 213 nodes of one wall); both others solve all of these.
-    """
-    quick = (settings_for("QOCO", 1e-8),) if "QOCO" in installed() else ()
-    return (*quick, settings_for("CLARABEL", 1e-8), settings_for("BLOCKWISE", 1e-8))
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,9 +43,9 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,
-    default_ladder,
+    clarabel_at,
     leading_ladder,
-    settings_for,
+    tight_ladder,
 )
 
 __all__ = ["InnerIterate", "InnerMethod"]
@@ -68,15 +68,12 @@ _INWARD = 0.05
 contacts, and which of many solutions a solver picked decided where S12 ended, 0.12598 or 0.12604.
 Moved in by 0.05 or 0.2 it was 0.12604 from all of five."""
 
-_TIGHT = 1e-9
-"""Clarabel's tolerance for the last step of a climb."""
-
 MOST_BOXED = 500
 """Contacts up to which boxes of pressure centres are tried unasked: on the panels S12 (888
 contacts) and S10 (1,906) they took as long as all before, and ended at or below it."""
 
 _FROZEN = 1e-10
-"""The same for frozen problems: where no reserve is known, what forces exceed Eq. 30 by is taken
+"""Tolerance of frozen problems: where no reserve is known, what forces exceed Eq. 30 by is taken
 off the bound, 9e-5 of it on S12 at 1e-9 and 1e-5 at 1e-10, in the same time."""
 
 _RELAXED = 1e-4
@@ -138,7 +135,7 @@ class InnerMethod:
         self.contacts = run.contacts
         self.most, self.gain = most, gain
         self.leading = run.ladder or leading_ladder()
-        self.tight = run.ladder or (_clarabel(_TIGHT), default_ladder()[0])
+        self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
             self.half = self._half(run.moments)
             self.problem = SafeStep(run.assemblage, run.moments, self.half)
@@ -320,7 +317,7 @@ class InnerMethod:
     def frozen(self, centre: FloatArray) -> InnerIterate:
         """Contacts pressed at ``centre`` (n, 2), in fractions of the half extent."""
         copies = self.moments.safe_copies(self.contacts, centre)
-        first = self.run.ladder or (_clarabel(_FROZEN),)
+        first = self.run.ladder or clarabel_at(_FROZEN)
         return self.safe("frozen", lambda rung: self.hull.solve(copies, rung), first[:1])
 
     def copied(self, kind: str, copies: Copies, ladder: Sequence[SolverSettings]) -> InnerIterate:
@@ -395,7 +392,3 @@ def _predicted(gains: Sequence[float]) -> float:
     ratio = last / before if 0.0 < before < np.inf else _FIRST_RATIO
     ratio = min(max(ratio, 0.0), 1.0)
     return np.inf if ratio >= 1.0 or not np.isfinite(last) else last * ratio / (1.0 - ratio)
-
-
-def _clarabel(tolerance: float) -> SolverSettings:
-    return settings_for("CLARABEL", tolerance, f"CLARABEL {tolerance:g}", max_iter=100)

@@ -15,6 +15,7 @@ from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,
+    Blockwise,
     SolverSettings,
     default_ladder,
     installed,
@@ -63,11 +64,36 @@ class TestLadder:
         assert first.lower is None or first.lower <= TRUE * (1.0 + 2e-6)
         assert first.upper is None or first.upper >= TRUE * (1.0 - 2e-6)
 
+    @pytest.mark.parametrize("ladder", ["HIGHS", ["HIGHS"], [UNFIT, "GLPK"]], ids=str)
+    @pytest.mark.parametrize(
+        "method",
+        [
+            {},
+            {"interaction": "fixed-point"},
+            {"interaction": "certified"},
+            {"flow": "zero-dilatancy"},
+            {"flow": "gilbert"},
+        ],
+        ids=lambda method: next(iter(method.values()), "convex"),
+    )
+    def test_a_ladder_without_a_solver_for_the_problem_is_refused(
+        self, method: dict[str, str], ladder: object
+    ) -> None:
+        """Who lacks what, and who has it, in one sentence; no bracket [?, ?], no "diverged"."""
+        scene = builtin_scene("tuff-wall")
+        said = "HIGHS takes no second-order cones, which this problem has; .*CLARABEL.* take them"
+        with pytest.raises(ModelError, match=said):
+            solve(scene, ladder=ladder, **method)  # type: ignore[arg-type]
+
+    def test_planar_scenes_have_no_cones(self) -> None:
+        assert_certified(solve(builtin_scene("arch"), ladder=["HIGHS"]))
+
     def test_a_linear_solver_is_for_facets_only(self) -> None:
-        """HiGHS cannot take cones: left out there, an answer in its own right on the octagon."""
+        """HiGHS cannot take cones: said so there, an answer in its own right on the octagon."""
         scene = builtin_scene("tuff-wall")
         assert_certified(conic := solve(scene, ladder=[UNFIT, GOOD]), scene)
-        assert {h.solver for h in climbed(conic)} == {"CLARABEL"}
+        refused = next(h for h in climbed(conic) if h.solver == "no cones")
+        assert refused.status.startswith("failed: HIGHS takes no second-order cones")
         octagon = solve(scene, "octagon", ladder=[UNFIT])
         assert [h.solver for h in climbed(octagon)][:1] == ["no cones"]
         assert_bounds_hold(octagon, 0.450034)
@@ -160,7 +186,9 @@ class TestLadder:
     @pytest.mark.parametrize(
         ("ladder", "message"),
         [
-            ("CLARABELL", "CLARABELL is not installed; did you mean CLARABEL"),
+            ("CLARABELL", "there is no solver 'CLARABELL'; did you mean CLARABEL"),
+            (["MOSEC"], "there is no solver 'MOSEC'; did you mean MOSEK"),
+            (["simplex"], "there is no solver 'SIMPLEX'; installed are BLOCKWISE, CLARABEL"),
             (["MOSEK"], "MOSEK is not installed; it comes with a package of its own"),
             ([], "ladder must be a list of solvers"),
             ([3], "a solver's name or SolverSettings, got 3"),
@@ -170,7 +198,18 @@ class TestLadder:
         with pytest.raises(ModelError, match=message):
             ladder_of(ladder)  # type: ignore[arg-type]
 
-    @pytest.mark.parametrize("rung", default_ladder(), ids=str)
+    def test_a_solver_of_ones_own(self) -> None:
+        """A class that CVXPY could take as a solver may stand on the ladder as it is."""
+
+        class Mine(Blockwise):
+            def name(self) -> str:
+                return "MINE"
+
+        solution = solve(builtin_scene("tuff-wall"), ladder=[Mine])
+        assert_certified(solution)
+        assert "MINE" in [iterate.solver for iterate in solution.history]
+
+    @pytest.mark.parametrize("rung", default_ladder(is_conic=False), ids=str)
     def test_every_rung_is_honest_on_its_own(self, rung: SolverSettings) -> None:
         scene = builtin_scene("ferris-tin-loi-1")
         solution = solve(scene, "octagon", ladder=[rung])

@@ -1,0 +1,318 @@
+"""Ladders: in which order solvers are tried, one for each purpose.
+
+A ladder is gone down until an answer is certified. Figures behind the orders and tolerances here
+are in docs/solvers.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from cvxpy.constraints import Inequality, NonNeg, NonPos
+from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from cvxlimit.errors import ModelError
+from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.solvers.table import (
+    SOLVERS,
+    SolverSettings,
+    check_installed,
+    installed,
+    settings_for,
+)
+
+Ladder = tuple[SolverSettings, ...]
+
+
+@dataclass(frozen=True)
+class LadderNumbers:
+    """The numbers behind the ladders; where each was measured is in docs/solvers.md.
+
+    Attributes
+    ----------
+    blockwise_from : mapping
+        From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
+        problem: by its factorisation where Clarabel is the other choice, and at least that much
+        where QOCO is installed.
+    least_bracket : float
+        Narrowest bracket that is asked of QOCO with cones.
+    lean : float
+        Tolerance of QOCO without cones and facets.
+    tiny : int
+        Variables up to which Clarabel comes first in any case.
+    loose : float
+        QOCO's first tolerance for repeated problems, over the bracket that is asked for.
+    leading, leading_iterations : float, int
+        Tolerance of problems that only lead the way, and the iterations they may take: problems
+        not solved in 60 iterations were never solved later.
+    iterate, node, tight : float
+        Tolerances of fixed-point iterates, of nodes, and of forces that count to 1e-9 of the load.
+    tight_iterations : int
+        The most that the last of these may take.
+    """
+
+    blockwise_from: Mapping[str, Mapping[str, float]] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "conic": {"superlu": 4.5e8, "cholmod": 1.4e8, "beside QOCO": 1.4e8},
+                "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
+                "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
+            }
+        )
+    )
+    least_bracket: float = 1e-6
+    lean: float = 1e-10
+    tiny: int = 100
+    loose: float = 0.05
+    leading: float = 1e-6
+    leading_iterations: int = 60
+    iterate: float = 1e-9
+    node: float = 1e-8
+    tight: float = 1e-9
+    tight_iterations: int = 100
+
+
+NUMBERS = LadderNumbers()
+
+
+def default_ladder(is_conic: bool = True) -> Ladder:
+    """Rungs in order: Clarabel as a rule, then in units of its own answer, which is what weights
+    far apart need, then tighter, then every other installed solver that takes the problem."""
+    rungs = [
+        settings_for("CLARABEL"),
+        settings_for("RESCALED", None, "CLARABEL rescaled"),
+        settings_for("RESCALED", None, "BLOCKWISE rescaled", first="BLOCKWISE"),
+        settings_for(
+            "CLARABEL", 1e-13, "CLARABEL tight",
+            iterations=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
+        ),
+        settings_for(
+            "CLARABEL", 1e-12, "CLARABEL unequilibrated", iterations=500, equilibrate_enable=False
+        ),
+    ]  # fmt: skip
+    others = (
+        row.name
+        for row in SOLVERS.values()
+        if row.is_tried and row.name in installed() and (row.has_cones or not is_conic)
+    )
+    return (*rungs, *map(settings_for, others))
+
+
+def ladder_of(
+    rungs: Sequence[str | SolverSettings | type[ConicSolver]] | str | SolverSettings,
+) -> Ladder:
+    """A ladder of one's own: names of installed solvers, settings, or interfaces of one's own.
+
+    Raises
+    ------
+    ModelError
+        For names of solvers that CVXPY does not find, and what is no name at all.
+
+    Example
+    -------
+    >>> [str(rung) for rung in ladder_of(["CLARABEL", settings_for("SCS", 1e-6, "SCS loose")])]
+    ['CLARABEL', 'SCS loose']
+    """
+    given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
+    if not isinstance(given, Sequence) or not given:
+        raise ModelError(f"ladder must be a list of solvers, got {rungs!r}: write ['CLARABEL']")
+    return tuple(_rung(rung) for rung in given)
+
+
+def _rung(rung: object) -> SolverSettings:
+    if isinstance(rung, SolverSettings):
+        return rung
+    if isinstance(rung, type) and issubclass(rung, ConicSolver):
+        return SolverSettings(str(rung().name()), plug_in=rung)
+    if not isinstance(rung, str):
+        raise ModelError(
+            f"a rung of the ladder must be a solver's name or SolverSettings, got {rung!r}"
+        )
+    check_installed(settings := settings_for(rung.upper()))
+    return settings
+
+
+def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
+    """Clarabel at each of some tolerances, for loops that compare one solve with the next.
+
+    Example
+    -------
+    >>> [str(rung) for rung in clarabel_at(1e-10, 1e-8)]
+    ['CLARABEL 1e-10', 'CLARABEL 1e-08']
+    """
+    return tuple(
+        settings_for("CLARABEL", asked, f"CLARABEL {asked:g}", iterations=iterations)
+        for asked in tolerances
+    )
+
+
+def iterate_ladder() -> Ladder:
+    """The ladder for iterations that feed on the forces of their last solve.
+
+    Clarabel comes first, whatever else is installed: which of many possible forces a solver picks
+    depends on the solver, and at tighter tolerances on rounding.
+
+    Example
+    -------
+    >>> str(iterate_ladder()[0])
+    'CLARABEL'
+    """
+    return (settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
+
+
+def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
+    """The ladder for one of many problems whose answers are checked outside the solver.
+
+    Every rung has a budget of iterations, and there are no first-order methods, which keep one
+    problem busy for minutes.
+
+    Example
+    -------
+    >>> all({"max_iter", "max_iters"} & set(rung.options) for rung in leading_ladder())
+    True
+    """
+    most = NUMBERS.leading_iterations
+    clarabel = clarabel_at(tolerance, iterations=most)
+    if "QOCO" not in installed():
+        return clarabel
+    return (settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", iterations=most), *clarabel)
+
+
+def node_ladder() -> Ladder:
+    """The ladder for nodes of a search: QOCO where it is installed, then what solves the nodes that
+    it gives up; boxes that carry nothing have no force as their answer, on which Clarabel fails.
+
+    Example
+    -------
+    >>> str(node_ladder()[-1])
+    'BLOCKWISE'
+    """
+    names = ("QOCO", "CLARABEL", "BLOCKWISE")
+    quick = 0 if "QOCO" in installed() else 1
+    return tuple(settings_for(name, NUMBERS.node) for name in names[quick:])
+
+
+def tight_ladder() -> Ladder:
+    """The ladder for forces that count to 1e-9 of the load.
+
+    Example
+    -------
+    >>> str(tight_ladder()[0])
+    'CLARABEL 1e-09'
+    """
+    first = clarabel_at(NUMBERS.tight, iterations=NUMBERS.tight_iterations)
+    return (*first, *default_ladder()[:1])
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a compiled problem looks like, as far as it matters for its solvers.
+
+    Attributes
+    ----------
+    variables, equations : int
+    front : float
+        Mean width of the equations' profile in reverse Cuthill-McKee order: how much of the
+        assemblage closes on itself. An arch of any length has a narrow one.
+    is_conic : bool
+        True with second-order cones.
+    rows : int
+        Linear inequalities, signs of variables among them.
+    """
+
+    variables: int
+    equations: int
+    front: float
+    is_conic: bool
+    rows: int = 0
+
+    @property
+    def kind(self) -> str:
+        """``"conic"``, ``"facets"`` or ``"lean"``: linear with less than 1.5 rows per variable.
+
+        The octagon in space has 2.0, a planar scene 1.3.
+        """
+        if self.is_conic:
+            return "conic"
+        return "facets" if self.rows >= 1.5 * self.variables else "lean"
+
+    @property
+    def work(self) -> float:
+        """Operations of a factorisation within the profile, up to a factor."""
+        return self.equations * self.front**2
+
+    @classmethod
+    def of(cls, equations: sp.csr_array, problem: cp.Problem) -> Shape:
+        """From the matrix (equations, variables) of equality constraints, and the whole problem."""
+        front, conic = front_width(equations), is_conic(problem)
+        return cls(equations.shape[1], equations.shape[0], front, conic, inequalities(problem))
+
+
+def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
+    """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
+
+    The blockwise solver comes first where it was measured to be faster. Elsewhere QOCO does, if it
+    is installed; the blockwise solver is third there.
+
+    Parameters
+    ----------
+    shape : Shape
+    tolerance : float
+        Width of the bracket that is asked for. Below 1e-6 QOCO would often run in vain with cones.
+    is_repeated : bool
+        True for one of many problems of one scene: QOCO starts no tighter than it has to.
+
+    Example
+    -------
+    >>> arch = Shape(variables=140, equations=120, front=12.0, is_conic=True)
+    >>> "CLARABEL" in [str(rung) for rung in limit_ladder(arch)[:3]]
+    True
+    """
+    first, *others = default_ladder(shape.is_conic)
+    own, kind = settings_for("BLOCKWISE"), shape.kind
+    has_qoco = "QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)
+    work = NUMBERS.blockwise_from[kind]
+    least = work[best_backend()]
+    if has_qoco:
+        least = max(least, work["beside QOCO"])
+    if shape.work >= least:
+        return (own, first, *others)
+    if not has_qoco:
+        return (first, own, *others)
+    quick = settings_for("QOCO", NUMBERS.lean if kind == "lean" else None)
+    if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
+        return (first, quick, own, *others)
+    loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
+    is_loose = is_repeated and shape.is_conic and loose > NUMBERS.node
+    before = (settings_for("QOCO", loose),) if is_loose else ()
+    return (*before, quick, first, own, *others)
+
+
+def front_width(equations: sp.csr_array) -> float:
+    """Mean width of the profile of A A' in reverse Cuthill-McKee order."""
+    pattern = abs(equations)
+    square = (pattern @ pattern.T).tocsr()
+    order = reverse_cuthill_mckee(square, symmetric_mode=True)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    entries = square.tocoo()
+    first = np.arange(len(order))
+    np.minimum.at(first, place[entries.row], place[entries.col])
+    return float((np.arange(len(order)) - first).mean())
+
+
+def inequalities(problem: cp.Problem) -> int:
+    """Number of linear inequalities, signs of variables among them."""
+    rows = sum(c.size for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg)))
+    return int(rows + sum(v.size for v in problem.variables() if v.attributes["nonneg"]))
+
+
+def is_conic(problem: cp.Problem) -> bool:
+    """True if the problem has second-order cones."""
+    return any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
