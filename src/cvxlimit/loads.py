@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvxlimit.checks import finite_vector, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.readonly import RemadeFromFields
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -134,7 +135,7 @@ class Actions:
 
 
 @dataclass(frozen=True)
-class Load:
+class Load(RemadeFromFields):
     """A load case, dead or live: the sum of everything that is given.
 
     Attributes
@@ -195,10 +196,6 @@ class Load:
         _set(self, "weights", _vectors(self.weights, 3, "multiple of the weight of block"))
         _set(self, "points", _members(self.points, PointForce, "points"))
         _set(self, "pressures", _members(self.pressures, Pressure, "pressures"))
-
-    def __reduce__(self) -> tuple[object, ...]:
-        given = (dict(self.forces), self.points, self.pressures, dict(self.weights))
-        return Load, (self.gravity, self.acceleration, *given)
 
     @property
     def named(self) -> Iterator[str]:

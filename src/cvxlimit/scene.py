@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,9 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
+from cvxlimit.geometry.readonly import RemadeFromFields
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
-from cvxlimit.strengths import BY_CONTACT, PER_AREA, of_contacts, own_values
+from cvxlimit.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.ties import Tie, with_ties
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Units:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(RemadeFromFields, SceneJoints):
     """What is to be analysed: blocks, which of them are fixed, friction, and two load cases.
 
     Attributes
@@ -58,19 +59,11 @@ class Scene:
         Multiplied by the unknown load factor.
     dead : Load
         Always there; own weight along -z unless given.
-    friction : float
-        Coulomb coefficient of all contacts without their own.
-    contact_friction : mapping of (id, id) to float
-        Coefficient of the contacts between two blocks, in either order; None is no exception.
-    cohesion : float
-        Force per area that every contact without its own resists in shear besides friction;
-        none by default.
-    compressive_strength : float
-        Largest pressure that contacts bear (force per area); infinite by default.
-    tensile_strength : float
-        Largest tension that mortar bears (force per area); none by default.
-    contact_cohesion, contact_compressive_strength, contact_tensile_strength : mapping
-        Of (id, id) to float, likewise.
+    friction, cohesion, compressive_strength, tensile_strength : float
+        What all contacts have that are no exception: see
+        :class:`~cvxlimit.strengths.JointValues`. By default 0.6, 0, infinite and 0.
+    contact_friction, contact_cohesion, ... : mapping of (id, id) to float
+        Exceptions: that of the contacts between two blocks, in either order.
     units : Units
     name : str
     ties : tuple of Tie
@@ -99,17 +92,10 @@ class Scene:
     supports: tuple[str, ...]
     live: Load
     dead: Load = GRAVITY
-    friction: float = 0.6
-    contact_friction: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    _: KW_ONLY
     units: Units = Units()
     name: str = "scene"
-    cohesion: float = 0.0
-    contact_cohesion: Mapping[tuple[str, str], float] = field(default_factory=dict)
     joint_tolerance: float | None = None
-    compressive_strength: float = float("inf")
-    contact_compressive_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    tensile_strength: float = 0.0
-    contact_tensile_strength: Mapping[tuple[str, str], float] = field(default_factory=dict)
     ties: tuple[Tie, ...] = ()
 
     def __post_init__(self) -> None:
@@ -121,12 +107,7 @@ class Scene:
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "supports", supports)
         _check_kinds(self)
-        ids = {block.id for block in blocks}
-        for what, check in BY_CONTACT.items():
-            value = check(getattr(self, what), f"{what} of the scene")
-            object.__setattr__(self, what, value)
-            own = own_values(what, getattr(self, f"contact_{what}"), ids)
-            object.__setattr__(self, f"contact_{what}", own)
+        self._check_joints({block.id for block in blocks})
         if self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
@@ -143,15 +124,6 @@ class Scene:
         from cvxlimit.plotting.notebook import scene_html  # pictures see scenes, not they them
 
         return scene_html(self)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        fields = (self.blocks, self.supports, self.live, self.dead, self.friction)
-        own = dict(self.contact_friction), self.units, self.name
-        cohesion = self.cohesion, dict(self.contact_cohesion)
-        compression = self.compressive_strength, dict(self.contact_compressive_strength)
-        tension = self.tensile_strength, dict(self.contact_tensile_strength)
-        strengths = (*cohesion, self.joint_tolerance, *compression, *tension)
-        return Scene, (*fields, *own, *strengths, self.ties)
 
     @cached_property
     def contacts(self) -> Contacts:
@@ -210,23 +182,45 @@ class Scene:
         """The same scene under another dead load; contacts are kept."""
         return self._copy(dead=dead)
 
-    def with_friction(
-        self, friction: float, contact_friction: Mapping[tuple[str, str], float] | None = None
-    ) -> Scene:
-        """The same scene with other friction; ``contact_friction`` None keeps the overrides."""
-        kept = self.contact_friction if contact_friction is None else contact_friction
-        return self._copy(friction=friction, contact_friction=kept)
+    def with_joints(self, **values: float | ByPair | None) -> Scene:
+        """The same scene with other friction, cohesion or strengths; contacts are kept.
+
+        Parameters
+        ----------
+        values : float or mapping
+            ``friction=0.5``, ``contact_friction={("b1", "b2"): 0.2}`` and so on, as for the scene
+            itself; what is not given, or None, stays.
+
+        Raises
+        ------
+        InputError
+            For a name that is none of theirs, and for values that a scene refuses.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> builtin_scene("single-block").with_joints(cohesion=2.0).contacts.cohesion.tolist()
+        [2.0]
+        """
+        known = self.joint_values
+        for name in values:
+            if name not in known:
+                raise InputError(f"contacts have no {name!r}: they have {', '.join(PROPERTIES)}")
+        return self._copy(**{name: value for name, value in values.items() if value is not None})
+
+    def with_friction(self, friction: float, contact_friction: ByPair | None = None) -> Scene:
+        """The same scene with other friction; ``contact_friction`` None keeps the exceptions."""
+        return self.with_joints(friction=friction, contact_friction=contact_friction)
 
     def with_cohesion(self, cohesion: float) -> Scene:
-        """The same scene with other cohesion (force per area); overrides are kept."""
-        return self._copy(cohesion=cohesion)
+        """The same scene with other cohesion (force per area); exceptions are kept."""
+        return self.with_joints(cohesion=cohesion)
 
     def with_strength(
         self, compressive: float | None = None, tensile: float | None = None
     ) -> Scene:
-        """The same scene with other strengths (force per area); None and overrides are kept."""
-        changes = {"compressive_strength": compressive, "tensile_strength": tensile}
-        return self._copy(**{k: value for k, value in changes.items() if value is not None})
+        """The same scene with other strengths (force per area); None and exceptions are kept."""
+        return self.with_joints(compressive_strength=compressive, tensile_strength=tensile)
 
     def with_density(self, factor: float) -> Scene:
         """The same scene with all densities times a factor; contacts are kept."""
@@ -279,7 +273,7 @@ class Scene:
             dead=self.dead.scaled(length, force),
             live=self.live.scaled(length, force),
             units=units,
-            **self._strengths(force / length**2),
+            **self._scaled_joints(force / length**2),
             ties=tuple(tie.scaled(length, force) for tie in self.ties),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
@@ -298,15 +292,6 @@ class Scene:
         from cvxlimit.plotting import plot_scene, scene_figure  # pictures see scenes, not they them
 
         return scene_figure(self, viewer) if path is None else plot_scene(self, path)
-
-    def _strengths(self, factor: float) -> dict[str, Any]:
-        """Strengths and cohesion, of all contacts and their own, times a factor."""
-        result: dict[str, Any] = {}
-        for what in PER_AREA:
-            result[what] = factor * getattr(self, what)
-            own = getattr(self, f"contact_{what}")
-            result[f"contact_{what}"] = {pair: factor * value for pair, value in own.items()}
-        return result
 
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""
@@ -370,12 +355,18 @@ class Scene:
 
     def _with_own(self, contacts: Contacts) -> Contacts:
         """Contacts with the scene's friction, cohesion and strengths, or the pair's own."""
-        friction, cohesion, compressive, tensile = (
-            of_contacts(what, getattr(self, what), getattr(self, f"contact_{what}"), contacts)
-            for what in BY_CONTACT
-        )
-        made = contacts.with_friction(friction).with_cohesion(cohesion)
-        return made.with_strength(compressive, tensile)
+        values: dict[str, Any] = {}
+        for what in PROPERTIES:
+            values[what] = default = getattr(self, what)
+            own: ByPair = getattr(self, f"contact_{what}")
+            for a, b in sorted(set(own).difference(contacts.pairs)) if own else ():
+                raise InputError(
+                    f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
+                    "remove the entry or move the blocks"
+                )
+            if own:
+                values[what] = np.array([own.get(pair, default) for pair in contacts.pairs])
+        return contacts.with_values(**values)
 
 
 def check_scene(value: Any) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cvxlimit.checks import finite_vector, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.strengths import PROPERTIES
 
 FloatArray = NDArray[np.float64]
 
@@ -91,7 +92,7 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
     start, end = (np.array([getattr(tie, name) for tie in ties]) for name in ("start", "end"))
     place = {key: i for i, key in enumerate(contacts.block_ids)}
     strength = np.array([tie.yield_force for tie in ties]) / side**2
-    added = {
+    added = {name: np.full(k, each.default) for name, each in PROPERTIES.items()} | {
         "a": np.array([place[tie.a] for tie in ties]),
         "b": np.array([place[tie.b] for tie in ties]),
         "origin": 0.5 * (start + end),
@@ -101,7 +102,6 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
         "sides": np.full((k, 2), side),
         "area": np.full(k, side**2),
         "friction": np.zeros(k),
-        "cohesion": np.zeros(k),
         "compressive_strength": _LIMP * strength,
         "tensile_strength": strength,
     }

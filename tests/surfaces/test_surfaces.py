@@ -198,7 +198,7 @@ class TestSlidingAndTorsion:
         forces = np.array([[3.0, -4.0, 10.0, 7.0, 7.0, 7.0]])
         assert Sliding().excess(forces, contacts)[0].tolist() == [0.0]
         assert Sliding().excess(1.1 * forces, contacts)[0] == pytest.approx([0.0], abs=ROUNDING)
-        slippery = contacts.with_friction(np.array([0.3]))
+        slippery = contacts.with_values(friction=np.array([0.3]))
         assert Sliding().excess(forces, slippery)[0].tolist() == [2.0]
 
     def test_torsion(self) -> None:
@@ -213,7 +213,7 @@ class TestSlidingAndTorsion:
         contacts = single_block((1.0, 0.5, 1.0), friction=0.4).contacts
         forces = np.array([[0.6, 0.8, 10.0, 0.0, 0.0, 2.0 * 0.2966167080]])
         assert TorsionShear().excess(forces, contacts)[0] == pytest.approx([-1.0], abs=1e-9)
-        rough = contacts.with_friction(np.array([0.2]))
+        rough = contacts.with_values(friction=np.array([0.2]))
         assert TorsionShear().excess(forces, rough)[0] == pytest.approx([1.0], abs=1e-9)
 
     def test_facets_lean_on_the_contact_axes(self) -> None:

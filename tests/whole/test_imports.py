@@ -14,8 +14,9 @@ SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 LAYERS = (
     {"errors"},
     {"checks", "extras", "files", "bracket", "versions", "progressbar"},
+    {"strengths"},
     {"geometry"},
-    {"loads", "ties", "strengths"},
+    {"loads", "ties"},
     {"scene", "solvers"},
     {"masonry", "surfaces"},
     {"solution"},

@@ -245,6 +245,6 @@ def test_blocks_and_contacts_stay_immutable_in_copies(copied: Callable[[Any], An
 
 def test_arrays_handed_over_are_copied() -> None:
     friction = np.array([0.4, 0.5])
-    contacts = scene().contacts.with_friction(friction)
+    contacts = scene().contacts.with_values(friction=friction)
     friction[0] = 0.1
     assert contacts.friction.tolist() == [0.4, 0.5]

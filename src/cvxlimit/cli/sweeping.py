@@ -23,6 +23,7 @@ from cvxlimit.cli.report import show
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
 from cvxlimit.solution import Status
+from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies import sweep
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ def sweep_command(
         list[str],
         typer.Option(
             metavar="NAME=VALUES",
-            help="What is varied, once or more, all combinations: friction, cohesion, density, "
-            "size, tilt, direction (degrees), compressive_strength, tensile_strength, or an option "
-            "of solve such as surface. VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
+            help=f"What is varied, once or more, all combinations: {', '.join(PROPERTIES)}, "
+            "density, size, tilt, direction (degrees), or an option of solve such as surface. "
+            "VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
             show_default=False,
         ),
     ],

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
 from cvxlimit.geometry.readonly import ReadOnlyArrays, read_only
+from cvxlimit.strengths import PROPERTIES, JointValues, Pair
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -48,7 +48,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts(ReadOnlyArrays):
+class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     """All contacts of a scene, n of them with m corners in all, as read-only arrays.
 
     ``contacts[3]`` and ``contacts["b1-b2"]`` are one of them, as a :class:`Contact`.
@@ -67,10 +67,9 @@ class Contacts(ReadOnlyArrays):
         these are the hull's corners, everything else belongs to the contact itself.
     sides : (n, 2)
         l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
-    area : (n,), friction : (n,), cohesion : (n,)
-        Cohesion is a force per area, zero unless the scene has one.
-    compressive_strength : (n,), tensile_strength : (n,)
-        Forces per area, infinite and zero unless the scene says otherwise; None is that.
+    area : (n,)
+    friction, cohesion, compressive_strength, tensile_strength : (n,)
+        See :class:`~cvxlimit.strengths.JointValues`; a number is that of all contacts.
     pieces : mapping of int to tuple of (k, 2) arrays
         For contacts that are not convex, have holes or several parts: convex polygons that tile
         them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
@@ -86,18 +85,14 @@ class Contacts(ReadOnlyArrays):
     corner_xy: FloatArray
     sides: FloatArray
     area: FloatArray
-    friction: FloatArray
-    cohesion: FloatArray
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
-    compressive_strength: FloatArray = None  # type: ignore[assignment]  # (n,) after all
-    tensile_strength: FloatArray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        for name, default in (("compressive_strength", np.inf), ("tensile_strength", 0.0)):
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, np.full(len(self.names), default))
         for each in fields(self):
-            object.__setattr__(self, each.name, read_only(getattr(self, each.name)))
+            value = getattr(self, each.name)
+            if each.name in PROPERTIES and np.ndim(value) == 0:
+                value = np.full(len(self.names), float(value))
+            object.__setattr__(self, each.name, read_only(value))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -151,6 +146,13 @@ class Contacts(ReadOnlyArrays):
     def piece_points(self, j: int) -> tuple[FloatArray, ...]:
         """The same polygons in space, (k, 3) each: what to fill in pictures."""
         return tuple(self.origin[j] + piece @ self.axes[j, :2] for piece in self.pieces_of(j))
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """The ids of both blocks of every contact, in alphabetical order."""
+        ids = self.block_ids
+        both = [sorted((ids[a], ids[b])) for a, b in zip(self.a, self.b, strict=True)]
+        return [(first, second) for first, second in both]
 
     @cached_property
     def corner_contact(self) -> IntArray:
@@ -210,30 +212,20 @@ class Contacts(ReadOnlyArrays):
             corner_xy=self.corner_xy[corner],
             sides=self.sides[rows],
             area=self.area[rows],
-            friction=self.friction[rows],
-            cohesion=self.cohesion[rows],
-            compressive_strength=self.compressive_strength[rows],
-            tensile_strength=self.tensile_strength[rows],
+            **{name: getattr(self, name)[rows] for name in PROPERTIES},
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
         )
 
-    def with_friction(self, friction: FloatArray) -> Contacts:
-        """The same contacts with friction coefficients (n,)."""
-        return self._with(friction=friction)
+    def with_values(self, **values: FloatArray | float) -> Contacts:
+        """The same contacts with other friction, cohesion or strengths, (n,) or one for all.
 
-    def with_cohesion(self, cohesion: FloatArray) -> Contacts:
-        """The same contacts with cohesion (n,), force per area."""
-        return self._with(cohesion=cohesion)
-
-    def with_strength(self, compressive: FloatArray, tensile: FloatArray) -> Contacts:
-        """The same contacts with compressive and tensile strengths (n,), forces per area."""
-        return self._with(compressive_strength=compressive, tensile_strength=tensile)
-
-    def _with(self, **strengths: Any) -> Contacts:
-        """The same geometry; what was computed from it is kept."""
-        result = replace(self, **strengths)
+        >>> from cvxlimit import builtin_scene
+        >>> builtin_scene("single-block").contacts.with_values(friction=0.3).friction.tolist()
+        [0.3]
+        """
+        result = replace(self, **values)  # type: ignore[arg-type]
         for name in ("corner_contact", "corner_points", "is_rectangle", "torsion_arm", "edges"):
-            if name in self.__dict__:
+            if name in self.__dict__:  # what follows from the geometry is kept
                 result.__dict__[name] = self.__dict__[name]
         return result
 

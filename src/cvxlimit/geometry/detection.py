@@ -185,7 +185,6 @@ class _Joints:
             sides=found.sides,
             area=found.area,
             friction=np.full(len(a), friction),
-            cohesion=np.zeros(len(a)),
             pieces={k: p for k, p in enumerate(found.pieces.tolist()) if p is not None},
         )
 

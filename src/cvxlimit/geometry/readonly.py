@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,3 +30,15 @@ class ReadOnlyArrays:
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Called by copy, deepcopy and pickle to fill a new object."""
         self.__dict__.update({name: read_only(value) for name, value in state.items()})
+
+
+class RemadeFromFields:
+    """Base of dataclasses with read-only mappings, which do not pickle: copies are made anew.
+
+    What was computed from the fields stays behind.
+    """
+
+    def __reduce__(self) -> tuple[object, ...]:
+        given = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        plain = {name: dict(x) if isinstance(x, Mapping) else x for name, x in given.items()}
+        return partial(type(self), **plain), ()

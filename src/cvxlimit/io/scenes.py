@@ -29,14 +29,14 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.loads import Load, PointForce, Pressure
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.strengths import BY_CONTACT, PER_AREA
+from cvxlimit.strengths import PROPERTIES
 from cvxlimit.ties import Tie
 
 _AXES = ("x", "y", "z")
 _FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
 _LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
 _REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
-_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *PER_AREA, "ties")
+_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *PROPERTIES, "ties")
 
 
 def read_scene(path: Path) -> Scene:
@@ -130,11 +130,10 @@ def scene_to_dict(scene: Scene) -> JsonObject:
             },
             "blocks": [_block_to_dict(block) for block in scene.blocks],
             "supports": list(scene.supports),
-            "friction": number(scene.friction, "friction of the scene"),
         }
+        document |= _joints_to_dict(scene)
         if scene.joint_tolerance is not None:
             document["joint_tolerance"] = number(scene.joint_tolerance, "joint_tolerance")
-        document |= _strengths_to_dict(scene)
         if scene.ties:
             document["ties"] = [_tie_to_dict(tie) for tie in scene.ties]
         own = _contacts_to_list(scene)
@@ -166,13 +165,12 @@ def scene_from_dict(document: object) -> Scene:
         supports = items(top["supports"], "supports")
         joint_tolerance = _joint_tolerance(top)
         own: dict[str, Any] = dict(_by_contact(top.get("contacts", [])))
-        own |= {what: number(top[what], f"{what} of the scene") for what in PER_AREA if what in top}
+        own |= {w: number(top[w], f"{w} of the scene") for w in PROPERTIES if w in top}
         return Scene(
             blocks=_blocks(top["blocks"], joint_tolerance),
             supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
             live=_load("live", loads["live"]),
             dead=_load("dead", loads["dead"]),
-            friction=number(top["friction"], "friction of the scene"),
             **own,
             units=_units(top["units"]) if "units" in top else Units(),
             name=text(top.get("name", "scene"), "name of the scene"),
@@ -331,20 +329,19 @@ def _tie(index: int, value: object) -> Tie:
     return Tie(first, second, start, end, number(entry["yield_force"], f"yield_force of {where}"))
 
 
-def _strengths_to_dict(scene: Scene) -> JsonObject:
-    """Cohesion and strengths that the scene has: none and unlimited ones are left out."""
-    values = {what: getattr(scene, what) for what in PER_AREA}
+def _joints_to_dict(scene: Scene) -> JsonObject:
+    """Friction, and what differs from its default."""
     return {
         what: number(value, f"{what} of the scene")
-        for what, value in values.items()
-        if value not in (0.0, float("inf"))
+        for what, each in PROPERTIES.items()
+        if (value := getattr(scene, what)) != each.default or what == "friction"
     }
 
 
 def _contacts_to_list(scene: Scene) -> list[JsonObject]:
     """One entry per pair of blocks with anything of its own."""
     entries: dict[tuple[str, str], JsonObject] = {}
-    for what in BY_CONTACT:
+    for what in PROPERTIES:
         for pair, value in getattr(scene, f"contact_{what}").items():
             if value == float("inf"):
                 raise InputError(
@@ -358,17 +355,17 @@ def _contacts_to_list(scene: Scene) -> list[JsonObject]:
 
 def _by_contact(value: object) -> dict[str, dict[tuple[str, str], float]]:
     """What contacts have of their own, as arguments of the scene."""
-    result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in BY_CONTACT}
+    result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in PROPERTIES}
     for i, item in enumerate(items(value, "contacts")):
         where = f"entry {i} of contacts"
-        entry = fields(item, where, ("between",), BY_CONTACT)
+        entry = fields(item, where, ("between",), PROPERTIES)
         first, second = _pair(entry["between"], f"'between' in {where}")
         contact = f"contact {shown(first)}-{shown(second)}"
         if first == second:
             raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
-        given = [what for what in BY_CONTACT if what in entry]
+        given = [what for what in PROPERTIES if what in entry]
         if not given:
-            raise InputError(f"{where} lacks {', '.join(BY_CONTACT)}: give at least one")
+            raise InputError(f"{where} lacks {', '.join(PROPERTIES)}: give at least one")
         for what in given:
             own = result[f"contact_{what}"]
             if (first, second) in own or (second, first) in own:

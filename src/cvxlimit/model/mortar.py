@@ -76,8 +76,10 @@ class Mortar:
                 "Mohr-Coulomb's cone ends there; give more cohesion or less tensile strength"
             )
         pull = tension * contacts.area
-        pressed = contacts.with_cohesion(np.maximum(cohesion, 0.0)).with_strength(
-            contacts.compressive_strength + tension, np.zeros(len(contacts))
+        pressed = contacts.with_values(
+            cohesion=np.maximum(cohesion, 0.0),
+            compressive_strength=contacts.compressive_strength + tension,
+            tensile_strength=0.0,
         )
         return cls(scene.with_dead(_with_pull(scene, pull))._with_contacts(pressed), pull)
 

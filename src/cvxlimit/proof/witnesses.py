@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.strength import Strength
+from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 
 FloatArray = NDArray[np.float64]
@@ -108,8 +109,7 @@ class Witnesses:
         key = (
             what,
             tuple((type(s).__name__, str(s.cone)) for s in surfaces),
-            contacts.friction.tobytes(),
-            contacts.cohesion.tobytes(),
+            tuple(getattr(contacts, name).tobytes() for name in PROPERTIES),
         )
         if key not in states:
             if len(states) >= _MOST_STATES:

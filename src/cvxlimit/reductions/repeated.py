@@ -34,6 +34,7 @@ from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import Terms
 from cvxlimit.reductions.reduction import ReducedProblem, Reduction
 from cvxlimit.solvers import Ladder, limit_ladder
+from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface
 
 FloatArray = NDArray[np.float64]
@@ -134,7 +135,11 @@ class Repeats:
         """
         contacts = reduction.contacts
         is_plain = not reduction.names and reduction.formulation is corner_compressions
-        limited = np.isfinite(contacts.compressive_strength).any() or np.any(contacts.cohesion)
+        limited = any(
+            (getattr(contacts, name) != each.default).any()
+            for name, each in PROPERTIES.items()
+            if name != "friction"  # the one whose numbers are renewed
+        )
         if not is_plain or limited or not all(type(s) in _KINDS for s in surfaces):
             return None
         scaled = assemblage.scaled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from inspect import Parameter, Signature, signature
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -15,7 +16,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.strengths import PER_AREA
+from cvxlimit.strengths import PROPERTIES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -28,24 +29,19 @@ Grid: TypeAlias = "Mapping[str, Values] | Sequence[Mapping[str, Any]] | DataFram
 def varied(
     scene: Scene,
     *,
-    friction: float | None = None,
-    cohesion: float | None = None,
-    compressive_strength: float | None = None,
-    tensile_strength: float | None = None,
     density: float = 1.0,
     size: float = 1.0,
     tilt: float = 0.0,
     direction: float = 0.0,
     live: Load | None = None,
     dead: Load | None = None,
+    **joints: float | None,
 ) -> Scene:
     """A scene with some of its parameters changed; contacts are kept unless its size changes.
 
     Parameters
     ----------
     scene : Scene
-    friction, cohesion, compressive_strength, tensile_strength : float or None
-        New values of all contacts without their own; None keeps the scene's.
     density : float
         Factor on the weight per volume of every block.
     size : float
@@ -58,6 +54,8 @@ def varied(
         Degrees by which the live load is turned about the vertical, from x towards y.
     live, dead : Load or None
         Other loads; they are tilted and turned like the scene's own.
+    friction, cohesion, compressive_strength, tensile_strength : float or None
+        New values of all contacts without their own; None keeps the scene's.
 
     Raises
     ------
@@ -74,12 +72,7 @@ def varied(
     """
     check_scene(scene)
     result = scene if density == 1.0 else scene.with_density(density)
-    if friction is not None:
-        result = result.with_friction(friction)
-    if cohesion is not None:
-        result = result.with_cohesion(cohesion)
-    if compressive_strength is not None or tensile_strength is not None:
-        result = result.with_strength(compressive_strength, tensile_strength)
+    result = result.with_joints(**joints) if joints else result
     result = result if live is None else result.with_live(live)
     result = result if dead is None else result.with_dead(dead)
     if direction != 0.0:
@@ -89,12 +82,20 @@ def varied(
     return result if size == 1.0 else _resized(result, size)
 
 
+def _taken() -> Signature:
+    """The signature of :func:`varied` with every property by its name, for sweeps and editors."""
+    first, *others = signature(varied).parameters.values()
+    joints = (Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in PROPERTIES)
+    return Signature([first, *joints, *others[:-1]])
+
+
+varied.__signature__ = _taken()  # type: ignore[attr-defined]
+
+
 def _resized(scene: Scene, size: float) -> Scene:
     factor = positive(size, "size, a factor on all lengths,")
     larger = scene.in_units(scene.units, factor, factor**3)
-    kept: dict[str, Any] = {what: getattr(scene, what) for what in PER_AREA}
-    own: dict[str, Any] = {f"contact_{w}": dict(getattr(scene, f"contact_{w}")) for w in PER_AREA}
-    return replace(larger, **kept, **own)
+    return replace(larger, **scene.joint_values)
 
 
 def _turned(live: Load, degrees: float) -> Load:

@@ -211,7 +211,8 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
     whole = assemblage.contacts
     for friction, size in _RESERVES:
         smaller = replace(
-            whole.with_friction(friction * whole.friction),
+            whole,
+            friction=friction * whole.friction,
             corner_xy=size * whole.corner_xy,
             sides=size * whole.sides,
             area=size**2 * whole.area,
