@@ -13,6 +13,7 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from multiprocessing import active_children
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -78,6 +79,8 @@ def _scenes_command() -> Job:
 def main() -> NoReturn:
     """Run the command line of the process and end it."""
     code = run(sys.argv[1:])
+    for process in active_children():  # workers of what was interrupted
+        process.kill()
     if code == ExitCode.INTERRUPTED:
         # The solver's thread may still be in native code, which aborts when Python is shut down.
         os._exit(code)

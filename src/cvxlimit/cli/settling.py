@@ -9,12 +9,15 @@ from typing import Annotated
 
 import typer
 
+from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import ResultFile, SceneName, SurfaceName
 from cvxlimit.cli.outputs import ExitCode
-from cvxlimit.cli.solutions import Files, deliver, interruptible, progress
+from cvxlimit.cli.solutions import Files, deliver
 from cvxlimit.errors import InputError
 from cvxlimit.methods.settlement import settlement
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
 
 Job = Callable[[], int]
 
@@ -56,9 +59,13 @@ def _settle_job(
 ) -> ExitCode:
     files.check(name)
     along = _vector(direction)
-    with progress():
+
+    def settled(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(name)
-        solution = interruptible(lambda: settlement(scene, support, along, which, surface).solution)
+        found = settlement(scene, support, along, which, surface, progress=tell)
+        return scene, found.solution
+
+    scene, solution = interruptible(settled)
     return deliver(scene, name, solution, files)
 
 

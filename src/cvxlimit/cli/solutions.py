@@ -1,17 +1,11 @@
-"""What commands do with a solution: find it while Ctrl-C is heard, write it, show it, judge it."""
+"""What commands do with a solution: write it, show it, judge it."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Thread
 
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from cvxlimit.cli.outputs import (
@@ -31,14 +25,11 @@ from cvxlimit.cli.report import (
     warn_of_near_misses,
 )
 from cvxlimit.io import export, write_result
-from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry import EXPORTS
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting import plot
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -87,29 +78,3 @@ def deliver(
         return ExitCode.SOLVED
     code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
     return refuse(code, verdict(solution))
-
-
-def interruptible(work: Callable[[], Solution]) -> Solution:
-    """Run in a thread: solvers are native code, during which Python does not see Ctrl-C."""
-    future: Future[Solution] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work())
-        except BaseException as error:
-            future.set_exception(error)
-
-    Thread(target=run, daemon=True).start()
-    return future.result()
-
-
-@contextmanager
-def progress() -> Iterator[Tell | None]:
-    """A spinner with the last message and the time; silence where stderr is no terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield None
-        return
-    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading the scene", total=None)
-        yield lambda message: bar.update(task, description=one_line(message))

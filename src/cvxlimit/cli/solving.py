@@ -10,10 +10,11 @@ from typing import Annotated
 
 import typer
 
+from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import ResultFile
 from cvxlimit.cli.outputs import ExitCode
-from cvxlimit.cli.solutions import Files, Tell, deliver, interruptible, progress
+from cvxlimit.cli.solutions import Files, deliver
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, solve
@@ -171,14 +172,12 @@ def solve_command(
 
 def _solve_job(order: Order) -> ExitCode:
     order.files.check(order.scene)
-    with progress() as tell:
-        scene = scene_named(order.scene)
-        solution = interruptible(lambda: _solved(scene, order, tell))
+    scene, solution = interruptible(lambda tell: _solved(scene_named(order.scene), order, tell))
     return deliver(scene, order.scene, solution, order.files, order.tolerance)
 
 
-def _solved(scene: Scene, order: Order, tell: Tell | None) -> Solution:
-    return solve(
+def _solved(scene: Scene, order: Order, tell: Tell) -> tuple[Scene, Solution]:
+    return scene, solve(
         scene,
         order.surface,
         interaction=order.rule,

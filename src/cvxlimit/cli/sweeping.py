@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,12 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
-from cvxlimit.checks import count
+from cvxlimit.checks import count as whole_number
+from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
-from cvxlimit.cli.outputs import ExitCode
-from cvxlimit.cli.report import show
+from cvxlimit.cli.outputs import ExitCode, refuse
+from cvxlimit.cli.report import count, show
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
+from cvxlimit.methods.interaction.branching.search import processes
 from cvxlimit.solution import Status
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies import sweep
@@ -74,16 +73,22 @@ def _sweep_job(
 ) -> ExitCode:
     grid = _grid(vary)
     options: dict[str, Any] = {} if "surface" in grid else {"surface": surface}
-    number = count(workers, 1, "--workers")
-    has_terminal = sys.stderr is not None and sys.stderr.isatty()
-    with ExitStack() as stack:
-        pool = stack.enter_context(ProcessPoolExecutor(number)) if number > 1 else None
-        table = sweep(
-            scene_named(name), grid, executor=pool, path=output, progress=has_terminal, **options
-        )
+    number = whole_number(workers, 1, "--workers")
+
+    def swept(tell: Tell) -> DataFrame:
+        with processes(number) as pool:
+            return sweep(
+                scene_named(name), grid, executor=pool, path=output, progress=tell, **options
+            )
+
+    table = interruptible(swept)
+    if table.empty:  # only Ctrl-C leaves none
+        raise KeyboardInterrupt
     show(_printed(table, list(grid)), Text(_counted(table, output)))
     if table.attrs["is_interrupted"]:
-        raise KeyboardInterrupt
+        done = f"{len(table)} of {table.attrs['variations']} variations"
+        cure = "run it with --output FOLDER" if output is None else "the same command goes on there"
+        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"interrupted after {done}: {cure}")
     return _verdict(table, list(grid))
 
 
@@ -133,7 +138,7 @@ def _counted(table: DataFrame, output: Path | None) -> str:
     kinds = table["status"].where(table["error"] == "", "failed").value_counts()
     said = ", ".join(f"{number} {kind}" for kind, number in kinds.items())
     where = "" if output is None else f"; all rows in {one_line(str(output))}"
-    return f"{len(table)} variation{'s' * (len(table) != 1)}: {said}{where}"
+    return f"{count(len(table), 'variation')}: {said}{where}"
 
 
 def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:
@@ -144,9 +149,8 @@ def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:
     row = table.iloc[good.index(False)]
     where = ", ".join(f"{name} {row[name]}" for name in parameters)
     reason = row["error"] or row["status"]
-    if sys.stderr is not None:
-        sys.stderr.write(
-            f"cvxlimit: {good.count(False)} of {len(good)} variations have no certified answer; "
-            f"the first is {one_line(where)}: {one_line(reason)}\n"
-        )
-    return ExitCode.NOT_GOOD_ENOUGH
+    return refuse(
+        ExitCode.NOT_GOOD_ENOUGH,
+        f"{good.count(False)} of {len(good)} variations have no certified answer; the first is "
+        f"{where}: {reason}",
+    )

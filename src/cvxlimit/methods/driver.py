@@ -69,6 +69,12 @@ class Clock:
         self.seconds["solve"] += outcome.solve_seconds
 
 
+class Told(str):
+    """A line of progress; ``has_bracket`` is true once the run would return one if interrupted."""
+
+    has_bracket = False
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """What a method has to offer so far.
@@ -256,7 +262,9 @@ class Run:
         self.history.append(entry)
         factor = "" if state.load_factor is None else f"load factor {rounded(state.load_factor)}"
         inside = f"load factor in {self.best.bracket}" if self.best.bracket.has_any else factor
-        self.tell(f"solve {len(self.history)}, {solver}: {inside or outcome.status}")
+        line = Told(f"solve {len(self.history)}, {solver}: {inside or outcome.status}")
+        line.has_bracket = self.best.bracket.has_any
+        self.tell(line)
 
     @property
     def bounds(self) -> dict[str, float | None]:

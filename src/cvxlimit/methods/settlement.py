@@ -13,7 +13,7 @@ from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.loads import Load
 from cvxlimit.methods.analysis import TOLERANCE, Convex
-from cvxlimit.methods.driver import Run, drive
+from cvxlimit.methods.driver import Progress, Run, drive
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
@@ -60,6 +60,7 @@ def settlement(
     which: str = _LEAST,
     surface: str | Cone | Sequence[YieldSurface] = "conic",
     tolerance: float = TOLERANCE,
+    progress: Progress | None = None,
 ) -> Reaction:
     """Least or largest reaction of a support that moves along a direction, under the dead load.
 
@@ -75,7 +76,7 @@ def settlement(
     direction : (3,)
         Of the movement; its length does not matter.
     which : {"least", "largest"}
-    surface, tolerance
+    surface, tolerance, progress
         As for :func:`cvxlimit.solve`; the tolerance is relative to the distance between the
         reaction and a possible one.
 
@@ -116,7 +117,8 @@ def settlement(
         )
     sign = 1.0 if which == _LEAST else -1.0
     guided, possible = _guided(scene, support, along, sign, surface)
-    solution = replace(drive(Convex(tolerance), Run(guided, surface)), solved_scene=scene)
+    run = Run(guided, surface, progress=progress)
+    solution = replace(drive(Convex(tolerance), run), solved_scene=scene)
     return _reaction(solution, support, along, possible, sign)
 
 

@@ -9,11 +9,13 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.io.scenes import scene_to_dict
+from cvxlimit.methods.driver import Told
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -44,7 +46,7 @@ def sweep(
     executor: Any = None,
     path: str | os.PathLike[str] | None = None,
     measure: Callable[[Solution], Mapping[str, Any]] | None = None,
-    progress: bool = True,
+    progress: bool | Callable[[str], None] = True,
     **options: Any,
 ) -> DataFrame:
     """Solve all variations of a structure, and return a table with one row for each.
@@ -70,8 +72,8 @@ def sweep(
         up where the last one ended: what is stored is not solved again.
     measure : callable or None
         From a solution to further columns: ``lambda s: {"moving": len(s.mechanism)}``.
-    progress : bool
-        Show a bar on stderr.
+    progress : bool or callable
+        Show a bar on stderr, or call this with a line of text after every row.
     options
         Of :func:`cvxlimit.solve`, for all variations.
 
@@ -111,8 +113,8 @@ def sweep(
     if store is not None:
         done = {row[KEY]: row for row in store.rows().to_dict("records") if row[KEY] in set(names)}
     todo = {name: row for name, row in zip(names, records, strict=True) if name not in done}
-    is_interrupted = False
-    with progress_bar("sweep", len(set(names)), progress, len(done)) as advance:
+    is_interrupted, asked = False, len(set(names))
+    with _reporting(progress, asked, len(done)) as advance:
         try:
             for name, row in _solved(study, todo, executor):
                 done[name] = row
@@ -127,8 +129,38 @@ def sweep(
     kept = [i for i, name in enumerate(names) if name in done]
     found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
     result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
-    result.attrs = {**_about(study), "version": __version__, "is_interrupted": is_interrupted}
+    result.attrs = {
+        **_about(study),
+        "version": __version__,
+        "variations": asked,
+        "is_interrupted": is_interrupted,
+    }
     return result
+
+
+@contextmanager
+def _reporting(
+    progress: bool | Callable[[str], None], asked: int, found: int
+) -> Iterator[Callable[[str], None]]:
+    """What is called after every row: a bar, or the user's own function."""
+    if not callable(progress):
+        with progress_bar("sweep", asked, progress, found) as advance:
+            yield advance
+        return
+    number = found
+
+    def say(what: str) -> None:
+        line = Told(f"{number} of {asked} variations: {what:.60}")
+        line.has_bracket = number > 0
+        progress(line)
+
+    def advance_one(what: str) -> None:
+        nonlocal number
+        number += 1
+        say(what)
+
+    say("found" if found else "under way")
+    yield advance_one
 
 
 def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
