@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +30,8 @@ from cvxlimit import Block, Load, Scene, Status, builtin_scene
 from cvxlimit.masonry import BUILTIN, random_wall
 from cvxlimit.masonry.randoms import SIZES
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.driver import Run, drive
+from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.methods.interaction.states.support import half_extent
@@ -79,12 +77,15 @@ class Metered(Certified):
 
     meter: Meter | None = None
 
-    def is_done(self, run: Run, state: Any) -> Status | None:
-        """As the method has it, or when the time is up."""
-        status = super().is_done(run, state)
-        is_over = self.meter is not None and self.meter.read(run)
-        if status is not None or not is_over:
-            return status
+    def steps(self, run: Run) -> Steps:
+        """As the method has it, or until the time is up."""
+        solves = super().steps(run)
+        while self.meter is None or not self.meter.read(run):
+            try:
+                next(solves)
+            except StopIteration as end:
+                return end.value
+            yield
         good = run.best.bracket.is_within(0.05)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
@@ -219,8 +220,8 @@ class Row:
 def row(scene: Scene, moments: str, seconds: float, tolerance: float, tries: int) -> Row:
     """Solve and check one scene."""
     meter = Meter(seconds)
-    run = Run(scene, moments=parse_moments(moments))
-    rule = Metered(tolerance=tolerance, branching_seconds=1e9, meter=meter)
+    run = Run(scene)
+    rule = Metered(tolerance=tolerance, branching_seconds=1e9, moments=moments, meter=meter)
     solution = drive(rule, run)
     spent = meter.spent
     known = scene.name, moments, len(run.contacts), float(run.contacts.friction.max())

@@ -18,8 +18,8 @@ from rich.console import Console
 
 from cvxlimit.masonry import running_bond, wall
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.surfaces.presets import surfaces_of
 
 HEAD = (
@@ -47,7 +47,9 @@ def row(units: int) -> str:
     surfaces = surfaces_of("conic")[0]
     found = Reductions.of(assemblage, surfaces)
     full, planar = (
-        ReducedProblem(assemblage, surfaces, reduction).problem.get_problem_data(cp.CLARABEL)[0]
+        LimitProblem(assemblage, surfaces, reduction=reduction).problem.get_problem_data(
+            cp.CLARABEL
+        )[0]
         for reduction in (found.full, found.whole)
     )
     equations, rows = np.split(planar["A"].toarray(), [planar["dims"].zero])

@@ -114,7 +114,7 @@ class Members(Method):
         """See :class:`Method`."""
         start = time.perf_counter()
         starts, most = (1, 20) if len(scene.contacts) > MANY else (2, 60)
-        rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, most=most)
+        rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=most)
         found = solve(scene, interaction=rule)
         seconds = time.perf_counter() - start
         factor, count = found.load_factor, found.contacts

@@ -209,7 +209,7 @@ def run(experiment: Experiment, seconds: float) -> Result:
         "certified": Certified(),
         "fixed-point": FixedPoint(
             experiment.weight,
-            most=experiment.most,
+            max_iterations=experiment.most,
             epsilon=experiment.epsilon,
             regularisation=experiment.regularisation,
         ),

@@ -39,12 +39,18 @@ if TYPE_CHECKING:
     from cvxlimit.loads import PointForce as PointForce
     from cvxlimit.loads import Pressure as Pressure
     from cvxlimit.masonry import builtin_scene as builtin_scene
-    from cvxlimit.methods.analysis import analyse as analyse
     from cvxlimit.methods.certified import Certified as Certified
+    from cvxlimit.methods.convex import Convex as Convex
+    from cvxlimit.methods.driver import Method as Method
+    from cvxlimit.methods.driver import Run as Run
+    from cvxlimit.methods.driver import Steps as Steps
+    from cvxlimit.methods.exact_friction import ExactFriction as ExactFriction
     from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
+    from cvxlimit.methods.gilbert import Gilbert as Gilbert
     from cvxlimit.methods.settlement import settlement as settlement
     from cvxlimit.methods.solving import solve as solve
     from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
+    from cvxlimit.model.problem import LimitProblem as LimitProblem
     from cvxlimit.proof.certificate import Certificate as Certificate
     from cvxlimit.proof.certificate import Certifier as Certifier
     from cvxlimit.reductions.explaining import explain as explain
@@ -72,19 +78,25 @@ _HOME = {
     "Certifier": "proof.certificate",
     "Contact": "geometry.contacts",
     "Contacts": "geometry.contacts",
+    "Convex": "methods.convex",
+    "ExactFriction": "methods.exact_friction",
     "FixedPoint": "methods.fixed_point",
+    "Gilbert": "methods.gilbert",
     "Iterate": "solution",
+    "LimitProblem": "model.problem",
     "Load": "loads",
+    "Method": "methods.driver",
     "Member": "solution",
     "PointForce": "loads",
     "Pressure": "loads",
+    "Run": "methods.driver",
     "Scene": "scene",
     "Solution": "solution",
     "Status": "solution",
+    "Steps": "methods.driver",
     "Tie": "ties",
     "Units": "scene",
     "ZeroDilatancy": "methods.zero_dilatancy",
-    "analyse": "methods.analysis",
     "builtin_scene": "masonry",
     "explain": "reductions.explaining",
     "fragility": "studies.fragility",
@@ -102,6 +114,8 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
     def __getattr__(name: str) -> Any:
         if name in _MODULES:
             return import_module(f"cvxlimit.{name}")
+        if name == "analyse":
+            raise ImportError("analyse has become solve, which takes the same options")
         if name not in _HOME:
             reason = f"module 'cvxlimit' has no attribute {name!r}"
             raise AttributeError(reason, name=name, obj=sys.modules[__name__])  # did you mean ...?

@@ -39,6 +39,7 @@ class Status(StrEnum):
     NOT_CONVERGED = "not converged"
     CYCLING = "cycling"
     DIVERGED = "diverged"
+    SOLVER_FAILED = "solver failed"
     DEAD_LOAD_UNSTABLE = "dead load cannot stand"
     LIVE_LOAD_HARMLESS = "live load does no harm"
     INTERRUPTED = "interrupted"
@@ -78,6 +79,10 @@ _ADVICE = {
     Status.DIVERGED: (
         "the fixed point reached eccentricities at which no load factor exists: "
         "use the certified interaction, or a larger old-value weight"
+    ),
+    Status.SOLVER_FAILED: (
+        "no solver came to an end, which says nothing about the structure: try other solvers "
+        "(ladder), or leave the choice to the package"
     ),
     Status.DEAD_LOAD_UNSTABLE: (
         "a mechanism without live load was found and checked: change the geometry, the supports, "

@@ -382,5 +382,5 @@ def test_the_atlas_in_the_docs_shows_its_pictures() -> None:
 def test_claims_of_ours() -> None:
     solution = solve(builtin_scene("stack"))
     assert claim_of(solution) == Claim(solution.load_factor, "certified")
-    iterated = solve(sample("slivers", 1).scene, interaction=FixedPoint(0.0, most=3))
+    iterated = solve(sample("slivers", 1).scene, interaction=FixedPoint(0.0, max_iterations=3))
     assert claim_of(iterated).says is None or iterated.status is Status.CONVERGED

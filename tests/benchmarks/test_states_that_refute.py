@@ -46,7 +46,7 @@ def arch() -> Arch:
     assemblage = Assemblage.of(scene)
     rest = Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES)).dead_state
     assert rest is not None
-    found = solve(scene, interaction=FixedPoint(0.8, most=12), moments="signed")
+    found = solve(scene, interaction=FixedPoint(0.8, max_iterations=12), moments="signed")
     assert found.load_factor is not None
     assert found.forces is not None
     state = interacting.State(found.load_factor, found.forces).mixed(1.0, rest, assemblage)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import cvxpy as cp
 import numpy as np
@@ -14,7 +14,7 @@ from cvxlimit import Certified, Contacts, Load, Status, builtin_scene, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.driver import Answer, Clock, Rule, Run, cycles, drive
+from cvxlimit.methods.driver import Clock, Method, Run, Steps, cycles, drive
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
@@ -40,16 +40,8 @@ class Rotated(YieldSurface):
         return [Condition(norms, {"N": -self.eta * mu, "1": last})]
 
 
-class Guess(NamedTuple):
-    """The compiled problem, the normal forces it knows, and how the last solve left Coulomb."""
-
-    problem: LimitProblem
-    pressed: cp.Parameter
-    excess: float = np.inf
-
-
 @dataclass(frozen=True)
-class NonAssociative(Rule):
+class NonAssociative(Method):
     """Shrinks the friction cone to the normal forces of the last solve until both agree."""
 
     name: ClassVar[str] = "non-associative"
@@ -57,38 +49,32 @@ class NonAssociative(Rule):
     eta: float = 0.01
     old_value_weight: float = 0.6
     tolerance: float = 1e-4
-    most: int = 60
+    max_iterations: int = 60
 
-    def start(self, run: Run) -> Guess:
+    def steps(self, run: Run) -> Steps:
         first = run.solve(LimitProblem(run.assemblage).solve, default_ladder()[0])
         run.note(first, "associated")
         assert first.forces is not None
         pressed = cp.Parameter(len(run.contacts), nonneg=True, value=first.forces[:, 2].clip(0.0))
-        surfaces = (Rocking(), Rotated(self.eta, pressed))
-        return Guess(LimitProblem(run.assemblage, surfaces), pressed)
-
-    def step(self, run: Run, state: Guess) -> Guess:
-        new, rung = run.try_solvers(state.problem.solve, run.ladder or default_ladder())
-        run.note(new, rung)
-        if new.forces is None:
-            return state
-        run.best = replace(run.best, load_factor=new.load_factor, forces=new.forces)
-        normal, shear = new.forces[:, 2], np.hypot(*new.forces[:, :2].T)
-        shear = shear + np.abs(new.forces[:, 5]) / run.contacts.torsion_arm
-        beta = self.old_value_weight
-        state.pressed.value = beta * state.pressed.value + (1.0 - beta) * normal.clip(0.0)
-        excess = float((shear - run.contacts.friction * normal).max()) / run.scaling.force
-        return state._replace(excess=excess)
-
-    def is_done(self, run: Run, state: Guess) -> Status | None:
-        if state.excess <= self.tolerance:
-            return Status.CONVERGED
-        if cycles(run.load_factors, self.tolerance):
-            return Status.CYCLING
-        return Status.NOT_CONVERGED if len(run.history) > self.most else None
-
-    def result(self, run: Run, state: Guess) -> Answer:
-        return replace(run.best, note="one of many solutions without dilatancy")
+        problem = LimitProblem(run.assemblage, (Rocking(), Rotated(self.eta, pressed)))
+        run.remarks = ["one of many solutions without dilatancy"]
+        for _ in range(self.max_iterations):
+            new, rung = run.try_solvers(problem.solve, run.ladder or default_ladder())
+            run.note(new, rung)
+            if new.forces is None:
+                continue
+            run.best = replace(run.best, load_factor=new.load_factor, forces=new.forces)
+            normal, shear = new.forces[:, 2], np.hypot(*new.forces[:, :2].T)
+            shear = shear + np.abs(new.forces[:, 5]) / run.contacts.torsion_arm
+            beta = self.old_value_weight
+            pressed.value = beta * pressed.value + (1.0 - beta) * normal.clip(0.0)
+            yield
+            over = float((shear - run.contacts.friction * normal).max())
+            if over <= self.tolerance * run.scaling.force:
+                return Status.CONVERGED
+            if cycles(run.load_factors, self.tolerance):
+                return Status.CYCLING
+        return Status.NOT_CONVERGED
 
 
 class TestALoopOfAUsersOwn:
@@ -114,11 +100,13 @@ class TestALoopOfAUsersOwn:
         assert len(run.history) > 2
 
     def test_its_tolerance_is_set_from_outside(self) -> None:
-        run = solve(single_block(friction=0.2), interaction=NonAssociative(most=1), tolerance=0.9)
+        run = solve(
+            single_block(friction=0.2), interaction=NonAssociative(max_iterations=1), tolerance=0.9
+        )
         assert run.status is Status.CONVERGED
 
     def test_a_rule_without_tolerance_says_so(self) -> None:
-        with pytest.raises(ModelError, match="Stopping has no tolerance to set"):
+        with pytest.raises(ModelError, match="tolerance does nothing for method 'stopping'"):
             solve(single_block(), interaction=Stopping(0), tolerance=0.1)
 
 
@@ -126,30 +114,22 @@ class TestALoopOfAUsersOwn:
 
 
 @dataclass(frozen=True)
-class Stopping(Rule):
+class Stopping(Method):
     """Raises its bounds step by step until somebody presses Ctrl-C."""
 
     name: ClassVar[str] = "stopping"
 
-    steps: int
+    steps_before: int
     proves: bool = True
 
-    def start(self, run: Run) -> int:
-        return 0
-
-    def step(self, run: Run, state: int) -> int:
-        if state == self.steps:
-            raise KeyboardInterrupt
-        if self.proves:
-            forces = np.zeros((len(run.contacts), 6))
-            run.best = run.best.raised(0.1 * (state + 1), True, 0.1 * (state + 1), forces)
-        return state + 1
-
-    def is_done(self, run: Run, state: int) -> Status | None:
-        return None
-
-    def result(self, run: Run, state: int) -> Answer:
-        return replace(run.best, note=f"{state} steps")
+    def steps(self, run: Run) -> Steps:
+        for number in range(1, self.steps_before + 1):
+            if self.proves:
+                forces = np.zeros((len(run.contacts), 6))
+                run.best = run.best.raised(0.1 * number, True, 0.1 * number, forces)
+            run.remarks = [f"{number} steps"]
+            yield
+        raise KeyboardInterrupt
 
 
 class TestInterruption:
@@ -159,7 +139,8 @@ class TestInterruption:
         assert run.status.has_answer
         assert not run.status.is_good
         assert run.bracket.lower == run.load_factor == pytest.approx(0.3)
-        assert run.note == f"{Status.INTERRUPTED.advice}; 3 steps"
+        proved = "the lower bound is proved, up to rounding"
+        assert run.note == f"{Status.INTERRUPTED.advice}; {proved}; 3 steps"
 
     @pytest.mark.parametrize("rule", [Stopping(0), Stopping(2, proves=False)])
     def test_without_bounds_it_is_passed_on(self, rule: Stopping) -> None:
@@ -202,16 +183,14 @@ def test_bounds_that_contradict_each_other_are_no_answer() -> None:
     """An assumption behind one of them fails; both are shown."""
 
     class Wrong(Stopping):
-        def step(self, run: Run, state: int) -> int:
+        def steps(self, run: Run) -> Steps:
             run.best = run.best.raised(0.5, False, 0.5, None).lowered(0.3, True, None)
-            return state + 1
-
-        def is_done(self, run: Run, state: int) -> Status | None:
-            return Status.CERTIFIED if state else None
+            yield
+            return Status.CERTIFIED
 
     run = drive(Wrong(0), Run(single_block()))
     assert run.status is Status.NOT_CERTIFIED
-    assert run.note.startswith("the bounds contradict each other")
+    assert "the bounds contradict each other" in run.note
     assert (run.lower, run.upper) == (0.5, 0.3)
 
 

@@ -30,7 +30,7 @@ def test_first_iterate_is_torsion_shear(moments: str, cone: Conic | Facets) -> N
     Both problems are solved to 1e-9 or better, so their values agree far below 1e-6.
     """
     scene = builtin_scene("tuff-wall")
-    run = solve(scene, cone, interaction=FixedPoint(most=1), moments=moments)
+    run = solve(scene, cone, interaction=FixedPoint(max_iterations=1), moments=moments)
     plain = solve(scene, cone)
     assert run.history[0].load_factor == pytest.approx(plain.load_factor, rel=1e-6)
 
@@ -50,7 +50,7 @@ def test_signed_conic_with_the_papers_weight_on_the_tuff_wall() -> None:
 @pytest.mark.parametrize("weight", [0.0, 0.8])
 def test_independent_signs_do_not_converge_and_it_says_so(weight: float) -> None:
     """Design section 3: with independent signs the tuff wall converges for no weight tried."""
-    rule = FixedPoint(weight, most=12)
+    rule = FixedPoint(weight, max_iterations=12)
     run = solve(builtin_scene("tuff-wall"), interaction=rule)
     assert run.status in (Status.NOT_CONVERGED, Status.CYCLING)
     assert not run.status.is_good
@@ -59,7 +59,7 @@ def test_independent_signs_do_not_converge_and_it_says_so(weight: float) -> None
 
 
 def test_history_keeps_every_solve() -> None:
-    run = solve(builtin_scene("tuff-wall"), interaction=FixedPoint(most=4))
+    run = solve(builtin_scene("tuff-wall"), interaction=FixedPoint(max_iterations=4))
     assert len(run.history) == 4
     factors = [h.load_factor for h in run.history]
     for before, after, entry in zip(factors, factors[1:], run.history[1:], strict=False):
@@ -80,7 +80,9 @@ def test_parameters_kept_or_compiled_afresh_give_the_same() -> None:
     assert factors[0] == pytest.approx(factors[1], rel=1e-7)
 
 
-@pytest.mark.parametrize("rule", [FixedPoint(most=3), FixedPoint()], ids=["stopped", "ended"])
+@pytest.mark.parametrize(
+    "rule", [FixedPoint(max_iterations=3), FixedPoint()], ids=["stopped", "ended"]
+)
 def test_it_claims_no_bounds(rule: FixedPoint) -> None:
     """Those of its last frozen problem, 0.3434 on this wall, miss the certified [0.3628, 0.3642]:
     they are not bounds of the collapse load, wherever the iteration ends."""
@@ -132,7 +134,7 @@ def test_cycles_are_recognised(factors: list[float | None], cyclic: bool) -> Non
         ({"old_value_weight": -0.1}, "old_value_weight"),
         ({"old_value_weight": np.nan}, "old_value_weight"),
         ({"tolerance": 0.0}, "tolerance must be between 0 and 1"),
-        ({"most": 0}, "most must be at least 1"),
+        ({"max_iterations": 0}, "max_iterations must be at least 1"),
     ],
 )
 def test_refused_settings(settings: dict[str, float], message: str) -> None:

@@ -58,10 +58,10 @@ def test_command_line() -> None:
 def test_refusals() -> None:
     scene = builtin_scene("single-block")
     for changed, options, message in (
-        (scene.with_cohesion(1.0), {}, "its own cohesion"),
+        (scene.with_cohesion(1.0), {}, "has no cohesion: take it out"),
         (scene.with_strength(compressive=1e3), {}, "knows no strength"),
-        (scene, {"torsion_shear": "parabolic"}, "goes with torsion_shear 'linear'"),
-        (scene, {"interaction": "certified"}, "goes without interaction"),
+        (scene, {"torsion_shear": "parabolic"}, "goes with surface conic or facets"),
+        (scene, {"interaction": "certified"}, "are two methods: give one"),
     ):
         with pytest.raises(ModelError, match=message):
             solve(changed, flow="gilbert", **options)

@@ -29,7 +29,12 @@ def later(scene: str, most: int, moments: Moments) -> list[float]:
 
 
 def iterates(scene: str, most: int, moments: Moments) -> list[float]:
-    run = solve(builtin_scene(scene), "octagon", interaction=FixedPoint(most=most), moments=moments)
+    run = solve(
+        builtin_scene(scene),
+        "octagon",
+        interaction=FixedPoint(max_iterations=most),
+        moments=moments,
+    )
     factors = [entry.load_factor for entry in run.history]
     assert None not in factors
     return [float(f) for f in factors if f is not None]

@@ -220,7 +220,7 @@ class TestSmall:
             assert found.load_factor == pytest.approx(0.6, rel=1e-5)
 
     def test_given_up(self) -> None:
-        rule = ZeroDilatancy(starts=1, most=2)  # no polish so early
+        rule = ZeroDilatancy(starts=1, max_iterations=2)  # no polish so early
         solution = solve(builtin_scene("ferris-tin-loi-3"), interaction=rule)
         assert solution.status is Status.NOT_CONVERGED
         assert "no zero-dilatancy solution was found from 0 of 1 starts" in solution.note
@@ -241,8 +241,8 @@ class TestSmall:
     def test_refusals(self) -> None:
         scene = builtin_scene("single-block")
         for options, message in (
-            ({"interaction": "certified"}, "goes without interaction"),
-            ({"torsion_shear": "exact"}, "'linear' or 'parabolic'"),
+            ({"interaction": "certified"}, "are two methods: give one"),
+            ({"torsion_shear": "exact"}, "are two methods: give one"),
         ):
             with pytest.raises(ModelError, match=message):
                 solve(scene, flow="zero-dilatancy", **options)

@@ -19,7 +19,6 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions import choice, planar
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.presets import surfaces_of
 from helpers import assert_certified, hand_equilibrium, yield_excess
@@ -265,10 +264,8 @@ class TestChoice:
         assemblage, surfaces = Assemblage.of(scene), surfaces_of("octagon")[0]
         full = Reductions.of(assemblage, surfaces, model="full")
         assert full.whole.names == ()
-        one, other = ReducedProblem(assemblage, surfaces, full.whole), LimitProblem(
-            assemblage, surfaces
-        )  # fmt: skip
-        assert one.shape == other.shape
+        one = LimitProblem(assemblage, surfaces, reduction=full.whole)
+        assert one.shape == LimitProblem(assemblage, surfaces).shape
 
     def test_models_by_name(self) -> None:
         for call in (solve, explain):

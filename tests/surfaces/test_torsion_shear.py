@@ -22,7 +22,6 @@ from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.model.point_friction import ExactFlow, PointFriction, at_centroids, at_corners
 from cvxlimit.surfaces import Parabola, ParabolicTorsionShear, Rocking
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states, parabola_arm
-from cvxlimit.surfaces.presets import surfaces_of
 from helpers import assert_certified, contact_of, regular, rotations
 
 FloatArray = NDArray[np.float64]
@@ -178,12 +177,13 @@ class TestParabola:
         assert solve(sticky, PARABOLIC).load_factor == pytest.approx(2.0 * plain, rel=1e-6)
 
     def test_refusals(self) -> None:
-        with pytest.raises(ModelError, match="not made of facets: use surface 'conic'"):
-            surfaces_of("octagon", "parabolic")
+        scene = builtin_scene("single-block")
+        with pytest.raises(ModelError, match="'parabolic' is a surface, and so is 'octagon'"):
+            solve(scene, "octagon", torsion_shear="parabolic")
         with pytest.raises(ModelError, match="must be one of linear, parabolic, exact"):
-            surfaces_of("conic", "cubic")
-        with pytest.raises(ModelError, match=r"give ParabolicTorsionShear\(\) itself"):
-            surfaces_of([Rocking()], "exact")
+            solve(scene, torsion_shear="cubic")
+        with pytest.raises(ModelError, match="method 'exact' goes with surface conic, got a list"):
+            solve(scene, [Rocking()], torsion_shear="exact")
 
 
 class TestPoints:
@@ -269,7 +269,7 @@ class TestExact:
 
     def test_not_with_interaction_nor_formulation(self) -> None:
         scene = builtin_scene("single-block")
-        with pytest.raises(ModelError, match="interaction brings its own surface"):
+        with pytest.raises(ModelError, match="goes with surface conic or facets, got 'parabolic'"):
             solve(scene, interaction="fixed-point", torsion_shear="parabolic")
         with pytest.raises(ModelError, match="leave formulation out"):
             solve(scene, torsion_shear="exact", formulation=PointFriction(at_corners, 2))

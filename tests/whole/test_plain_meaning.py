@@ -19,7 +19,6 @@ from cvxlimit import (
     Load,
     Scene,
     Units,
-    analyse,
     solve,
 )
 from cvxlimit.compare import compare
@@ -114,10 +113,20 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: solve("tuff-wall"),  # type: ignore[arg-type]
         r"must be a Scene, got 'tuff-wall': write builtin_scene\('tuff-wall'\), or read_scene",
     ),
-    "no scene": (lambda: analyse(None), "scene must be a Scene, got None: builtin_scene"),  # type: ignore[arg-type]
+    "no scene": (lambda: solve(None), "scene must be a Scene, got None: builtin_scene"),  # type: ignore[arg-type]
     "compared": (lambda: compare("arch"), r"scene must be a Scene, got 'arch'"),  # type: ignore[arg-type]
     "interaction": (lambda: solve(scene(), interaction=5), "interaction must be .* got 5"),  # type: ignore[arg-type]
-    "moments": (lambda: solve(scene(), moments=None), "moments must be one of .* got None"),  # type: ignore[arg-type]
+    "moments": (lambda: solve(scene(), method="certified", moments=1), "moments must be .* got 1"),  # type: ignore[arg-type]
+    "no moments": (lambda: solve(scene(), moments="signed"), "moments does nothing for .*'convex'"),
+    "method": (
+        lambda: solve(scene(), method="certify"),
+        "method must be one of convex, .*'certify'",
+    ),
+    "two methods": (
+        lambda: solve(scene(), method="gilbert", interaction="certified"),
+        "'gilbert' and 'certified' are two methods: give one",
+    ),
+    "old setting": (lambda: FixedPoint(most=2), "is called max_iterations now"),  # type: ignore[call-arg]
     "surface": (lambda: solve(scene(), None), "surface must be a name .* got None"),  # type: ignore[arg-type]
     "ladder": (
         lambda: solve(scene(), ladder=5),  # type: ignore[arg-type]
@@ -141,17 +150,19 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "starts": (lambda: Certified(starts=("centre",)), r"starts must be .* got \('centre',\)"),
     "no start": (lambda: Certified(starts=()), r"at least one, got \(\)"),
     "solves": (lambda: Certified(solves=0), "solves must be at least 1 and whole, got 0"),
-    "most": (lambda: FixedPoint(most=2.5), "most must be at least 1 and whole, got 2.5"),  # type: ignore[arg-type]
+    "most": (
+        lambda: FixedPoint(max_iterations=2.5),
+        "max_iterations must be at least 1 and whole, got 2.5",
+    ),  # type: ignore[arg-type]
     "weight": (lambda: FixedPoint("0.8"), "old_value_weight must be .* got '0.8'"),  # type: ignore[arg-type]
     "tolerance": (lambda: solve(scene(), tolerance="tight"), "between 0 and 1, got 'tight'"),  # type: ignore[arg-type]
 }
 
 NOT_A_NUMBER: dict[str, Callable[[], Any]] = {
     "solve": lambda: solve(scene(), tolerance=NAN),
-    "analyse": lambda: analyse(scene(), tolerance=NAN),
     "fixed point": lambda: FixedPoint(tolerance=NAN),
     "weight": lambda: FixedPoint(old_value_weight=NAN),
-    "most": lambda: FixedPoint(most=NAN),  # type: ignore[arg-type]
+    "most": lambda: FixedPoint(max_iterations=NAN),  # type: ignore[arg-type]
     "certified": lambda: Certified(tolerance=NAN),
     "solves": lambda: Certified(solves=NAN),  # type: ignore[arg-type]
     "workers": lambda: Certified(workers=NAN),  # type: ignore[arg-type]

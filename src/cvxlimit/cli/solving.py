@@ -17,10 +17,12 @@ from cvxlimit.cli.outputs import ExitCode
 from cvxlimit.cli.solutions import Files, deliver
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, solve
+from cvxlimit.methods.interaction.readings.named import MOMENTS
+from cvxlimit.methods.solving import solve
+from cvxlimit.methods.table import TABLE, words
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.surfaces.presets import TORSION_SHEAR
 
 Job = Callable[[], int]
 
@@ -37,10 +39,11 @@ class Order:
 
     scene: str
     surface: str
-    interaction: str
-    moments: str
-    torsion_shear: str
-    flow: str
+    method: str | None
+    interaction: str | None
+    moments: str | None
+    torsion_shear: str | None
+    flow: str | None
     tolerance: float | None
     files: Files
     model: str
@@ -48,16 +51,18 @@ class Order:
     workers: int = 1
 
     @property
-    def rule(self) -> str | Certified:
-        """The interaction by name, or with what was asked for it."""
+    def rule(self) -> str | Certified | None:
+        """The method by name, or with what was asked for it."""
         if self.branching_seconds is None and self.workers == 1:
-            return self.interaction
-        if self.interaction != Certified.name:
-            raise ModelError(
-                "--branching-seconds and --workers go with --interaction certified, got "
-                f"{self.interaction!r}"
-            )
+            return self.method
+        if Certified.name not in (self.method, self.interaction):
+            raise ModelError("--branching-seconds and --workers go with --method certified")
         return Certified(branching_seconds=self.branching_seconds, workers=self.workers)
+
+    @property
+    def older(self) -> str | None:
+        """The interaction, unless :attr:`rule` says it."""
+        return self.interaction if isinstance(self.rule, str | None) else None
 
 
 def solve_command(
@@ -73,47 +78,57 @@ def solve_command(
     surface: Annotated[
         str,
         typer.Option(
-            metavar="conic|octagon|K-gon",
-            help="Yield surface: the exact cone, the paper's 8 facets, or any K, as in 16-gon. "
+            metavar="conic|parabolic|octagon|K-gon",
+            help="Yield surface: the exact cone; torsion and shear on a parabola nearer the exact "
+            "limit, at the same price; the paper's 8 facets, or any K, as in 16-gon. "
             "Facets are on the unsafe side; octagon-inscribed or 16-gon-inscribed on the safe one.",
         ),
     ] = "conic",
-    interaction: Annotated[
-        str,
+    method: Annotated[
+        str | None,
         typer.Option(
-            metavar="|".join(INTERACTIONS),
-            help="How bending reduces torsion and shear strength: not at all, by the paper's "
-            "iteration, or by the certified method.",
+            metavar="|".join(TABLE),
+            help="; ".join(f"{name}: {row.line}" for name, row in TABLE.items())
+            + ". Unless given: convex.",
+            show_default=False,
         ),
-    ] = "none",
-    moments: Annotated[
-        str,
+    ] = None,
+    interaction: Annotated[
+        str | None,
         typer.Option(
+            metavar="|".join(words("interaction")),
+            help="Older spelling of --method fixed-point and --method certified.",
+            show_default=False,
+        ),
+    ] = None,
+    moments: Annotated[
+        str | None,
+        typer.Option(
+            show_default=False,
             metavar="|".join(MOMENTS),
             help="How the interaction adds moments: every sign on its own, the safe reading; "
             "static torsion about the pressure centre, without or with the paper's Eq. 27; or the "
-            "paper's own reading, which depends on the contacts' axes. Matters with an interaction "
-            "only.",
+            "paper's own reading, which depends on the contacts' axes. For methods with "
+            "interaction only; unless given: independent.",
         ),
-    ] = "independent",
+    ] = None,
     torsion_shear: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--torsion-shear",
-            metavar="|".join(TORSION_SHEAR),
-            help="How torsion and shear share friction: on the paper's line, on a parabola nearer "
-            "the exact limit at the same price, or on that limit, to a tolerance. Without "
-            "interaction only.",
+            metavar="|".join(words("torsion_shear")),
+            help="Older spelling of --surface parabolic and --method exact.",
+            show_default=False,
         ),
-    ] = "linear",
+    ] = None,
     flow: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="|".join(FLOWS),
-            help="Whether sliding opens contacts: the associated rule has one load factor; without "
-            "dilatancy there is a set of solutions, of which the lowest found is shown.",
+            metavar="|".join(words("flow")),
+            help="Older spelling of --method zero-dilatancy and --method gilbert.",
+            show_default=False,
         ),
-    ] = "associated",
+    ] = None,
     json: ResultFile = None,
     plot: Annotated[
         Path | None,
@@ -164,7 +179,7 @@ def solve_command(
 ) -> Job:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     order = Order(
-        scene, surface, interaction, moments, torsion_shear, flow, tolerance,
+        scene, surface, method, interaction, moments, torsion_shear, flow, tolerance,
         Files(json, plot, export), model, branching_seconds, workers,
     )  # fmt: skip
     return partial(_solve_job, order)
@@ -180,7 +195,8 @@ def _solved(scene: Scene, order: Order, tell: Tell) -> tuple[Scene, Solution]:
     return scene, solve(
         scene,
         order.surface,
-        interaction=order.rule,
+        method=order.rule,
+        interaction=order.older,
         moments=order.moments,
         torsion_shear=order.torsion_shear,
         flow=order.flow,

@@ -16,11 +16,13 @@ import numpy as np
 
 from cvxlimit.bracket import known
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.analysis import TOLERANCE, analyse
-from cvxlimit.methods.solving import FLOWS, INTERACTIONS, MODELS, MOMENTS, check_choice, solve
+from cvxlimit.methods.convex import TOLERANCE
+from cvxlimit.methods.solving import solve
+from cvxlimit.methods.table import check_choice, chosen
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, SolverSettings, check_installed, settings_for
@@ -169,8 +171,7 @@ class Model(Method):
             text = getattr(self, what)
             if not isinstance(text, str) or not (text or what == "line"):
                 raise ModelError(f"{what} of a model must be a text, got {text!r}")
-        surfaces_of(self.surface, self.torsion_shear)
-        check_choice("flow", self.flow, FLOWS)
+        surfaces_of(self.surface)
         if not callable(self.formulation):
             raise ModelError(
                 f"formulation must be a function of contacts like "
@@ -189,9 +190,9 @@ class Model(Method):
                 f"model {self.name!r} has a solver and interaction: leave out the solver, since "
                 "interaction, torsion_shear and flow always take the package's own"
             )
-        check_choice("interaction", self.interaction, INTERACTIONS)
-        check_choice("moments", self.moments, MOMENTS)
         check_choice("model", self.model, MODELS)
+        older = {name: getattr(self, name) for name in ("interaction", "torsion_shear", "flow")}
+        chosen(self.surface, None, older, {"moments": self._moments})
         if not self.line:
             object.__setattr__(self, "line", self.name)
 
@@ -204,6 +205,11 @@ class Model(Method):
             "tolerance": "" if self.solver and self.tolerance is None else f"{self._asked:g}",
             **super().axes(),
         }
+
+    @property
+    def _moments(self) -> str | None:
+        """What solve is told: nothing where it would do nothing."""
+        return None if self.interaction == "none" else self.moments
 
     @property
     def _is_solved(self) -> bool:
@@ -231,8 +237,9 @@ class Model(Method):
 
     def _solved(self, scene: Scene) -> Measurement:
         start = time.perf_counter()
-        names = ("interaction", "moments", "torsion_shear", "flow", "model")
+        names = ("interaction", "torsion_shear", "flow", "model")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
+        options["moments"] = self._moments
         return _measured(solve(scene, self.surface, tolerance=self._asked, **options), start)
 
     def _analysed(self, scene: Scene) -> Measurement:
@@ -240,7 +247,7 @@ class Model(Method):
         options: dict[str, Any] = {
             "tolerance": self._asked, "formulation": self.formulation, "model": self.model,
         }  # fmt: skip
-        return _measured(analyse(scene, self.surface, **options), start)
+        return _measured(solve(scene, self.surface, **options), start)
 
     def _run_once(self, scene: Scene, settings: SolverSettings) -> Measurement:
         check_installed(settings)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cvxlimit.compare.models import Measurement, Method
-from cvxlimit.methods.analysis import analyse
 from cvxlimit.methods.solving import solve
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -54,10 +53,10 @@ class Reference(Method):
 def _narrowest(scene: Scene) -> Solution:
     """Two exact solvers, each as far as rounding lets it go; all others only if they fall short."""
     first, *others = default_ladder()
-    found = analyse(scene, tolerance=_AIM, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
+    found = solve(scene, tolerance=_AIM, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
     if found.gap <= WIDTH or not found.status.has_answer:
         return found
-    more = analyse(scene, tolerance=WIDTH, ladder=others)
+    more = solve(scene, tolerance=WIDTH, ladder=others)
     return min(found, more, key=lambda solution: solution.gap)
 
 

@@ -20,20 +20,21 @@ from numpy.typing import NDArray
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.driver import Answer, Rule, Run, fallen
+from cvxlimit.methods.convex import dead_load_falls
+from cvxlimit.methods.driver import Method, Run, Steps, fallen
 from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.methods.interaction.climb.basis import basis
 from cvxlimit.methods.interaction.climb.inner import MOST_BOXED, InnerMethod
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.climb.recognition import carrying_forces
 from cvxlimit.methods.interaction.readings.halves import Half
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import UpperBound
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.reductions.reduction import ReducedProblem
-from cvxlimit.scene import Load
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
-from cvxlimit.surfaces.cones import Conic
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ has gained less than 1 % of the gap."""
 
 
 @dataclass(frozen=True)
-class Certified(Rule):
+class Certified(Method):
     """The certified method.
 
     ``load_factor`` and ``forces`` of its solution are those behind the lower bound, ``mechanism``
@@ -106,6 +107,8 @@ class Certified(Rule):
     executor : Executor or None
         Of :mod:`concurrent.futures`, in place of processes of its own (a Dask client's
         ``get_executor()``, for instance); ``workers`` nodes at a time.
+    moments : str or Moments
+        How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
 
     Example
     -------
@@ -121,6 +124,7 @@ class Certified(Rule):
     branching_seconds: float | None = None
     workers: int = 1
     executor: Executor | None = None
+    moments: str | Moments = "independent"
 
     def __post_init__(self) -> None:
         if isinstance(self.starts, str):
@@ -139,33 +143,19 @@ class Certified(Rule):
             not_negative(self.branching_seconds, "branching_seconds")
         count(self.workers, 1, "workers")
 
-    def start(self, run: Run) -> _Proof:
-        """Refuses faceted surfaces: the bounds are for the true condition, whose cone is circular.
+    def steps(self, run: Run) -> Steps:
+        """One solve at a time, as a rule."""
+        run.moments = parse_moments(self.moments)
+        if dead_load_falls(run):
+            return Status.DEAD_LOAD_UNSTABLE
+        return (yield from _Proof(self, run).steps())
 
-        Raises
-        ------
-        ModelError
-        """
-        if not isinstance(run.cone, Conic):
-            raise ModelError(
-                f"the certified interaction bounds the true condition, not its {run.cone}: "
-                "use surface 'conic', or the fixed point for facets"
-            )
-        return _Proof(self, run)
-
-    def step(self, run: Run, state: _Proof) -> _Proof:
-        """One solve, as a rule."""
-        state.status = next(state.solves, None) or state.status
-        return state
-
-    def is_done(self, run: Run, state: _Proof) -> Status | None:
-        """When the tolerance is met, or nothing is left to try."""
-        return state.status
-
-    def result(self, run: Run, state: _Proof) -> Answer:
-        """The best of all solves, and what it rests on."""
-        has_answer = state.status is None or state.status.has_answer
-        return replace(run.best, note=state.basis() if has_answer else state.note)
+    def basis(self, run: Run) -> str:
+        """How the bounds were proved."""
+        caution = [run.moments.caution]
+        if not run.contacts.is_rectangle.all():
+            caution.append("contacts that are not rectangles: lower bound on inscribed rectangles")
+        return basis(run.best.bracket, *caution)
 
 
 @dataclass
@@ -199,18 +189,19 @@ class _Proof:
 
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
-        self.solves = self._all()
-        self.status: Status | None = None
-        self.reason = self.note = ""
 
-    def _all(self) -> Iterator[Status | None]:
+    def _say(self, remark: str) -> None:
+        self.run.remarks = [remark]
+
+    def steps(self) -> Steps:
+        """All solves, and how they ended."""
         run = self.run
         with run.clock.phase("compile"):
             self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
             half = Half.of(self.found, run.moments)
         outer = UpperBound(run, half)
         if self._is_planar(outer):
-            yield Status.CERTIFIED
+            return Status.CERTIFIED
         run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(_OUTER_TOLERANCE, 0.5 * (self.rule.tolerance or 0.0))
@@ -218,10 +209,10 @@ class _Proof:
         yield None
         is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
         if is_doubtful and self._cannot_stand():
-            yield Status.DEAD_LOAD_UNSTABLE
+            return Status.DEAD_LOAD_UNSTABLE
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
         if is_boundless and self._is_harmless():
-            yield Status.LIVE_LOAD_HARMLESS
+            return Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is None:
             yield from self._borrow(self._method())
         else:
@@ -229,9 +220,9 @@ class _Proof:
             self._stand()
             yield from self._branch()
             if run.best.bracket.is_below_zero and self._cannot_stand():
-                yield Status.DEAD_LOAD_UNSTABLE
+                return Status.DEAD_LOAD_UNSTABLE
         good = run.best.bracket.is_within(self.rule.tolerance or GOOD)
-        yield Status.CERTIFIED if good else Status.NOT_CERTIFIED
+        return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
     def _is_planar(self, outer: UpperBound) -> bool:
         """True if the scene is planar and forces in its plane close the bracket.
@@ -243,7 +234,7 @@ class _Proof:
         if found.plane is None:
             return False
         with run.clock.phase("compile"):
-            problem = ReducedProblem(found.assemblage, run.surfaces, found.whole)
+            problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.whole)
         state, settings = run.try_solvers(problem.solve, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
             return False
@@ -254,7 +245,8 @@ class _Proof:
         run.note(state, settings, **run.bounds)
         if not run.best.bracket.is_within(self.rule.tolerance or _OUTER_TOLERANCE):
             return False
-        run.reductions, self.reason = found.whole.names, "planar, without torsion"
+        run.reductions = found.whole.names
+        self._say("planar, without torsion")
         return True
 
     def _outer_ladder(self) -> tuple[SolverSettings, ...]:
@@ -274,7 +266,8 @@ class _Proof:
             elif self.rule.starts or len(run.contacts) <= MOST_BOXED:
                 yield from self._until_met(method.narrowed(at))
         yield from self._borrow(method)
-        self.reason = self.reason or "no further progress from these starts"
+        if not run.remarks:
+            self._say("no further progress from these starts")
 
     def _method(self) -> InnerMethod:
         return InnerMethod(self.run, self.rule.solves, reductions=self.found)
@@ -291,7 +284,7 @@ class _Proof:
             return
         for _ in iterates:
             if self._is_met():
-                self.reason = "the tolerance is met"
+                self._say("the tolerance is met")
                 return
             yield None
 
@@ -317,7 +310,7 @@ class _Proof:
             stall = Stall(_IDLE_SECONDS)
             while True:
                 spent = run.clock.elapsed - start
-                self.reason = (
+                self._say(
                     f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
                     f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
                 )
@@ -345,19 +338,20 @@ class _Proof:
         run = self.run
         if not np.any(run.scene.dead_forces):
             return False
-        alone = run.aside(run.scene.with_live(run.scene.dead).with_dead(Load()))
+        alone = run.aside(run.assemblage.alone(run.scene.dead))
         UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
             rates = alone.best.mechanism
             run.best = replace(run.best, forces=None, mechanism=rates)
             if rates is not None:
-                self.note = f"{fallen(run.scene, rates)}; {Status.DEAD_LOAD_UNSTABLE.advice}"
+                self._say(fallen(run.scene, rates))
             return True
         bracket = run.best.bracket
         if not (bracket.is_below_zero and bracket.upper_is_proved):
             return False
         most = rounded_up(bracket.upper)
-        self.note = f"{self.reason}: no load factor above {most} is carried at any eccentricities"
+        reason = "".join(run.remarks[:1])
+        self._say(f"{reason}: no load factor above {most} is carried at any eccentricities")
         return True
 
     def _stand(self) -> None:
@@ -367,7 +361,7 @@ class _Proof:
             return
         forces = carrying_forces(run, run.scene.dead, self._outer_ladder())
         if forces is None:
-            self.reason = _MAY_FALL
+            self._say(_MAY_FALL)
         else:
             run.best = run.best.raised(0.0, True, 0.0, forces)
 
@@ -379,15 +373,8 @@ class _Proof:
         run = self.run
         forces = carrying_forces(run, run.scene.live, self._outer_ladder())
         if forces is None:
-            self.reason = _OPEN
+            self._say(_OPEN)
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
-        self.note = Status.LIVE_LOAD_HARMLESS.advice
+        run.remarks = []
         return True
-
-    def basis(self) -> str:
-        """What the bounds rest on, in a sentence."""
-        remarks = [self.reason, self.run.moments.caution]
-        if not self.run.contacts.is_rectangle.all():
-            remarks.append("contacts that are not rectangles: lower bound on inscribed rectangles")
-        return basis(self.run.best.bracket, *remarks)

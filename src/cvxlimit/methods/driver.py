@@ -1,18 +1,18 @@
 """One driver for all methods: clock, history, solver ladder, progress, interruption, packing.
 
-A method is a :class:`Rule`: settings in a frozen dataclass, and four functions on a state of its
-own. Everything that is alike in all of them happens here, once.
+A method is a :class:`Method`: settings in a frozen dataclass, and one generator. Everything that is
+alike in all of them happens here, once.
 """
 
 from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar, NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,12 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.proof.certificate import assumptions
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.presets import surfaces_of, words_of
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -88,8 +89,6 @@ class Answer:
         Those behind the load factor, and behind the lower bound if there is one.
     mechanism : (free blocks, 6) array or None
         That of the upper bound, if there is one.
-    note : str
-        What all this rests on.
     members : tuple of Member
         All solutions, where the answer is a set.
     """
@@ -98,8 +97,12 @@ class Answer:
     bracket: Bracket = field(default_factory=Bracket)
     forces: FloatArray | None = None
     mechanism: FloatArray | None = None
-    note: str = ""
     members: tuple[Member, ...] = ()
+
+    @property
+    def has_any(self) -> bool:
+        """True if there is a load factor, or a bound of one."""
+        return self.load_factor is not None or self.bracket.has_any
 
     def raised(
         self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
@@ -134,8 +137,6 @@ class Run:
     moments : Moments
         How interaction adds moments.
     formulation : Formulation
-    torsion_shear : str
-        One of :data:`~cvxlimit.surfaces.presets.TORSION_SHEAR`.
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
     model : str
@@ -146,6 +147,10 @@ class Run:
     history : list of Iterate
     best : Answer
         The best so far: what is left if the run is interrupted.
+    solvers : set of str, attempts : list of (SolverSettings, Outcome)
+        Who ran, and how it ended each time.
+    remarks : list of str
+        What the solution's note is to say.
 
     Example
     -------
@@ -165,20 +170,19 @@ class Run:
         formulation: Formulation = corner_compressions,
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
-        torsion_shear: str = "linear",
         model: str = "auto",
     ) -> None:
-        self.surfaces, self.surface = surfaces_of(surface, torsion_shear)
-        self.torsion_shear, self.flow = torsion_shear, "associated"
+        self.surfaces, self.surface = surfaces_of(surface)
         self.model = model
         self.reductions: tuple[str, ...] = ()
-        self._is_preset = isinstance(surface, (str, Cone))
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
         self.tell = progress or (lambda message: None)
         self.clock = Clock()
         self.history: list[Iterate] = []
         self.solvers: set[str] = set()
+        self.attempts: list[tuple[SolverSettings, Outcome]] = []
+        self.remarks: list[str] = []
         self.tell("finding contacts")
         if not isinstance(scene, Assemblage):
             check_scene(scene)
@@ -202,28 +206,7 @@ class Run:
 
     @property
     def cone(self) -> Cone:
-        """The cone of the surface asked for, for methods that bring their own surfaces.
-
-        Raises
-        ------
-        ModelError
-            If a list of surfaces was given, a formulation, cohesion, strengths or ties.
-        """
-        check_dry(self, "interaction")
-        if np.any(self.contacts.cohesion):
-            raise ModelError(
-                "interaction with bending (Eq. 30) has no cohesion: take it out of the scene"
-            )
-        if not self._is_preset:
-            raise ModelError(
-                "interaction brings its own surface (Eq. 32): give surface as 'conic', 'octagon', "
-                "'K-gon' or a Cone, not as a list of surfaces"
-            )
-        if self.torsion_shear != "linear":
-            raise ModelError(
-                "interaction brings its own surface (Eq. 32), with torsion and shear on the "
-                f"paper's line: leave torsion_shear {self.torsion_shear!r} out"
-            )
+        """The cone of the surface asked for, for methods that bring their own surfaces."""
         return self.surfaces[-1].cone
 
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
@@ -240,7 +223,8 @@ class Run:
             self.clock.book(state.outcome)
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
-        elif self.ladder and not (self.solvers or any(rung.row.has_cones for rung in self.ladder)):
+            self.attempts.append((settings, state.outcome))
+        elif self.ladder and not (self.attempts or any(rung.row.has_cones for rung in self.ladder)):
             raise ModelError(f"the ladder cannot solve this: {state.outcome.refusal}")
         return state
 
@@ -267,6 +251,23 @@ class Run:
         self.tell(line)
 
     @property
+    def has_only_failures(self) -> bool:
+        """True if solvers ran, and none found an optimum or claimed that there is none."""
+        ended = [outcome for _, outcome in self.attempts]
+        return bool(ended) and not any(o.has_values or o.claims_no_optimum for o in ended)
+
+    @property
+    def failure(self) -> str:
+        """How solvers ended since one of them last had an answer."""
+        ended: dict[str, str] = {}
+        for settings, outcome in self.attempts:
+            if outcome.has_values:
+                ended = {}
+            else:
+                ended[str(settings)] = outcome.status
+        return "; ".join(f"solver {name}: {status}" for name, status in ended.items())
+
+    @property
     def bounds(self) -> dict[str, float | None]:
         """The best bounds so far, for the history."""
         return {"lower": known(self.best.bracket.lower), "upper": known(self.best.bracket.upper)}
@@ -276,11 +277,11 @@ class Run:
         solvers return 1e9 to 1e14."""
         return load_factor is not None and abs(load_factor) > _BOUNDLESS * self.scaling.ratio
 
-    def aside(self, scene: Scene) -> Run:
-        """A run on another scene for a question on the way: same clock, books of its own."""
+    def aside(self, assemblage: Assemblage | None = None) -> Run:
+        """A run for a question on the way: same clock, books of its own."""
         result = copy(self)
-        result.assemblage, result.history = self.assemblage.under(scene), []
-        result.best = Answer(bracket=Bracket(least=result.scaling.least))
+        result.assemblage, result.history = assemblage or self.assemblage, []
+        result.best, result.remarks = Answer(bracket=Bracket(least=result.scaling.least)), []
         return result
 
     @property
@@ -289,118 +290,123 @@ class Run:
         return [iterate.load_factor for iterate in self.history]
 
 
-def check_formulation(run: Run, what: str) -> None:
-    """Refuse formulations for ``what``, which has its own.
-
-    Raises
-    ------
-    ModelError
-    """
-    if run.formulation is not corner_compressions:
-        raise ModelError(f"{what} brings its own formulation: leave formulation out")
-
-
-def check_dry(run: Run, what: str) -> None:
-    """Refuse formulations, strengths and ties that ``what`` does not know.
-
-    Raises
-    ------
-    ModelError
-    """
-    check_formulation(run, what)
-    if run.scene.ties:
-        raise ModelError(f"{what} knows no ties yet: leave ties out")
-    if np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull):
-        raise ModelError(
-            f"{what} knows no strength of stone or mortar yet: leave compressive_strength and "
-            "tensile_strength out"
-        )
+Steps = Generator[None, None, Status]
+"""Problems solved one by one; what it returns is how the method ended."""
 
 
 @dataclass(frozen=True)
-class Rule(ABC):
-    """A method: how to start, what one step is, when it is done, and what has come out.
+class Method(ABC):
+    """A method: settings, and one generator that solves problem after problem.
 
-    Settings belong into a frozen dataclass; ``tolerance``, if it is one of them, is what
-    :func:`cvxlimit.solve` sets. State is of any type. Give an instance as ``interaction`` to
-    :func:`cvxlimit.solve`.
+    To add one, subclass it as a frozen dataclass whose fields are the settings, and write
+    :meth:`steps`. :func:`cvxlimit.solve` takes an instance as ``method`` and sets ``tolerance``
+    and ``moments`` where they are fields.
 
     Attributes
     ----------
     name : str
         What the solution calls it.
+    axis : str
+        Which word of a solution says the name: ``"interaction"``, ``"flow"``,
+        ``"torsion_shear"``, or none for what needs no word.
     """
 
     name: ClassVar[str]
+    axis: ClassVar[str] = "interaction"
+
+    def __new__(cls, *_: object, **settings: object) -> Self:
+        """Refuse settings by the name they once had."""
+        if "most" in settings and "most" not in cls.__dataclass_fields__:
+            raise ModelError(f"{cls.__name__}(most=...) is called max_iterations now")
+        return super().__new__(cls)
 
     @abstractmethod
-    def start(self, run: Run) -> Any:
-        """The first state: compile here what all steps share. Refuse here what cannot be done."""
+    def steps(self, run: Run) -> Steps:
+        """Yield after every problem that the run has solved; return how it ended.
 
-    @abstractmethod
-    def step(self, run: Run, state: Any) -> Any:
-        """The next state: as a rule one convex problem, solved by the run and noted there."""
+        What has come out so far always stands in ``run.best``, with bounds only if they are bounds
+        of the answer asked for, and what is to be said about it in ``run.remarks``.
+        """
 
-    @abstractmethod
-    def is_done(self, run: Run, state: Any) -> Status | None:
-        """How it ended, or None to go on; asked before every step."""
-
-    @abstractmethod
-    def result(self, run: Run, state: Any) -> Answer:
-        """What has come out; with bounds only if they are bounds of the answer asked for."""
+    def basis(self, run: Run) -> str:
+        """What the bounds of ``run.best`` rest on, in a sentence."""
+        return assumptions(run.best.bracket)
 
 
-def drive(rule: Rule, run: Run) -> Solution:
-    """Follow a rule to its end.
+def drive(method: Method, run: Run) -> Solution:
+    """Follow a method to its end.
 
-    Interrupted (Ctrl-C), a run whose rule has bounds returns them with
+    Interrupted (Ctrl-C), a run that has bounds returns them with
     :attr:`Status.INTERRUPTED <cvxlimit.solution.Status.INTERRUPTED>`; others leave the
     interruption to the caller.
     """
-    state = rule.start(run)
+    steps = method.steps(run)
     try:
-        while (status := rule.is_done(run, state)) is None:
-            state = rule.step(run, state)
+        while True:
+            next(steps)
+    except StopIteration as end:
+        status = end.value
     except KeyboardInterrupt:
         if not run.best.bracket.has_any:
             raise
         status = Status.INTERRUPTED
-    return packed(rule, run, rule.result(run, state), status)
+    return packed(method, run, status)
 
 
-def packed(rule: Rule, run: Run, answer: Answer, status: Status) -> Solution:
-    """The answer as a solution; bounds that contradict each other are said to do so."""
-    bracket = answer.bracket if status.has_answer else Bracket()
-    factor = answer.load_factor if status.has_answer else None
-    notes = [answer.note]
-    if status is not Status.NOT_CERTIFIED and not status.is_good:
-        notes = [answer.note] if status.advice in answer.note else [status.advice, answer.note]
-    if bracket.contradicts:
+def packed(method: Method, run: Run, status: Status) -> Solution:
+    """The run's best as a solution; bounds that contradict each other are said to do so."""
+    best = run.best if status.has_answer else replace(run.best, load_factor=None, bracket=Bracket())
+    if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
-        notes.insert(0, "the bounds contradict each other, so an assumption behind them fails")
+        run.remarks.insert(
+            0, "the bounds contradict each other, so an assumption behind them fails"
+        )
+    elif status.has_answer and not best.has_any and run.has_only_failures:
+        status = Status.SOLVER_FAILED
+    words: dict[str, str] = {"interaction": "none", **words_of(run.surface)}
+    if method.axis:
+        words[method.axis] = method.name
+    factor = best.load_factor
     return Solution(
+        **words,
         scene=run.scene.name,
-        surface=run.surface,
-        interaction=rule.name,
         moments=run.moments.name,
         blocks=len(run.scene.free),
         contacts=len(run.contacts),
-        load_factor=None if factor is None else bracket.clipped(factor),
-        bracket=bracket,
+        load_factor=None if factor is None else best.bracket.clipped(factor),
+        bracket=best.bracket,
         status=status,
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
-        forces=run.mortar.original(answer.forces),
-        mechanism=by_block(run.scene, answer.mechanism),
-        note="; ".join(note for note in notes if note),
+        forces=run.mortar.original(best.forces),
+        mechanism=by_block(run.scene, best.mechanism),
+        note=_note(method, run, status),
         versions=versions(run.solvers),
-        torsion_shear=run.torsion_shear,
-        flow=run.flow,
-        members=tuple(_in_original(member, run.mortar) for member in answer.members),
+        members=tuple(_in_original(member, run.mortar) for member in best.members),
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
     )
+
+
+def _note(method: Method, run: Run, status: Status) -> str:
+    """What the answer rests on and what else is to be said; without a good one, what to do."""
+    basis = method.basis(run) if run.best.bracket.has_any else ""
+    if not status.has_answer:
+        parts = [*run.remarks, status.advice]
+    elif status is Status.SOLVER_FAILED:
+        parts = [run.failure, status.advice]
+    elif status.is_good or status is Status.NOT_CERTIFIED:
+        parts = [basis, *run.remarks]
+    else:
+        parts = [status.advice, basis, *run.remarks]
+    return "; ".join(part for part in parts if part)
+
+
+def __getattr__(name: str) -> NoReturn:
+    if name == "Rule":
+        raise ImportError("Rule has become cvxlimit.Method: its settings, and one generator, steps")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _in_original(member: Member, mortar: Mortar) -> Member:

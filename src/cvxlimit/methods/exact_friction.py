@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from copy import copy
+from collections.abc import Generator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import count, ratio
-from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.analysis import Convex
-from cvxlimit.methods.driver import Answer, Rule, Run
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.point_friction import ExactFlow, PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
@@ -27,7 +24,7 @@ IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class ExactFriction(Rule):
+class ExactFriction(Method):
     """The exact limit of contacts pressed uniformly, to a tolerance.
 
     Two convex problems per step: friction at cells' centroids is inside the exact set, so its lower
@@ -41,128 +38,90 @@ class ExactFriction(Rule):
         Relative width of the bracket.
     divisions : int
         Cells across a contact at the start.
-    most : int
-        Steps before giving up.
+    max_iterations : int
+        Refinements.
     """
 
-    name = "none"
+    name = "exact"
+    axis = "torsion_shear"
 
     tolerance: float = 1e-3
     divisions: int = 2
-    most: int = 6
+    max_iterations: int = 6
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
         count(self.divisions, 1, "divisions")
-        count(self.most, 1, "most")
+        count(self.max_iterations, 1, "max_iterations")
 
-    def start(self, run: Run) -> _Refinement:
-        """Coarse cells everywhere."""
-        run.torsion_shear = "exact"
-        if run.formulation is not corner_compressions:
-            raise ModelError(
-                "exact torsion-shear brings its own formulation: leave formulation out"
-            )
-        return _Refinement(self, run)
-
-    def step(self, run: Run, state: _Refinement) -> _Refinement:
+    def steps(self, run: Run) -> Steps:
         """Both problems at the present cells, and finer ones where they differ."""
-        state.advance()
-        return state
-
-    def is_done(self, run: Run, state: _Refinement) -> Status | None:
-        """When the bracket is closed, or there is no answer."""
-        return state.status
-
-    def result(self, run: Run, state: _Refinement) -> Answer:
-        """The best bounds of both sides."""
-        cells = f"{state.divisions.min()} to {state.divisions.max()} cells across a contact"
-        return replace(run.best, note="; ".join([*state.notes, cells]))
-
-
-class _Refinement:
-    """Cells per contact, and what came out so far."""
-
-    def __init__(self, rule: ExactFriction, run: Run) -> None:
-        self.rule, self.run = rule, run
-        self.divisions = np.full(len(run.contacts), rule.divisions)
-        self.status: Status | None = None
-        self.notes: list[str] = []
-        self.steps = 0
-
-    def advance(self) -> None:
-        """One step."""
-        self.steps += 1
-        inner, below = self._side(at_centroids)
-        outer, above = self._side(at_corners)
-        self.notes = sorted({a.note for a in (below, above) if a.note})
-        ends = (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS)
-        if inner in ends and inner is outer:
-            self.status = inner
-            self.run.best = below if inner is Status.LIVE_LOAD_HARMLESS else above
-            return
-        best, bracket = self.run.best, below.bracket
-        best = best.raised(bracket.lower, bracket.lower_is_proved, below.load_factor, below.forces)
-        bracket = self._exactly(above)
-        self.run.best = best.lowered(bracket.upper, bracket.upper_is_proved, above.mechanism)
-        if self.run.best.bracket.is_within(self.rule.tolerance):
-            self.status = Status.CERTIFIED
-        elif self.steps >= self.rule.most:
-            self.status = Status.NOT_CERTIFIED
-        else:
-            self._refine(below, above)
-
-    def _side(self, placing: Placing) -> tuple[Status, Answer]:
-        """The convex problem with friction at points, from one side."""
-        run = copy(self.run)
-        run.surfaces, run.formulation = (Rocking(),), PointFriction(placing, self.divisions)
-        run.best, run.history = Answer(bracket=Bracket(least=run.scaling.least)), []
-        rule = Convex(0.1 * self.rule.tolerance)
-        state = rule.start(run)
-        while (status := rule.is_done(run, state)) is None:
-            state = rule.step(run, state)
-        side = "inside" if placing is at_centroids else "outside"
-        for iterate in run.history:
-            one = replace(iterate, solver=f"{iterate.solver}, {side}")
-            is_inside = placing is at_centroids
-            self.run.history.append(
-                replace(one, upper=None) if is_inside else replace(one, lower=None)
+        divisions = np.full(len(run.contacts), self.divisions)
+        run.surfaces, flow = (Rocking(),), ExactFlow(run.contacts)
+        certifier = Certifier(run.assemblage, (Rocking(),), flow=flow)
+        for _ in range(self.max_iterations):
+            inner, below = yield from self._side(run, at_centroids, divisions)
+            outer, above = yield from self._side(run, at_corners, divisions)
+            run.remarks = sorted({*below.remarks, *above.remarks})
+            if not inner.has_answer and inner is outer:
+                run.best = (below if inner is Status.LIVE_LOAD_HARMLESS else above).best
+                return inner
+            cells = f"{divisions.min()} to {divisions.max()} cells across a contact"
+            run.remarks = [*run.remarks, cells]
+            found, bracket = below.best, below.best.bracket
+            best = run.best.raised(
+                bracket.lower, bracket.lower_is_proved, found.load_factor, found.forces
             )
-        return status, rule.result(run, state)
+            with run.clock.phase("certify"):
+                bracket = _lowered(above.best, certifier)
+            run.best = best.lowered(bracket.upper, bracket.upper_is_proved, above.best.mechanism)
+            if run.best.bracket.is_within(self.tolerance):
+                return Status.CERTIFIED
+            differences = [
+                _difference(run, found.best, placing, divisions, flow)
+                for found, placing in ((below, at_centroids), (above, at_corners))
+            ]
+            divisions = self._refined(divisions, np.maximum(*differences), run.best.bracket)
+        return Status.NOT_CERTIFIED
 
-    def _exactly(self, above: Answer) -> Bracket:
-        """The bracket of the outer problem, lowered by the exact flow rule if that needs no more
-        assumptions."""
-        with self.run.clock.phase("certify"):
-            found = self._certifier.certificate(None, None, above.mechanism)
-        if above.bracket.upper_is_proved and not found.upper_is_proved:
-            return above.bracket
-        return above.bracket.lowered(found.upper, found.upper_is_proved)
+    def _side(
+        self, run: Run, placing: Placing, divisions: IntArray
+    ) -> Generator[None, None, tuple[Status, Run]]:
+        """The convex problem with friction at points, from one side: how it ended, and its run."""
+        aside = run.aside()
+        aside.surfaces, aside.formulation = (Rocking(),), PointFriction(placing, divisions)
+        status = yield from Convex(0.1 * self.tolerance).steps(aside)
+        is_inside = placing is at_centroids
+        for iterate in aside.history:
+            side = f"{iterate.solver}, {'inside' if is_inside else 'outside'}"
+            kept = {"upper": None} if is_inside else {"lower": None}
+            run.history.append(replace(iterate, solver=side, **kept))  # type: ignore[arg-type]
+        return status, aside
 
-    @cached_property
-    def _certifier(self) -> Certifier:
-        flow = ExactFlow(self.run.contacts)
-        return Certifier(self.run.assemblage, (Rocking(),), flow=flow)
+    def _refined(self, divisions: IntArray, difference: FloatArray, bracket: Bracket) -> IntArray:
+        """Cells halved where points and exact slip differ in power by more than their share."""
+        chosen = difference > 0.5 * self.tolerance * bracket.unit / len(difference)
+        return np.where(chosen | (not chosen.any()), 2 * divisions, divisions)
 
-    def _refine(self, below: Answer, above: Answer) -> None:
-        """Halve cells where points and exact slip differ in power by more than their share."""
-        differences = [self._difference(below, at_centroids), self._difference(above, at_corners)]
-        difference = np.maximum(*differences)
-        bracket = self.run.best.bracket
-        share = 0.5 * self.rule.tolerance * bracket.unit / len(difference)
-        chosen = difference > share
-        if not chosen.any():
-            chosen[:] = True
-        self.divisions = np.where(chosen, 2 * self.divisions, self.divisions)
 
-    def _difference(self, answer: Answer, placing: Placing) -> FloatArray:
-        """Power (n,), per load factor, by which friction at points errs on the mechanism."""
-        if answer.mechanism is None or answer.forces is None:
-            return np.full(len(self.divisions), np.inf)
-        contacts = self.run.contacts
-        rates = self.run.assemblage.statics.relative_rates(answer.mechanism)
-        at_points = PointFriction(placing, self.divisions).points(contacts).mean_slip(rates)
-        slip = np.abs(at_points - ExactFlow(contacts).mean_slip(rates))
-        pressed = np.maximum(answer.forces[:, COLUMN["N"]], 0.0)
-        resistance = contacts.friction * pressed + contacts.cohesion * contacts.area
-        return np.asarray(slip * resistance)
+def _lowered(above: Answer, certifier: Certifier) -> Bracket:
+    """The bracket of the outer problem, lowered by the exact flow rule if that needs no more
+    assumptions."""
+    found = certifier.certificate(None, None, above.mechanism)
+    if above.bracket.upper_is_proved and not found.upper_is_proved:
+        return above.bracket
+    return above.bracket.lowered(found.upper, found.upper_is_proved)
+
+
+def _difference(
+    run: Run, answer: Answer, placing: Placing, divisions: IntArray, flow: ExactFlow
+) -> FloatArray:
+    """Power (n,), per load factor, by which friction at points errs on the mechanism."""
+    if answer.mechanism is None or answer.forces is None:
+        return np.full(len(divisions), np.inf)
+    contacts = run.contacts
+    rates = run.assemblage.statics.relative_rates(answer.mechanism)
+    at_points = PointFriction(placing, divisions).points(contacts).mean_slip(rates)
+    pressed = np.maximum(answer.forces[:, COLUMN["N"]], 0.0)
+    resistance = contacts.friction * pressed + contacts.cohesion * contacts.area
+    return np.asarray(np.abs(at_points - flow.mean_slip(rates)) * resistance)

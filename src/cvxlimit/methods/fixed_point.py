@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.driver import Answer, Rule, Run, cycles
+from cvxlimit.methods.convex import dead_load_falls
+from cvxlimit.methods.driver import Answer, Method, Run, Steps, cycles
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LeastForces, LimitProblem, Objective
@@ -68,18 +70,8 @@ class FrozenProblem:
         return self.moments.eccentricity(pressure, self.contacts)
 
 
-class _Iteration(NamedTuple):
-    """The compiled problem, the forces to freeze eccentricities at, epsilon as a force, and whether
-    the last problem had states."""
-
-    frozen: FrozenProblem
-    blended: FloatArray
-    epsilon: float
-    has_states: bool = True
-
-
 @dataclass(frozen=True)
-class FixedPoint(Rule):
+class FixedPoint(Method):
     """The paper's iteration: solve with frozen eccentricities, blend, repeat.
 
     The first iterate uses whole contacts (Eq. 41). It has no bracket: the bounds of its last convex
@@ -95,8 +87,9 @@ class FixedPoint(Rule):
     tolerance : float
         Relative change of the load factor that counts as converged (Eq. 43), unless the change
         before was more than 100 times as large; the paper's 1e-4.
-    most : int
-        Iterations before giving up.
+    max_iterations : int
+    moments : str or Moments
+        How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     epsilon : float
         The paper's small number of Eq. 41, here in mean block weights: Eq. 31 divides by
         N + epsilon, so that contacts which carry next to nothing count as pressed near their
@@ -124,9 +117,10 @@ class FixedPoint(Rule):
 
     old_value_weight: float = 0.8
     tolerance: float = 1e-4
-    most: int = 60
+    max_iterations: int = 60
     epsilon: float = 0.0
     regularisation: float = 0.0
+    moments: str | Moments = "independent"
 
     def __post_init__(self) -> None:
         if not (is_number(self.old_value_weight) and 0.0 <= self.old_value_weight < 1.0):
@@ -135,48 +129,39 @@ class FixedPoint(Rule):
                 f"got {self.old_value_weight!r}"
             )
         ratio(self.tolerance, "tolerance")
-        count(self.most, 1, "most")
+        count(self.max_iterations, 1, "max_iterations")
         not_negative(self.epsilon, "epsilon")
         not_negative(self.regularisation, "regularisation")
 
-    def start(self, run: Run) -> _Iteration:
-        """All contacts pressed at their centres."""
+    def steps(self, run: Run) -> Steps:
+        """One convex problem at the blended forces' eccentricities, the first at the centres."""
+        moments = run.moments = parse_moments(self.moments)
+        caution = [moments.caution] if moments.caution else []
+        run.remarks = ["the iteration gives no bounds on the collapse load", *caution]
         with run.clock.phase("compile"):
-            weight = self.regularisation
-            objective = LeastForces(weight) if weight else None
-            frozen = FrozenProblem(run.assemblage, run.cone, run.moments, objective)
+            objective = LeastForces(self.regularisation) if self.regularisation else None
+            frozen = FrozenProblem(run.assemblage, run.cone, moments, objective)
+        if dead_load_falls(run):
+            return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
-        return _Iteration(frozen, np.zeros((len(run.contacts), len(COLUMN))), epsilon)
-
-    def step(self, run: Run, state: _Iteration) -> _Iteration:
-        """One convex problem at the blended forces' eccentricities."""
-        pressure = Pressure.of(state.blended, run.contacts, state.epsilon)
-        new, rung = run.try_solvers(
-            lambda settings: state.frozen.solve(pressure, settings), run.ladder or iterate_ladder()
-        )
-        run.note(new, rung, change=_change(run.load_factors, new.load_factor))
-        if new.forces is None:
-            return state._replace(has_states=False)
-        run.best = replace(
-            run.best, load_factor=new.load_factor, forces=new.forces, mechanism=new.mechanism
-        )
-        beta = self.old_value_weight if len(run.history) > 1 else 0.0
-        return state._replace(blended=beta * state.blended + (1.0 - beta) * new.forces)
-
-    def is_done(self, run: Run, state: _Iteration) -> Status | None:
-        """Settled (Eq. 43), without an answer, cycling, or out of iterations."""
-        if not state.has_states:
-            return Status.DIVERGED
-        if self._has_settled(run):
-            return Status.CONVERGED
-        if cycles(run.load_factors, self.tolerance):
-            return Status.CYCLING
-        return Status.NOT_CONVERGED if len(run.history) >= self.most else None
-
-    def result(self, run: Run, state: _Iteration) -> Answer:
-        """The last iterate."""
-        notes = ("the iteration gives no bounds on the collapse load", run.moments.caution)
-        return replace(run.best, note="; ".join(note for note in notes if note))
+        blended = np.zeros((len(run.contacts), len(COLUMN)))
+        for number in range(self.max_iterations):
+            pressure = Pressure.of(blended, run.contacts, epsilon)
+            solver = partial(frozen.solve, pressure)
+            state, rung = run.try_solvers(solver, run.ladder or iterate_ladder())
+            run.note(state, rung, change=_change(run.load_factors, state.load_factor))
+            if state.forces is None:
+                claims = state.outcome.claims_no_optimum
+                return Status.DIVERGED if claims else Status.SOLVER_FAILED
+            run.best = Answer(state.load_factor, run.best.bracket, state.forces, state.mechanism)
+            beta = self.old_value_weight if number else 0.0
+            blended = beta * blended + (1.0 - beta) * state.forces
+            yield
+            if self._has_settled(run):
+                return Status.CONVERGED
+            if cycles(run.load_factors, self.tolerance):
+                return Status.CYCLING
+        return Status.NOT_CONVERGED
 
     def _has_settled(self, run: Run) -> bool:
         """Eq. 43, and not by chance: between changes of 2 % one of 0.002 % was seen."""

@@ -12,16 +12,15 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.loads import Load
-from cvxlimit.methods.analysis import TOLERANCE, Convex
-from cvxlimit.methods.driver import Progress, Run, drive
+from cvxlimit.methods.convex import TOLERANCE, Convex, Inquiry
+from cvxlimit.methods.driver import Progress, Run, drive, packed
+from cvxlimit.methods.table import check
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
-from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Solution
+from cvxlimit.solution import Solution, Status
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.presets import surfaces_of
 
 FloatArray = NDArray[np.float64]
 
@@ -85,7 +84,7 @@ def settlement(
     InputError
         If there is no such support, or the direction is none.
     ModelError
-        If the dead load does not stand on all supports, or for contacts with strengths.
+        For ties and contacts with strengths.
 
     Example
     -------
@@ -107,27 +106,27 @@ def settlement(
     if not np.any(vector):
         raise InputError("direction of the settlement must not be zero")
     along = vector / np.linalg.norm(vector)
-    contacts = scene.contacts
-    if scene.ties:
-        raise ModelError("settlement knows no ties yet: leave ties out")
-    if np.isfinite(contacts.compressive_strength).any() or np.any(contacts.tensile_strength):
-        raise ModelError(
-            "settlement knows no strength of stone or mortar yet: leave compressive_strength and "
-            "tensile_strength out"
-        )
+    run, method = Run(scene, surface, progress=progress), Convex(tolerance)
+    check("settlement", run, ("cohesion",))
+    inquiry = Inquiry(run, "full")
+    falls = inquiry.dead_load_falls()
+    state = None if falls else inquiry.certifier.witnesses.dead_state
+    quantity = f"{which} reaction of {support}"
+    if state is None:
+        if not falls:
+            run.remarks = ["with all supports in place, whether the dead load stands is open"]
+        status = Status.DEAD_LOAD_UNSTABLE if falls else Status.NOT_CERTIFIED
+        solution = replace(packed(method, run, status), quantity=quantity)
+        return Reaction(None, solution.bracket, solution)
     sign = 1.0 if which == _LEAST else -1.0
-    guided, possible = _guided(scene, support, along, sign, surface)
-    run = Run(guided, surface, progress=progress)
-    solution = replace(drive(Convex(tolerance), run), solved_scene=scene)
+    guided, possible = _guided(scene, support, along, sign, state)
+    solution = drive(method, Run(guided, surface, progress=progress))
+    solution = replace(solution, solved_scene=scene, quantity=quantity)
     return _reaction(solution, support, along, possible, sign)
 
 
 def _reaction(
-    solution: Solution,
-    support: str,
-    along: FloatArray,
-    possible: float,
-    sign: float,
+    solution: Solution, support: str, along: FloatArray, possible: float, sign: float
 ) -> Reaction:
     """The force unit of the live load is one: a load factor is a change of the reaction."""
     found = solution.bracket
@@ -141,14 +140,7 @@ def _reaction(
         rates = dict(solution.mechanism)
         rates[support] = np.append(along * (along @ rates[support][:3]), np.zeros(3))
         solution = replace(solution, mechanism=rates)
-    which = _LEAST if sign > 0.0 else _LARGEST
-    solution = replace(
-        solution,
-        load_factor=value,
-        bracket=bracket,
-        quantity=f"{which} reaction of {support}",
-    )
-    return Reaction(value, bracket, solution)
+    return Reaction(value, bracket, replace(solution, load_factor=value, bracket=bracket))
 
 
 def _guided(
@@ -156,17 +148,10 @@ def _guided(
     support: str,
     along: FloatArray,
     sign: float,
-    surface: str | Cone | Sequence[YieldSurface],
+    state: FloatArray,
 ) -> tuple[Assemblage, float]:
     """The support as a guided block, pulled along by a live load of 1 and held by a reaction that
-    is possible; and that reaction."""
-    surfaces, _ = surfaces_of(surface)
-    state = Certifier(scene, surfaces).witnesses.dead_state
-    if state is None:
-        raise ModelError(
-            f"no forces were found that carry the dead load of scene {scene.name!r} with all "
-            "supports in place, strictly inside their strength: nothing can settle"
-        )
+    is possible with all supports in place, in a state (n, 6); and that reaction."""
     at = [block.id for block in scene.blocks].index(support)
     weight = _NO_WEIGHT * scene.total_weight / scene.blocks[at].volume
     blocks = tuple(replace(b, density=weight) if b.id == support else b for b in scene.blocks)

@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
-from typing import Any, cast
+from collections.abc import Sequence
 
-from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.analysis import Convex
-from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.driver import Progress, Rule, Run, drive
-from cvxlimit.methods.exact_friction import ExactFriction
-from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.gilbert import Gilbert
+from cvxlimit.methods.driver import Method, Progress, Run, drive
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import MOMENTS, parse_moments
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.table import TABLE, Surface, check, check_choice, chosen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces import Cone, YieldSurface
-
-__all__ = ["FLOWS", "INTERACTIONS", "MODELS", "MOMENTS", "check_choice", "solve"]
-
-FLOWS = ("associated", "zero-dilatancy", "gilbert")
-
-INTERACTIONS: dict[str, type[Rule]] = {rule.name: rule for rule in (Convex, FixedPoint, Certified)}
 
 
 def solve(
     scene: Scene | Assemblage,
-    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    surface: Surface = "conic",
+    method: str | Method | None = None,
     *,
-    interaction: str | Rule | None = "none",
-    moments: str | Moments = "independent",
-    torsion_shear: str = "linear",
-    flow: str = "associated",
+    moments: str | Moments | None = None,
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
     model: str = "auto",
+    interaction: str | Method | None = None,
+    torsion_shear: str | None = None,
+    flow: str | None = None,
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
 
@@ -54,39 +39,35 @@ def solve(
         Or the mechanics of one, as an :class:`~cvxlimit.model.assemblage.Assemblage`: what scenes
         of the same geometry share is then computed once (:func:`cvxlimit.sweep` does that).
     surface : str, Cone or sequence of YieldSurface
-        ``"conic"`` (default, exact), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
-        ``"octagon-inscribed"`` and so on for the safe side; or your own surfaces.
-    interaction : {"none", "fixed-point", "certified"}, Rule or None
-        Whether and how bending reduces torsion and shear strength (Eq. 26-32): not at all, by
-        the paper's iteration (Eq. 41-43), or by the certified method; with settings of your own
-        as :class:`FixedPoint` or :class:`Certified`; or an outer loop of your own, as a
-        :class:`~cvxlimit.methods.driver.Rule`.
+        ``"conic"`` (default, the exact cone), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
+        ``"octagon-inscribed"`` and so on for the safe side; ``"parabolic"``, on which torsion and
+        shear share friction nearer to the exact limit than on the paper's line (Eq. 24), at the
+        same price; or your own surfaces.
+    method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"} or Method
+        ``"convex"`` (default) is one convex problem, without interaction with bending.
+        ``"exact"`` takes torsion and shear on their exact limit (Eq. 18-21).
+        ``"fixed-point"`` and ``"certified"`` let bending reduce torsion and shear strength
+        (Eq. 26-32), by the paper's iteration (Eq. 41-43) or with a proved bracket.
+        ``"zero-dilatancy"`` is friction that slides without opening contacts: a set of solutions,
+        ``solution.members``, without a bracket; ``"gilbert"`` is the usual scheme for one of them.
+        With settings of your own: :class:`Certified`, :class:`FixedPoint`,
+        :class:`ZeroDilatancy`...; or a loop of your own, as a :class:`Method`. What goes with
+        what: :data:`cvxlimit.methods.table.TABLE`.
     moments : {"independent", "signed", "signed-torsion-bending", "paper"} or Moments
-        How Eq. 30 adds moments: every sign on its own, the safe reading; static torsion about the
-        pressure centre, without or with Eq. 27 beside it; or tied signs with absolute
-        eccentricities and Eq. 27, with which the paper's figures are met, and which depends on the
-        choice of the contacts' axes
+        How Eq. 30 adds moments, for the two methods with interaction: every sign on its own, the
+        safe reading (default); static torsion about the pressure centre, without or with Eq. 27
+        beside it; or tied signs with absolute eccentricities and Eq. 27, with which the paper's
+        figures are met, and which depends on the choice of the contacts' axes
         (:class:`~cvxlimit.methods.interaction.readings.named.Paper` takes the others).
-        Without interaction it makes no difference.
-    torsion_shear : {"linear", "parabolic", "exact"}
-        How torsion and shear share friction: on the paper's line (Eq. 24), on a parabola between
-        it and the exact limit of Eq. 18-21 at the same price, or on that limit to a tolerance of
-        1e-3 (:class:`~cvxlimit.methods.exact_friction.ExactFriction`). Without interaction only.
-    flow : {"associated", "zero-dilatancy", "gilbert"}
-        Whether sliding opens contacts (the associated rule, which has one load factor) or not: then
-        the answer is a set of solutions without a bracket, ``solution.members``, and the load
-        factor is the lowest found (:class:`~cvxlimit.methods.zero_dilatancy.ZeroDilatancy`);
-        ``"gilbert"`` is the usual scheme for one of them, with what its answer is worth
-        (:class:`~cvxlimit.methods.gilbert.Gilbert`).
-        Without interaction only.
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
-        converged. None is 1e-5 without interaction, 1e-4 for the fixed point (the paper's), and
-        for the certified method as narrow as its budget allows, where 5 % counts as good.
+        converged. None is 1e-5 for the convex method, 1e-3 for the exact one, 1e-4 for the fixed
+        point (the paper's), and for the certified method as narrow as its budget allows, where 5 %
+        counts as good.
     formulation : callable
         Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
-        :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`.
-        Without interaction only.
+        :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`. For
+        the convex method only.
     ladder : sequence of str or SolverSettings, or None
         Solvers to try in turn, any that CVXPY has installed: ``["MOSEK", "CLARABEL"]``; None is
         the tested order.
@@ -97,6 +78,9 @@ def solve(
         with live load only; :func:`cvxlimit.explain` says which), or all of it; ``"least"`` takes
         reductions that do not pay as well. Bounds are those of the full scene in any case. With
         interaction only the certified method has less, for planar and for symmetric scenes.
+    interaction, torsion_shear, flow
+        Older spellings: ``interaction="certified"``, ``flow="gilbert"`` and
+        ``torsion_shear="exact"`` are methods, ``torsion_shear="parabolic"`` is a surface.
 
     Returns
     -------
@@ -109,7 +93,7 @@ def solve(
     InputError
         If ``scene`` is no scene, or its geometry is not valid.
     ModelError
-        If an option is not one of those above.
+        If an option is not one of those above, or they do not go together.
 
     Example
     -------
@@ -123,56 +107,13 @@ def solve(
             "formulation must be a function of contacts like "
             f"cvxlimit.model.formulations.resultants, got {formulation!r}"
         )
-    check_choice("flow", flow, FLOWS)
     check_choice("model", model, MODELS)
-    asked = "none" if interaction is None else interaction
-    if flow != "associated" and asked != "none":
-        raise ModelError(f"flow {flow!r} goes without interaction: leave the interaction out")
-    rule = _rule(_default_rule(torsion_shear, flow) if asked == "none" else asked, tolerance)
+    older = {"interaction": interaction, "torsion_shear": torsion_shear, "flow": flow}
+    settings = {"tolerance": tolerance, "moments": moments}
+    surface, asked = chosen(surface, method, older, settings)
     run = Run(
-        scene, surface, parse_moments(moments), formulation, ladder, progress, torsion_shear, model
+        scene, surface, formulation=formulation, ladder=ladder, progress=progress, model=model
     )
-    return drive(rule, run)
-
-
-def _default_rule(torsion_shear: str, flow: str) -> Rule:
-    """Without interaction: one convex problem, unless flow or torsion-shear take several."""
-    if flow == "gilbert":
-        if torsion_shear != "linear":
-            raise ModelError(
-                f"Gilbert's scheme goes with torsion_shear 'linear', got {torsion_shear!r}"
-            )
-        return Gilbert()
-    if flow == "zero-dilatancy":
-        if torsion_shear == "exact":
-            raise ModelError(
-                "zero dilatancy goes with torsion_shear 'linear' or 'parabolic', got 'exact'"
-            )
-        return ZeroDilatancy()
-    return ExactFriction() if torsion_shear == "exact" else Convex()
-
-
-def _rule(interaction: str | Rule, tolerance: float | None) -> Rule:
-    """The rule of that name, or the one given, with its tolerance set if one is asked for."""
-    if isinstance(interaction, Rule):
-        rule: Any = interaction
-    else:
-        check_choice("interaction", interaction, tuple(INTERACTIONS))
-        rule = INTERACTIONS[interaction]()
-    if tolerance is not None:
-        ratio(tolerance, "tolerance")
-        if not hasattr(rule, "tolerance"):
-            raise ModelError(f"{type(rule).__name__} has no tolerance to set, got {tolerance!r}")
-        rule = replace(rule, tolerance=tolerance)
-    return cast("Rule", rule)
-
-
-def check_choice(what: str, value: str, allowed: Collection[str]) -> None:
-    """Refuse a value that is not one of those allowed; ``what`` names it.
-
-    Raises
-    ------
-    ModelError
-    """
-    if value not in allowed:
-        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")
+    if asked.name in TABLE:  # a loop of one's own takes all
+        check(f"method {asked.name!r}", run, TABLE[asked.name].scenes)
+    return drive(asked, run)

@@ -9,7 +9,8 @@ that none lower was found.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Generator
+from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
@@ -20,7 +21,8 @@ from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.central_path import CentralPath
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
-from cvxlimit.methods.driver import Answer, Rule, Run, check_formulation
+from cvxlimit.methods.convex import dead_load_falls
+from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables
@@ -76,7 +78,7 @@ _WALK = 6
 
 
 @dataclass(frozen=True)
-class ZeroDilatancy(Rule):
+class ZeroDilatancy(Method):
     """De Saxce's fixed point from several starts, and a search for low members from there.
 
     Each iterate maximises the load factor less a price on normal forces; the price follows the
@@ -98,20 +100,21 @@ class ZeroDilatancy(Rule):
         The first is the associated solution, the others are random prices.
     damping : float
         Weight of the new price against the old one.
-    most : int
-        Iterations per start.
+    max_iterations : int
+        Per start.
     seed : int
         Of the random prices and mechanisms.
     descents : int
         Mechanisms tried on the way down; 0 for none.
     """
 
-    name = "none"
+    name = "zero-dilatancy"
+    axis = "flow"
 
     tolerance: float = 1e-6
     starts: int = 4
     damping: float = 0.8
-    most: int = 150
+    max_iterations: int = 150
     seed: int = 0
     descents: int = 24
 
@@ -120,107 +123,98 @@ class ZeroDilatancy(Rule):
         count(self.starts, 1, "starts")
         if not 0.0 < self.damping <= 1.0:
             raise ModelError(f"damping must be above 0 and at most 1, got {self.damping!r}")
-        count(self.most, 1, "most")
+        count(self.max_iterations, 1, "max_iterations")
         count(self.descents, 0, "descents")
 
-    def start(self, run: Run) -> _Search:
-        """Compile the one problem of all iterates."""
-        run.flow = "zero-dilatancy"
-        check_formulation(run, "zero dilatancy")
-        return _Search(self, run)
-
-    def step(self, run: Run, state: _Search) -> _Search:
-        """One iterate of a start, the extremes on one mechanism, or one try further down."""
-        state.advance()
-        return state
-
-    def is_done(self, run: Run, state: _Search) -> Status | None:
-        """When all starts, mechanisms and descents are through."""
-        return state.status
-
-    def result(self, run: Run, state: _Search) -> Answer:
-        """The lowest solution found, with all others beside it; no bracket."""
-        return state.answer()
+    def steps(self, run: Run) -> Steps:
+        """Iterates of all starts, extremes on the mechanisms found, then tries further down."""
+        if dead_load_falls(run):
+            return Status.DEAD_LOAD_UNSTABLE
+        return (yield from _Search(self, run).steps())
 
 
-@dataclass
+Found = tuple[Member, LimitState]
+
+
 class _Search:
     """Starts under way, and the solutions found."""
 
-    rule: ZeroDilatancy
-    run: Run
-    found: list[tuple[Member, LimitState]] = field(default_factory=list)
-    status: Status | None = None
-    associated: float | None = None
-    typical: FloatArray | None = None
-    at_start: int = 0
-    iterations: int = 0
-    last: Member | None = None
-    failed: int = 0
-    tried: int = 0
-    walk: tuple[Member, LimitState] | None = None
-
-    def __post_init__(self) -> None:
-        run = self.run
+    def __init__(self, rule: ZeroDilatancy, run: Run) -> None:
+        self.rule, self.run = rule, run
+        self.found: list[Found] = []
+        self.associated: float | None = None
+        self.typical: FloatArray | None = None
+        self.failed = self.tried = 0
         with run.clock.phase("compile"):
             self.price = cp.Parameter(len(run.contacts), nonneg=True)
-            self.problem = LimitProblem(
-                run.assemblage, run.surfaces, objective=PricedPressure(self.price)
-            )
+            objective = PricedPressure(self.price)
+            self.problem = LimitProblem(run.assemblage, run.surfaces, objective=objective)
             self.verifier = Verifier(run)
             is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
             self.system = FrictionSystem(run.assemblage) if is_known else None
             self.path = None if self.system is None else CentralPath(self.system)
             self.lowest = ExtremeForces(run, self.verifier, -1.0)
             self.highest = ExtremeForces(run, self.verifier, 1.0)
-            self.mechanisms = (
-                None if self.system is None else MechanismsOfForces(self.system, self.rule.seed)
-            )
-        self.prices = np.zeros(len(run.contacts))
-        self.random = np.random.default_rng(self.rule.seed)
+        self.random = np.random.default_rng(rule.seed)
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
-        self.waiting: list[Member] = []
 
-    @property
-    def members(self) -> list[Member]:
-        """Solutions found, lowest first."""
-        return sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
+    def steps(self) -> Steps:
+        """Problem after problem."""
+        prices = np.zeros(len(self.run.contacts))
+        for start in range(self.rule.starts):
+            label = "associated" if start == 0 else f"random {start}"
+            found = yield from self._iterated(start, label, prices)
+            self.failed += found is None
+            if found is not None:
+                self._keep(found)
+            prices = self._drawn(_SCALES[(start + 1) % len(_SCALES)])
+        for member in [member for member, _ in self.found]:
+            for extreme, which in ((self.lowest, "lowest"), (self.highest, "highest")):
+                label = f"{which} on the mechanism of {member.start}"
+                found = self._on(extreme, member.mechanism, label)
+                if found is not None:
+                    self._keep(found)
+                yield
+        yield from self._descents()
+        self._report()
+        return Status.CONVERGED if self.found else Status.NOT_CONVERGED
 
-    def advance(self) -> None:
-        """One convex problem, or two."""
-        if self.at_start < self.rule.starts:
-            self._iterate()
-        elif self.waiting:
-            self._seek_extremes(self.waiting.pop(0))
-        elif self.found and self.mechanisms is not None and self.tried < self.rule.descents:
-            self._descend(self.mechanisms)
-        else:
-            self.status = Status.CONVERGED if self.found else Status.NOT_CONVERGED
+    def _keep(self, found: Found) -> None:
+        self.found.append(found)
+        self._report()
 
-    def _iterate(self) -> None:
-        self.iterations += 1
-        self.price.value = self.run.scaling.live * self.prices
-        state, rung = self.run.try_solvers(self.problem.solve, self.ladder)
-        member = self.verifier.member(state, self._label, self.iterations)
-        self.run.note(state, rung, change=None if member is None else member.residual)
-        if self.at_start == 0 and self.iterations == 1:
-            self.associated = state.load_factor
-        if member is None:
-            self._next_start(None)
-            return
-        if self.iterations % _POLISH == 0:
-            member, state = self._followed(*self._polished(member, state))
-        self.last = member
-        rates = self.run.assemblage.statics.relative_rates(member.mechanism)
-        wanted = self.verifier.dilatancy(rates)
-        self.typical = wanted
-        if member.residual <= self.rule.tolerance:
-            self._next_start((member, state))
-        elif self.iterations >= self.rule.most:
-            self._next_start(None)
-        else:
-            w = self.rule.damping
-            self.prices = (1.0 - w) * self.prices + w * wanted
+    def _drawn(self, scale: float) -> FloatArray:
+        """Random prices."""
+        friction, live = self.run.contacts.friction, self.run.scaling.live
+        natural = _NATURAL * float(friction.max()) / live
+        size = scale * (natural if self.typical is None else float(np.max(self.typical)))
+        return size * self.random.uniform(0.0, 1.0, len(friction)) ** 2
+
+    def _iterated(
+        self, start: int, label: str, prices: FloatArray
+    ) -> Generator[None, None, Found | None]:
+        """The fixed point from some prices: a solution, or None."""
+        w = self.rule.damping
+        for iteration in range(1, self.rule.max_iterations + 1):
+            self.price.value = self.run.scaling.live * prices
+            state, rung = self.run.try_solvers(self.problem.solve, self.ladder)
+            member = self.verifier.member(state, label, iteration)
+            self.run.note(state, rung, change=None if member is None else member.residual)
+            if start == 0 and iteration == 1:
+                self.associated = state.load_factor
+            if member is None:
+                return None
+            if iteration % _POLISH == 0:
+                member, state = self._polished(member, state)
+                member, state = self._followed(member, state, (start, iteration))
+            self._report(member)
+            rates = self.run.assemblage.statics.relative_rates(member.mechanism)
+            self.typical = self.verifier.dilatancy(rates)
+            if member.residual <= self.rule.tolerance:
+                return member, state
+            prices = (1.0 - w) * prices + w * self.typical
+            yield
+        return None
 
     def _polished(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
         """The root of the equations near a state, where that is better."""
@@ -233,12 +227,12 @@ class _Search:
             return member, state
         return found, near
 
-    def _followed(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
+    def _followed(self, member: Member, state: LimitState, at: tuple[int, int]) -> Found:
         """The end of a path from a state to a solution, where the polish did not get there."""
         if self.path is None or state.internal is None or member.residual <= self.rule.tolerance:
             return member, state
-        width = _WIDTHS[(self.iterations // _POLISH - 1) % len(_WIDTHS)]
-        random = np.random.default_rng((self.rule.seed, self.at_start, self.iterations))
+        width = _WIDTHS[(at[1] // _POLISH - 1) % len(_WIDTHS)]
+        random = np.random.default_rng((self.rule.seed, *at))
         with self.run.clock.phase("solve"):
             end = self.path.followed(state, width, random, _STEPS)
         found = self.verifier.member(end, member.start, member.iterations)
@@ -248,54 +242,35 @@ class _Search:
             return self._polished(found, end)
         return found, end
 
-    @property
-    def _label(self) -> str:
-        return "associated" if self.at_start == 0 else f"random {self.at_start}"
-
-    def _next_start(self, found: tuple[Member, LimitState] | None) -> None:
-        if found is None:
-            self.failed += 1
-        else:
-            self.found.append(found)
-            self.waiting.append(found[0])
-        self.at_start += 1
-        self.iterations = 0
-        natural = _NATURAL * float(self.run.contacts.friction.max()) / self.run.scaling.live
-        size = natural if self.typical is None else float(np.max(self.typical))
-        size *= _SCALES[self.at_start % len(_SCALES)]
-        self.prices = size * self.random.uniform(0.0, 1.0, len(self.prices)) ** 2
-
-    def _seek_extremes(self, member: Member) -> None:
-        """Forces with the lowest and the highest load factor on one mechanism."""
-        for extreme, which in ((self.lowest, "lowest"), (self.highest, "highest")):
-            label = f"{which} on the mechanism of {member.start}"
-            found = self._on(extreme, member.mechanism, label)
-            if found is not None:
-                self.found.append(found)
-
-    def _descend(self, mechanisms: MechanismsOfForces) -> None:
-        """A mechanism that goes with the forces of a member, and low forces on that.
+    def _descents(self) -> Steps:
+        """Mechanisms that go with the forces of a member, and low forces on those.
 
         A walk of a few steps, each from where the last one led, begins at the lowest member and
         begins again when it comes below that.
         """
-        lowest = min(self.found, key=lambda found: found[0].load_factor)
-        if self.walk is None or self.tried % _WALK == 0:
-            self.walk = lowest
-        self.tried += 1
-        with self.run.clock.phase("solve"):
-            mechanism = mechanisms.of(self.walk[1], self.ladder[0])
-        if mechanism is None:
-            self.walk = None
-            return
-        label = f"descent {self.tried}"
-        chance = None if self.tried % 2 else self.random
-        step = self._on(self.lowest, mechanism, label, chance)
-        if step is None:
-            return
-        self.walk = step
-        if step[0].load_factor < lowest[0].load_factor:
-            self.found.append(step)
+        if self.system is None or not self.found:
+            return Status.NOT_CONVERGED
+        with self.run.clock.phase("compile"):
+            mechanisms = MechanismsOfForces(self.system, self.rule.seed)
+        walk: Found | None = None
+        for tried in range(self.rule.descents):
+            lowest = min(self.found, key=lambda found: found[0].load_factor)
+            walk = lowest if walk is None or tried % _WALK == 0 else walk
+            self.tried += 1
+            with self.run.clock.phase("solve"):
+                mechanism = mechanisms.of(walk[1], self.ladder[0])
+            if mechanism is None:
+                walk = None
+                continue
+            chance = self.random if tried % 2 else None
+            step = self._on(self.lowest, mechanism, f"descent {self.tried}", chance)
+            yield
+            if step is None:
+                continue
+            walk = step
+            if step[0].load_factor < lowest[0].load_factor:
+                self._keep(step)
+        return Status.CONVERGED
 
     def _on(
         self,
@@ -314,36 +289,31 @@ class _Search:
         is_good = member is not None and member.residual <= self.rule.tolerance
         return (member, state) if member is not None and is_good else None
 
-    def answer(self) -> Answer:
-        """Lowest member first."""
-        members = self.members
+    def _report(self, last: Member | None = None) -> None:
+        """Lowest member first, or the last iterate; and what it is worth."""
+        members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
+        best = members[0] if members else last
         above = "" if self.associated is None else (
             f"; associated friction, {rounded(self.associated)}, bounds all of them from above"
         )  # fmt: skip
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
-        if not members:
-            if self.associated is None:
-                return Answer(note=f"{_NO_ASSOCIATED}; none was found from {tried}")
-            residual = "" if self.last is None else f", last residual {self.last.residual:.1e}"
-            return Answer(
-                load_factor=None if self.last is None else self.last.load_factor,
-                forces=None if self.last is None else self.last.forces,
-                mechanism=None if self.last is None else self.last.mechanism,
-                note=f"no zero-dilatancy solution was found from {tried}{residual}{above}",
+        if members:
+            span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
+            further = f" and {self.tried} tries further down" if self.tried else ""
+            remark = (
+                f"{len(members)} zero-dilatancy solutions from {span}, "
+                f"from {tried}{further}{above}; whether there are lower ones is not known"
             )
-        lowest, highest = members[0], members[-1]
-        span = f"from {rounded(lowest.load_factor)} to {rounded(highest.load_factor)}"
-        further = f" and {self.tried} tries further down" if self.tried else ""
-        return Answer(
-            load_factor=lowest.load_factor,
-            forces=lowest.forces,
-            mechanism=lowest.mechanism,
-            note=(
-                f"{len(members)} zero-dilatancy solutions {span}, from {tried}{further}{above}; "
-                "whether there are lower ones is not known"
-            ),
-            members=tuple(members),
-        )
+        elif self.associated is None:
+            remark = f"{_NO_ASSOCIATED}; none was found from {tried}"
+        else:
+            residual = "" if best is None else f", last residual {best.residual:.1e}"
+            remark = f"no zero-dilatancy solution was found from {tried}{residual}{above}"
+        self.run.remarks = [remark]
+        if best is not None:
+            self.run.best = Answer(
+                best.load_factor, self.run.best.bracket, best.forces, best.mechanism, tuple(members)
+            )
 
 
 _NO_ASSOCIATED = (

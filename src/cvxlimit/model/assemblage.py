@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.loads import Load
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
@@ -67,6 +68,10 @@ class Assemblage:
         """The same blocks and contacts under the loads of ``scene``."""
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         return Assemblage(scene, self.statics.under(dead, live), Scaling.of(scene), self.balance)
+
+    def alone(self, load: Load) -> Assemblage:
+        """The same with ``load`` as the live one, and no other: which share of it is carried?"""
+        return self.under(self.scene.with_live(load).with_dead(Load()))
 
     def like(self, scene: Scene) -> Assemblage:
         """The mechanics of a scene of the same geometry: other strengths, densities and loads.

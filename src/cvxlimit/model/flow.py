@@ -163,7 +163,7 @@ class FlowRule:
         self.model = corner_compressions(model) if isinstance(model, Contacts) else model
         self._rows = [
             _Rows.of(condition, cone, self.model)
-            for condition, cone in self.model.strength(surfaces)
+            for _, condition, cone in self.model.strength(surfaces)
         ]
         self._free = np.flatnonzero(~self.model.nonneg)
         self._pressed = np.flatnonzero(self.model.nonneg)

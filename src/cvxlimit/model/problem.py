@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -12,15 +12,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.crushing import limited
 from cvxlimit.model.formulations import (
     ForceVariables,
     Formulation,
     corner_compressions,
     model_of,
 )
-from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
@@ -224,6 +224,59 @@ def _equations(
     return blocks, rows
 
 
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A transformation of the limit problem into a smaller one, and the way back.
+
+    Fewer contacts whose forces are unknown, fewer ways to move: both are linear maps into the full
+    scene. Forces and mechanism come back as those of the full scene, and the certificate is
+    computed from these alone, so a reduction that is not valid shows as a bracket that stays open.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What was reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for the full
+        model.
+    contacts : Contacts
+        Those whose forces are unknown, k of them.
+    blocks : int
+        Number of the scene's free blocks.
+    forces : (6 n, 6 k) sparse array or None
+        What they make of the forces of all contacts; None where they are all.
+    rates : (r, 6 free blocks) sparse array or None
+        The ways in which blocks move, one per row; None is all.
+    formulation : Formulation
+        For ``contacts``.
+    still : (n, 6) array or None
+        Forces of contacts that are left out, the same at every load factor.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> full = Reduction.none(Statics.of(builtin_scene("arch")))
+    >>> full.names, full.degrees_of_freedom
+    ((), 120)
+    """
+
+    names: tuple[str, ...]
+    contacts: Contacts
+    blocks: int
+    forces: sp.csr_array | None = None
+    rates: sp.csr_array | None = None
+    formulation: Formulation = corner_compressions
+    still: FloatArray | None = None
+
+    @classmethod
+    def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:
+        """The full model."""
+        return cls((), statics.contacts, len(statics.dead) // DOF, formulation=formulation)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Ways in which blocks move."""
+        return DOF * self.blocks if self.rates is None else int(self.rates.shape[0])
+
+
 class LimitProblem(StaticProblem):
     """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact.
 
@@ -237,6 +290,14 @@ class LimitProblem(StaticProblem):
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     objective : Objective or None
         None is the load factor.
+    reduction : Reduction or None
+        A smaller model, with a formulation of its own; forces and mechanisms are those of the full
+        one all the same.
+
+    Attributes
+    ----------
+    strength : mapping of str to list of cvxpy.Constraint
+        What bounds the forces: by the name of the surface, or ``"formulation"``.
 
     Raises
     ------
@@ -246,9 +307,9 @@ class LimitProblem(StaticProblem):
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> state = LimitProblem(builtin_scene("single-block")).solve()
-    >>> state.outcome.status
-    'optimal'
+    >>> problem = LimitProblem(builtin_scene("single-block"))
+    >>> problem.solve().outcome.status, sorted(problem.strength)
+    ('optimal', ['torsion-shear'])
     """
 
     def __init__(
@@ -257,18 +318,27 @@ class LimitProblem(StaticProblem):
         surfaces: Sequence[YieldSurface] = DEFAULT_SURFACES,
         formulation: Formulation = corner_compressions,
         objective: Objective | None = None,
+        reduction: Reduction | None = None,
     ) -> None:
         assemblage = Assemblage.of(scene)
         self.surfaces = needed_surfaces(surfaces)
-        self.model = model_of(limited(formulation), assemblage.contacts)
-        scaling = assemblage.scaling
+        self.reduction = reduction or Reduction.none(assemblage.statics, formulation)
+        self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        scaling, lift = assemblage.scaling, self.reduction.forces
         forces = ForceVariables.of(self.model, scaling.force, scaling.length)
-        limits = [
-            limit
-            for condition, cone in self.model.strength(self.surfaces)
-            for limit in admissible(condition, forces.components, cone)
-        ]
-        super().__init__(assemblage, forces, limits, objective)
+        self.strength: dict[str, list[cp.Constraint]] = {}
+        for name, condition, cone in self.model.strength(self.surfaces):
+            stated = admissible(condition, forces.components, cone)
+            self.strength.setdefault(name, []).extend(stated)
+        if lift is not None:
+            lifted = [(v, (lift @ meaning).tocsr()) for v, meaning in forces.maps]
+            forces = replace(forces, maps=lifted)
+        limits = [limit for named in self.strength.values() for limit in named]
+        super().__init__(assemblage, forces, limits, objective, self.reduction.rates)
+
+    def _forces(self) -> FloatArray:
+        forces, still = super()._forces(), self.reduction.still
+        return forces if still is None else forces + still
 
     def _internal(self) -> FloatArray:
         units = np.where(self.model.is_moment, self.scaling.length, 1.0) * self.scaling.force

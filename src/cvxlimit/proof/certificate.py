@@ -34,6 +34,29 @@ REFERENCE = 10.0
 this multiple of the total load or of the largest force given, and no rate this multiple of the
 given mechanism's largest."""
 
+PROVED = "both bounds are proved, up to rounding"
+"""The note of a solution whose bracket needs no assumption."""
+
+
+def assumptions(bracket: Bracket) -> str:
+    """Under which assumptions the bounds that exist hold.
+
+    >>> assumptions(Bracket(0.1, 0.2, True, True)), assumptions(Bracket(0.1, lower_is_proved=True))
+    ('both bounds are proved, up to rounding', 'the lower bound is proved, up to rounding')
+    """
+    sides = {
+        "lower": f"no block moves more than {REFERENCE:g} times as fast at collapse as the fastest "
+        "of the mechanism found",
+        "upper": f"no contact bears more than {REFERENCE:g} times the total load, or "
+        f"{REFERENCE:g} times the largest force found",
+    }
+    known = [side for side in sides if np.isfinite(getattr(bracket, side))]
+    assumed = [side for side in known if not getattr(bracket, f"{side}_is_proved")]
+    if known and not assumed:
+        return PROVED if len(known) == 2 else f"the {known[0]} bound is proved, up to rounding"
+    return " and ".join(f"the {side} bound holds if {sides[side]}" for side in assumed)
+
+
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import limited, recession_of
+from cvxlimit.model.crushing import recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import (
     Formulation,
@@ -76,8 +76,8 @@ class Strength:
     ) -> None:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
-        self.formulation = limited(formulation)
-        own = model_of(self.formulation, self.contacts)
+        self.formulation = formulation
+        own = model_of(formulation, self.contacts)
         self.is_internal = bool(own.conditions)
         self.model = own if self.is_internal else corner_compressions(self.contacts)
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
@@ -94,7 +94,7 @@ class Strength:
     def conditions(self) -> list[tuple[Condition, Cone]]:
         """What states must satisfy, besides compressions that are not negative."""
         if self.is_internal:
-            return self.model.strength(self.surfaces)
+            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
 
     @cached_property

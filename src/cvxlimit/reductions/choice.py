@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.problem import Reduction
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.reductions.parts import contacts_of, loaded_blocks
 from cvxlimit.reductions.planar import Plane, find_plane
-from cvxlimit.reductions.reduction import Reduction
 from cvxlimit.surfaces.base import YieldSurface
 
 FloatArray = NDArray[np.float64]

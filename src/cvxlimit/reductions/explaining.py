@@ -12,9 +12,9 @@ from cvxpy.constraints import SOC
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import MODELS, Reductions
-from cvxlimit.reductions.reduction import ReducedProblem
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solvers import SOLVERS, Shape
 from cvxlimit.solvers.ladders import inequalities
@@ -41,7 +41,7 @@ class Size:
     cones: int
 
     @classmethod
-    def of(cls, problem: ReducedProblem) -> Size:
+    def of(cls, problem: LimitProblem) -> Size:
         """Auxiliary variables of surfaces count; signs of variables are rows."""
         stated = problem.problem
         cones = sum(c.num_cones() for c in stated.constraints if isinstance(c, SOC))
@@ -121,7 +121,7 @@ def explain(
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
     state = Certifier(found.assemblage, surfaces).witnesses.easy_dead_state
     problems = {
-        step.names[-1] if step.names else "full": ReducedProblem(found.assemblage, surfaces, step)
+        ("full", *step.names)[-1]: LimitProblem(found.assemblage, surfaces, reduction=step)
         for step in found.steps(state)
     }
     *_, last = problems.values()

@@ -1,27 +1,14 @@
 """Limit problems of scenes that differ in friction and loads only: compiled once, as Parameters.
 
-CVXPY's compile is then a product with a sparse matrix: on the S12 panel 3 ms in place of 25 ms of
-CPU. For a scene that is solved once it does not pay: compiling with Parameters takes longer.
-
-What is left is the solver: QOCO takes 22 to 30 iterations of 5.3 ms there, five sixths of a row.
-Tried on twelve of its variations, and left out:
-
-- starting our own interior-point method (blockwise) at a neighbour's iterate, where complementarity
-  is half the load factor: 10 to 13 iterations in place of 15, of 10 ms each; nearer to the
-  neighbour's optimum it takes more than a cold start;
-- QOCO with rows scaled by a neighbour's slacks and duals, 20 to 23 iterations, and with loads and
-  objective in other units, 20 to 27; with other orders of its rows and columns, up to 20 % slower;
-- Moreau 0.4.1, which takes the answer of the variation before as its start: 15 to 20 iterations in
-  place of 23, of 9 ms each, together 0.16 to 0.20 s where QOCO took 0.13 to 0.16 s beside it;
-- blocks that move as one in a neighbour's mechanism, as one block: 0 to 42 of 314 do;
-- a neighbour's mechanism and forces as bounds: with friction 0.02 higher they are 2 % low and 53 %
-  high, with the load turned by 5 degrees 99 % low and 0.07 % high.
+CVXPY's compile is then a product with a sparse matrix. For a scene that is solved once it does not
+pay: compiling with Parameters takes longer. docs/models.md has figures, and what else was tried.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
+from dataclasses import replace
+from typing import Any, cast
 
 import cvxpy as cp
 import numpy as np
@@ -31,8 +18,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
-from cvxlimit.model.problem import Terms
-from cvxlimit.reductions.reduction import ReducedProblem, Reduction
+from cvxlimit.model.problem import LimitProblem, Reduction, Terms
 from cvxlimit.solvers import Ladder, limit_ladder
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface
@@ -44,19 +30,6 @@ _KINDS = (Rocking, TorsionShear)
 
 _KEPT = 4
 """Compiled problems kept: one per pattern of the loads, as a rule two."""
-
-
-class _Loads:
-    """The load factor as objective, loads as Parameters; see :class:`Objective`."""
-
-    def __init__(self, assemblage: Assemblage) -> None:
-        self.dead, self.live = (
-            _Entries(load) for load in (assemblage.scaled.dead, assemblage.scaled.live)
-        )
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """The scaled terms."""
-        return Terms(alpha, self.dead.expression, alpha * self.live.expression)
 
 
 class _Entries:
@@ -74,43 +47,55 @@ class _Entries:
         self.parameter.value = load[self.at] if len(self.at) else np.zeros(1)
 
 
-class RepeatedProblem(ReducedProblem):
-    """The full model's limit problem, of whichever assemblage it was last given."""
+class _Symbolic:
+    """Contacts whose friction is an expression in Parameters; all else is theirs."""
 
-    def __init__(
-        self, assemblage: Assemblage, surfaces: Sequence[YieldSurface], reduction: Reduction
-    ) -> None:
-        is_uniform = np.ptp(reduction.contacts.friction) == 0.0
-        self.friction = cp.Parameter(nonneg=True) if is_uniform else cp.Parameter(
-            len(reduction.contacts), nonneg=True
-        )  # fmt: skip
-        self.loads = _Loads(assemblage)
-        symbolic: Contacts = copy(reduction.contacts)
-        vector = self.friction * np.ones(len(symbolic)) if is_uniform else self.friction
-        symbolic.__dict__["friction"] = vector
-        super().__init__(
-            assemblage, surfaces, _with_contacts(reduction, symbolic), objective=self.loads
-        )
-        self.renew(assemblage, reduction)
+    def __init__(self, contacts: Contacts, friction: cp.Expression) -> None:
+        self._contacts, self.friction = contacts, friction
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._contacts, name)
+
+    def __len__(self) -> int:
+        return len(self._contacts)
+
+
+class RepeatedProblem(LimitProblem):
+    """The full model's limit problem, of whichever assemblage it was last given.
+
+    Its Parameters are the friction and the loads; it is an objective of its own kind.
+    """
+
+    def __init__(self, assemblage: Assemblage, surfaces: Sequence[YieldSurface]) -> None:
+        contacts, scaled = assemblage.contacts, assemblage.scaled
+        is_uniform = np.ptp(contacts.friction) == 0.0
+        self.friction = cp.Parameter(() if is_uniform else len(contacts), nonneg=True)
+        self.loads = _Entries(scaled.dead), _Entries(scaled.live)
+        friction = self.friction * np.ones(len(contacts)) if is_uniform else self.friction
+        symbolic = cast("Contacts", _Symbolic(contacts, friction))
+        reduction = replace(Reduction.none(assemblage.statics), contacts=symbolic)
+        super().__init__(assemblage, surfaces, objective=self, reduction=reduction)
+        self.renew(assemblage)
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """The load factor as the goal, and loads as Parameters."""
+        dead, live = self.loads
+        return Terms(alpha, dead.expression, alpha * live.expression)
 
     def ladder(self, tolerance: float = 1e-5) -> Ladder:
         """The usual solvers; QOCO first no tighter than it has to be."""
         return limit_ladder(self.shape, tolerance, is_repeated=True)
 
-    def renew(self, assemblage: Assemblage, reduction: Reduction) -> RepeatedProblem:
+    def renew(self, assemblage: Assemblage) -> RepeatedProblem:
         """Take the friction and the loads of an assemblage of the same geometry."""
-        self.assemblage, self.reduction = assemblage, reduction
-        friction = reduction.contacts.friction
+        self.assemblage = assemblage
+        friction = assemblage.contacts.friction
         self.friction.value = float(friction[0]) if self.friction.ndim == 0 else friction
-        self.loads.dead.set(assemblage.scaled.dead)
-        self.loads.live.set(assemblage.scaled.live)
+        for entries, load in zip(
+            self.loads, (assemblage.scaled.dead, assemblage.scaled.live), strict=True
+        ):
+            entries.set(load)
         return self
-
-
-def _with_contacts(reduction: Reduction, contacts: Contacts) -> Reduction:
-    result = copy(reduction)
-    result.__dict__["contacts"] = contacts
-    return result
 
 
 class Repeats:
@@ -128,7 +113,7 @@ class Repeats:
 
     def problem(
         self, assemblage: Assemblage, surfaces: Sequence[YieldSurface], reduction: Reduction
-    ) -> ReducedProblem | None:
+    ) -> LimitProblem | None:
         """The compiled problem with the numbers of an assemblage, None if it is not of this kind.
 
         What decides about its rows is the same whoever was solved before, so that its answers are.
@@ -151,8 +136,8 @@ class Repeats:
         )
         known = self._known.get(key)
         if known is not None:
-            return known.renew(assemblage, reduction)
+            return known.renew(assemblage)
         if len(self._known) >= _KEPT:
             self._known.clear()
-        self._known[key] = RepeatedProblem(assemblage, surfaces, reduction)
+        self._known[key] = RepeatedProblem(assemblage, surfaces)
         return self._known[key]

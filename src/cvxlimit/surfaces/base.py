@@ -114,9 +114,11 @@ class YieldSurface(ABC):
 
     name: ClassVar[str]
     implies: ClassVar[frozenset[str]] = frozenset()
+    cone: Cone = Conic()
 
     def __init__(self, cone: Cone | None = None) -> None:
-        self.cone = Conic() if cone is None else cone
+        if cone is not None:
+            self.cone = cone
 
     @abstractmethod
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
@@ -180,9 +182,18 @@ def check_condition(
     """
     if not isinstance(condition, Condition):
         raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
+    if condition.contact is not None and np.ndim(condition.contact) != 1:
+        raise ModelError(
+            f"contact of a condition in {owner} must be the contact of each row, got "
+            f"{condition.contact!r}: a constant belongs into the resistance, as {{'1': ...}}"
+        )
     rows = contacts if condition.contact is None else len(condition.contact)
     known = [*COMPONENTS, CONSTANT, *parts]
     for form in condition.forms():
+        if not isinstance(form, Mapping):
+            raise ModelError(
+                f"{owner} must state forces times numbers, as {{'N': 0.5}}, got {form!r}"
+            )
         for component, coefficient in form.items():
             if component not in known:
                 close = get_close_matches(str(component).upper(), known, 1, 0.5)

@@ -188,7 +188,7 @@ def parse_cone(name: str) -> Cone:
     match = re.fullmatch(r"(octagon|(\d{1,4})-gon)(-inscribed)?", name)
     if match is None:
         raise ModelError(
-            f"surface must be 'conic', 'octagon' or 'K-gon' (say '16-gon'), "
+            "surface must be 'conic', 'parabolic', 'octagon' or 'K-gon' (say '16-gon'), "
             f"with '-inscribed' for the safe side, got {name!r}"
         )
     count = int(match[2] or 8)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from cvxlimit.errors import ModelError
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.cones import Cone, Conic, parse_cone
+from cvxlimit.surfaces.cones import Cone, parse_cone
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 from cvxlimit.surfaces.torsion_shear import ParabolicTorsionShear
 
-TORSION_SHEAR = ("linear", "parabolic", "exact")
-"""How torsion and shear share friction: the paper's line (Eq. 24), a parabola between it and the
-exact limit, or that limit itself (Eq. 18-21), to a tolerance."""
+PARABOLIC = "parabolic"
+"""Torsion and shear on a parabola between the paper's line (Eq. 24) and the exact limit."""
 
 _BUILT_IN = {
     kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
 }
+
+_NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
+    {PARABOLIC: (Rocking(), ParabolicTorsionShear()), "exact": (Rocking(),)}
+)
 
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
@@ -46,32 +50,26 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
 
 
 def surfaces_of(
-    surface: str | Cone | Sequence[YieldSurface], torsion_shear: str = "linear"
+    surface: str | Cone | Sequence[YieldSurface],
 ) -> tuple[tuple[YieldSurface, ...], str]:
-    """Surfaces and their name from ``"conic"``, ``"octagon"``, a cone, or surfaces themselves.
-
-    ``"exact"`` torsion-shear is a matter of the formulation: of the surfaces, rocking remains.
+    """Surfaces and their name from ``"octagon"``, ``"parabolic"`` ..., a cone, or surfaces.
 
     Raises
     ------
     ModelError
-        For anything else, and for facets or own surfaces with another torsion-shear than the
-        paper's.
+        For anything else.
+
+    Example
+    -------
+    >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
+    ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
     """
-    if isinstance(surface, str):
-        surface = parse_cone(surface)
-    if torsion_shear not in TORSION_SHEAR:
-        raise ModelError(
-            f"torsion_shear must be one of {', '.join(TORSION_SHEAR)}, got {torsion_shear!r}"
-        )
-    if isinstance(surface, Cone):
-        return _of_cone(surface, torsion_shear), str(surface)
-    if torsion_shear != "linear":
-        raise ModelError(
-            f"torsion_shear {torsion_shear!r} goes with surface 'conic'; in a list of surfaces "
-            "give ParabolicTorsionShear() itself"
-        )
-    surfaces = tuple(surface) if isinstance(surface, Iterable) else (surface,)
+    if surface == PARABOLIC:
+        return _NAMED[PARABOLIC], PARABOLIC
+    cone = parse_cone(surface) if isinstance(surface, str) else surface
+    if isinstance(cone, Cone):
+        return (Rocking(), TorsionShear(cone)), str(cone)
+    surfaces = tuple(cone) if isinstance(cone, Iterable) else (cone,)
     if not all(isinstance(s, YieldSurface) for s in surfaces):
         raise ModelError(
             "surface must be a name like 'octagon', a Cone, or a list of YieldSurface objects, "
@@ -89,7 +87,7 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
     """
     try:
         if not name.endswith(")"):
-            return surfaces_of(name, torsion_shear)[0]
+            return _NAMED.get(torsion_shear) or surfaces_of(name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
         made = [_BUILT_IN[own](*_cones(own, cone)) for own, cone in parts]
     except (KeyError, ValueError, ModelError):
@@ -108,12 +106,8 @@ def _said(surface: YieldSurface) -> str:
     return f"{surface.name}{own}({surface.cone})"
 
 
-def _of_cone(cone: Cone, torsion_shear: str) -> tuple[YieldSurface, ...]:
-    if torsion_shear == "linear":
-        return Rocking(), TorsionShear(cone)
-    if not isinstance(cone, Conic):
-        raise ModelError(
-            f"torsion_shear {torsion_shear!r} is not made of facets: use surface 'conic' with it, "
-            f"or torsion_shear 'linear' with {str(cone)!r}"
-        )
-    return (Rocking(), ParabolicTorsionShear()) if torsion_shear == "parabolic" else (Rocking(),)
+def words_of(name: str) -> dict[str, str]:
+    """How solutions and result files say a surface of that name."""
+    if name == PARABOLIC:
+        return {"surface": "conic", "torsion_shear": PARABOLIC}
+    return {"surface": name, "torsion_shear": "linear"}

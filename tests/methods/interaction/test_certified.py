@@ -314,9 +314,9 @@ def test_corrupted_forces_fail_the_proof() -> None:
 
 def test_refusals() -> None:
     scene = builtin_scene("single-block")
-    with pytest.raises(ModelError, match="use surface 'conic'"):
+    with pytest.raises(ModelError, match="goes with surface conic, got 'octagon'"):
         solve(scene, "octagon", interaction="certified")
     with pytest.raises(ModelError, match="starts must be"):
         Certified(starts=("somewhere",))
-    with pytest.raises(ModelError, match="not as a list of surfaces"):
+    with pytest.raises(ModelError, match="goes with surface conic, got a list"):
         solve(scene, [], interaction="certified")

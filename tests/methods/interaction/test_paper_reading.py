@@ -361,7 +361,10 @@ class TestIteration:
         Independent signs are 20 % below by then, signed moments 20 % above: neither would pass.
         """
         run = solve(
-            builtin_scene(scene), "octagon", interaction=FixedPoint(most=4), moments="paper"
+            builtin_scene(scene),
+            "octagon",
+            interaction=FixedPoint(max_iterations=4),
+            moments="paper",
         )
         factors = [entry.load_factor for entry in run.history]
         assert factors[0] == pytest.approx(0.186, rel=0.01)
@@ -373,7 +376,9 @@ class TestIteration:
         seconds = []
         for signs in AXES[:2]:
             run = solve(
-                builtin_scene("tuff-wall"), interaction=FixedPoint(most=2), moments=Paper(signs)
+                builtin_scene("tuff-wall"),
+                interaction=FixedPoint(max_iterations=2),
+                moments=Paper(signs),
             )
             seconds.append(run.history[1].load_factor)
         assert seconds[1] > 1.5 * seconds[0]
@@ -385,19 +390,21 @@ class TestIteration:
         There are contacts pressed in a corner, where c = 0 and Eq. 32 says nothing about sliding.
         """
         scene = builtin_scene("tuff-wall")
-        run = solve(scene, interaction=FixedPoint(most=2), moments=moments)
+        run = solve(scene, interaction=FixedPoint(max_iterations=2), moments=moments)
         assert run.forces is not None
         (excess,) = Sliding().excess(run.forces, scene.contacts)
         assert excess.max() <= 1e-8 * _weight(scene)
         assert run.load_factor < run.history[0].load_factor
-        at = Pressure.of(solve(scene, interaction=FixedPoint(most=1)).forces, scene.contacts)
+        at = Pressure.of(
+            solve(scene, interaction=FixedPoint(max_iterations=1)).forces, scene.contacts
+        )
         assert (at.arm < 1e-6 * scene.contacts.torsion_arm).sum() > 5
 
     def test_without_rows_of_its_own_friction_is_taken_off(self) -> None:
         """Eq. 32 alone: Coulomb's limit exceeded by 36 times the weight, the factor from 0.42 to
         0.59. Had it held, the test above would show nothing."""
         scene = builtin_scene("tuff-wall")
-        run = solve(scene, interaction=FixedPoint(most=2), moments=_Eq32Alone())
+        run = solve(scene, interaction=FixedPoint(max_iterations=2), moments=_Eq32Alone())
         (excess,) = Sliding().excess(run.forces, scene.contacts)
         assert excess.max() > _weight(scene)
         assert run.load_factor > 1.2 * run.history[0].load_factor
@@ -415,7 +422,9 @@ class TestIteration:
         scene = random_wall(2)
         plain = solve(scene).load_factor
         for other in (scene, _heavier(scene, 1e3)):
-            run = solve(other, interaction=FixedPoint(most=4, epsilon=1e9), moments="paper")
+            run = solve(
+                other, interaction=FixedPoint(max_iterations=4, epsilon=1e9), moments="paper"
+            )
             assert run.status is Status.CONVERGED
             assert [h.load_factor for h in run.history] == pytest.approx([plain] * 2, rel=1e-5)
         with pytest.raises(InputError, match="epsilon must be finite and not negative"):
@@ -428,7 +437,7 @@ class TestIteration:
         """
         scene = random_wall(2)
         runs = [
-            solve(s, interaction=FixedPoint(most=3, epsilon=0.05), moments="paper")
+            solve(s, interaction=FixedPoint(max_iterations=3, epsilon=0.05), moments="paper")
             for s in (scene, _heavier(scene, 1e3))
         ]
         first, second = ([entry.load_factor for entry in run.history] for run in runs)

@@ -194,7 +194,7 @@ class InnerMethod:
             return
         if state.load_factor <= run.best.bracket.lower:
             return
-        aside = run.aside(run.scene)
+        aside = run.aside()
         aside.moments = stricter
         half = self._half(stricter)
         outer = UpperBound(aside, half)

@@ -19,7 +19,7 @@ from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.strength import Strength
 from cvxlimit.proof.witnesses import Witnesses
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Scene
 from cvxlimit.solvers import default_ladder
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.presets import DEFAULT_SURFACES
@@ -137,7 +137,7 @@ class LowerBounds:
         scene = self.assemblage.scene
         if not np.any(scene.dead_forces):
             return ()
-        alone = self.assemblage.under(scene.with_live(scene.dead).with_dead(Load()))
+        alone = self.assemblage.alone(scene.dead)
         state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()

@@ -78,7 +78,7 @@ def carrying_forces(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> F
 
 def _candidates(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> Iterator[FloatArray]:
     """Forces that carry the load: without interaction, then by steps from there and the middle."""
-    alone = run.assemblage.under(run.scene.with_live(load).with_dead(Load()))
+    alone = run.assemblage.alone(load)
     problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
     plain, _ = run.try_solvers(problem.solve, ladder)
     if (forces := _carried(plain)) is not None:

@@ -1,0 +1,316 @@
+"""Without interaction: one convex problem, its ladder, and proofs that no answer exists."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.bracket import known
+from cvxlimit.checks import ratio
+from cvxlimit.methods.bearing import borne
+from cvxlimit.methods.driver import Method, Run, Steps, fallen
+from cvxlimit.model.formulations import Formulation
+from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Reduction
+from cvxlimit.proof.certificate import Certificate, Certifier
+from cvxlimit.proof.strength import Strength
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.scene import Load
+from cvxlimit.solution import Status
+from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.surfaces import YieldSurface
+from cvxlimit.surfaces.presets import needed_surfaces
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = 1e-5
+"""Default width of the bracket, relative to its upper end."""
+
+
+_NO_FORCE = 1e8
+"""Contact forces, over the dead load, beyond which it is rounding alone that could hold a block: a
+mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a solver."""
+
+_RUNGS_ASIDE = 2
+"""Rungs of the ladder for a question on the way: with friction of 1e6 the first, QOCO, often fails
+where the second, Clarabel, does not."""
+
+_WHOLE = 1.0 - 1e-6
+"""Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
+
+_Ends = Generator[None, None, Status | None]
+
+
+@dataclass(frozen=True)
+class Convex(Method):
+    """One convex problem, solved until its bracket, recomputed outside the solver, is closed.
+
+    Attributes
+    ----------
+    tolerance : float
+        Relative width of the bracket.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> solution = solve(builtin_scene("single-block"), method=Convex(tolerance=1e-6))
+    >>> str(solution.status), solution.gap < 1e-6
+    ('certified', True)
+    """
+
+    name = "convex"
+    axis = ""
+
+    tolerance: float = TOLERANCE
+
+    def __post_init__(self) -> None:
+        ratio(self.tolerance, "tolerance")
+
+    def steps(self, run: Run) -> Steps:
+        """One rung of the ladder at a time, and the questions that come with it."""
+        run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
+        return (yield from Inquiry(run, run.model, self.tolerance).ladder_climbed())
+
+
+def dead_load_falls(run: Run) -> bool:
+    """True if the dead load cannot stand: the run then has the mechanism, and says so.
+
+    For methods whose states are admissible without interaction and with dilatancy as well. A
+    positive load factor would not show it: pushed, a block may stay on a slope that is too steep.
+    """
+    inquiry = Inquiry(run.aside(), "full")
+    if not inquiry.dead_load_falls():
+        return False
+    run.best, run.remarks = inquiry.run.best, inquiry.run.remarks
+    return True
+
+
+class Inquiry:
+    """What is asked of a scene without interaction: the load factor, and what loads do alone.
+
+    Parameters
+    ----------
+    run : Run
+        Whose bounds, mechanism and remarks are kept up.
+    model : str
+        How much model; the certificate is that of the full scene in any case.
+    tolerance : float
+    """
+
+    def __init__(self, run: Run, model: str, tolerance: float = TOLERANCE) -> None:
+        self.run, self.tolerance = run, tolerance
+        self.surfaces = needed_surfaces(run.surfaces)
+        self.asked: set[str] = set()
+        self.ladder: Sequence[SolverSettings] = run.ladder or ()
+        self._take(model)
+
+    def _take(self, model: str) -> None:
+        run = self.run
+        with run.clock.phase("compile"):
+            self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
+        with run.clock.phase("certify"):
+            self.certifier = Certifier(self.reductions.assemblage, self.surfaces, run.formulation)
+
+    def _compile(self, reduction: Reduction) -> None:
+        """The problem, compiled anew unless the run shares what is compiled with others."""
+        run, assemblage = self.run, self.reductions.assemblage
+        run.reductions = reduction.names
+        with run.clock.phase("compile"):
+            shared = run.repeats and run.repeats.problem(assemblage, run.surfaces, reduction)
+            self.problem = shared or LimitProblem(assemblage, run.surfaces, reduction=reduction)
+            self.ladder = run.ladder or self.problem.ladder(self.tolerance)
+
+    def ladder_climbed(self) -> Steps:
+        """The load factor: all rungs with the model that suffices, then with the full one."""
+        self._compile(self.reductions.whole)
+        if self.dead_load_falls():
+            return Status.DEAD_LOAD_UNSTABLE
+        if self.reductions.loaded is not None:
+            self._compile(self.reductions.best(self.certifier.witnesses.easy_dead_state))
+        status = yield from self._climbed()
+        if status is None and self.run.reductions:  # none of it is believed: the full model decides
+            self._take("full")
+            self._compile(self.reductions.whole)
+            status = yield from self._climbed()
+        if status is None and self._is_harmless():
+            return Status.LIVE_LOAD_HARMLESS
+        return status or Status.NOT_CERTIFIED
+
+    def _climbed(self) -> _Ends:
+        """All rungs in turn, until one has the answer."""
+        for settings in self.ladder:
+            state = self._attempt(settings)
+            bracket = self.run.best.bracket
+            if bracket.is_below_zero and self._falls(*self._late_fall()):
+                return Status.DEAD_LOAD_UNSTABLE
+            if bracket.is_within(self.tolerance):
+                return Status.CERTIFIED
+            is_boundless = self.run.is_boundless(state.load_factor)
+            if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
+                return Status.LIVE_LOAD_HARMLESS
+            yield
+        return None
+
+    def _attempt(self, settings: SolverSettings) -> LimitState:
+        run = self.run
+        state = run.solve(self.problem.solve, settings)
+        found = self._certificate(state)
+        if self._loses_below(found) and self._is_new("dead load"):
+            self._dead_load_alone()
+            found = self._certificate(state)
+        if np.isfinite(found.upper) and not found.upper_is_proved and self._is_new("opening"):
+            self._solve_opening()
+            found = self._certificate(state)
+        # only now: a tighter bound with an assumption would hide the proved one
+        best = run.best.raised(found.lower, found.lower_is_proved, state.load_factor, state.forces)
+        run.best = best.lowered(found.upper, found.upper_is_proved, state.mechanism)
+        figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
+        run.note(state, settings, **{name: known(getattr(found, name)) for name in figures})
+        return state
+
+    def _is_new(self, question: str) -> bool:
+        """True when a question that takes solvers is asked for the first time."""
+        is_new = question not in self.asked
+        self.asked.add(question)
+        return is_new
+
+    def _loses_below(self, found: Certificate) -> bool:
+        """True if the forces are worth a bracket, and only the dead-load state that they are mixed
+        with takes it away."""
+        is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
+        best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
+        return is_close and not best.is_within(self.tolerance)
+
+    def _certificate(self, state: LimitState) -> Certificate:
+        """The certificate of a state, with the reference states that are known by now."""
+        self.run.tell("checking the bracket")
+        with self.run.clock.phase("certify"):
+            return self.certifier.of(state)
+
+    def dead_load_falls(self) -> bool:
+        """True if the dead load cannot stand; the run then has the mechanism, and says so."""
+        with self.run.clock.phase("certify"):
+            stands = self.certifier.witnesses.easy_dead_state is not None
+        return not stands and self._is_new("dead load") and self._falls(*self._dead_load_alone())
+
+    def _falls(self, rates: FloatArray | None, resistance: float) -> bool:
+        """Note a fall, if there are rates (free, 6) on which the dead load alone does work, and
+        contact forces that could stop it."""
+        if rates is None:
+            return False
+        scene, run = self.run.scene, self.run
+        sentence = fallen(scene, rates)
+        most = resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
+        if most < _NO_FORCE:
+            sentence += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
+        run.best, run.remarks = replace(run.best, forces=None, mechanism=rates), [sentence]
+        return True
+
+    def _late_fall(self) -> tuple[FloatArray | None, float]:
+        """A mechanism that bounds the load factor below zero: the dead load does work on it.
+
+        If the bound needs an assumption, the question is asked again for the dead load alone.
+        """
+        best = self.run.best
+        if best.bracket.upper_is_proved and best.mechanism is not None:
+            return self.certifier.opened(best.mechanism), np.inf
+        self.asked.add("dead load")
+        return self._dead_load_alone()
+
+    def _dead_load_alone(self) -> tuple[FloatArray | None, float]:
+        """Give the certifier forces that carry the dead load well inside all surfaces.
+
+        An interior-point solver ends in the middle of all such forces, far deeper inside than
+        projections do. Where there are none, returns rates on which the dead load alone does
+        work, allowed by the flow rule, and the contact forces that could hold it all the same:
+        infinite if that is proved.
+
+        Asks for the largest share t <= 1 of the dead load that can be carried. Without constants
+        in the conditions it is 1 if the dead load stands and 0 if not, so an upper bound below
+        1 / 2 is a proof; with them only one below 1 is.
+        """
+        dead = self.run.scene.dead
+        if not np.any(self.run.scene.dead_forces):
+            return None, np.inf
+        self.run.tell("checking that the dead load can stand")
+        enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
+        for state, certificate in self._shares(
+            dead, "dead load alone", self.run.surfaces, self.run.formulation
+        ):
+            forces = self.certifier.given(state)
+            if forces is not None and state.load_factor and state.load_factor > enough:
+                if self.certifier.offer_dead_state(forces / state.load_factor):
+                    break
+            elif state.mechanism is not None and (bounds := certificate()).upper < enough:
+                is_proved = bounds.upper_is_proved or not bounds.missing_opening > 0.0
+                return state.mechanism, np.inf if is_proved else 1.0 / bounds.missing_opening
+        return None, np.inf
+
+    def _solve_opening(self) -> None:
+        """Give the certifier rates that open every contact, unless blocks wedge each other."""
+        run, found = self.run, self.reductions
+        run.tell("checking that blocks do not wedge each other")
+        with run.clock.phase("compile"):
+            problem = LimitProblem(
+                found.assemblage,
+                self.surfaces,
+                objective=LargestSelfStress(),
+                reduction=found.whole,
+            )
+        for settings in problem.ladder()[:_RUNGS_ASIDE]:
+            state = run.solve(problem.solve, settings)
+            run.note(replace(state, load_factor=None), f"{settings}, self-stress")
+            if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
+                return
+
+    def _is_harmless(self) -> bool:
+        """True if forces carry the live load alone, hence any multiple of it; asked once."""
+        if not self._is_new("live load"):
+            return False
+        run, scene = self.run, self.run.scene
+        run.tell("checking whether the live load does any harm")
+        surfaces, formulation = self.certifier.strength.recession()
+        loaded = self.reductions.assemblage.under(scene.with_dead(scene.live))
+        for state, certificate in self._shares(
+            scene.live, "live load alone", surfaces, formulation
+        ):
+            given = self.certifier.given(state)
+            if given is not None and state.load_factor and state.load_factor > 0.5:
+                with run.clock.phase("certify"):
+                    forces = borne(
+                        loaded,
+                        lambda reached: Strength(reached, surfaces, formulation),
+                        given / state.load_factor,
+                    )
+                if forces is not None:
+                    run.best = replace(run.best, forces=forces, mechanism=None)
+                    return True
+            elif certificate().upper < 0.5:
+                break
+        return False
+
+    def _shares(
+        self, load: Load, what: str, surfaces: Sequence[YieldSurface], formulation: Formulation
+    ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
+        """Which share <= 1 of a load alone is carried, by the first rungs.
+
+        Certificates are computed when called for.
+        """
+        run, found = self.run, self.reductions
+        with run.clock.phase("compile"):
+            assemblage, goal = found.assemblage.alone(load), LargestFactor(most=1.0)
+            reduction = found.whole if formulation is run.formulation else None
+            problem = LimitProblem(assemblage, surfaces, formulation, goal, reduction)
+            certifier = Certifier(assemblage, problem.surfaces, formulation)
+
+        def certified(state: LimitState) -> Certificate:
+            with run.clock.phase("certify"):
+                return certifier.of(state)
+
+        for settings in (self.ladder or problem.ladder(self.tolerance))[:_RUNGS_ASIDE]:
+            state = run.solve(problem.solve, settings)
+            run.note(replace(state, load_factor=None), f"{settings}, {what}")
+            yield state, partial(certified, state)

@@ -1,0 +1,234 @@
+"""The methods, and what goes with what: one table, from which all checks and choices come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cvxlimit.checks import ratio
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.driver import Method, Run
+from cvxlimit.methods.exact_friction import ExactFriction
+from cvxlimit.methods.fixed_point import FixedPoint
+from cvxlimit.methods.gilbert import Gilbert
+from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.presets import PARABOLIC
+
+Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one method goes with.
+
+    Attributes
+    ----------
+    method : Method
+        With the settings it has unless others are given.
+    line : str
+        What it answers.
+    surfaces : tuple of str
+        Kinds of surfaces: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
+    scenes : tuple of str
+        What it takes besides dry contacts: keys of :data:`EXTRAS`.
+    """
+
+    method: Method
+    line: str
+    surfaces: tuple[str, ...]
+    scenes: tuple[str, ...] = ()
+
+    @property
+    def has_moments(self) -> bool:
+        """True if a reading of Eq. 30 is one of its settings."""
+        return hasattr(self.method, "moments")
+
+
+EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
+    {
+        "formulation": (
+            lambda run: run.formulation is not corner_compressions,
+            "brings its own formulation: leave formulation out",
+        ),
+        "ties": (lambda run: run.scene.ties, "knows no ties: leave ties out of the scene"),
+        "cohesion": (
+            lambda run: np.any(run.given.contacts.cohesion),
+            "has no cohesion: take it out of the scene",
+        ),
+        "strength": (
+            lambda run: (
+                np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull)
+            ),
+            "knows no strength of stone or mortar: leave compressive_strength and "
+            "tensile_strength out of the scene",
+        ),
+    }
+)
+"""What not every method takes: how it is seen, and what is said where it is not taken."""
+
+_EVERY = ("conic", "facets", "parabolic", "own")
+
+TABLE: Mapping[str, Row] = MappingProxyType(
+    {
+        row.method.name: row
+        for row in (
+            Row(
+                Convex(),
+                "the load factor without interaction: one convex problem, its bracket closed",
+                _EVERY,
+                tuple(EXTRAS),
+            ),
+            Row(
+                ExactFriction(),
+                "torsion with shear on the exact limit (Eq. 18-21), bracketed to 1e-3",
+                ("conic",),
+                ("ties", "cohesion", "strength"),
+            ),
+            Row(
+                FixedPoint(),
+                "interaction with bending by the paper's iteration (Eq. 41-43), without a bracket",
+                ("conic", "facets"),
+            ),
+            Row(
+                Certified(),
+                "interaction with bending (Eq. 26-32), proved from below and from above",
+                ("conic",),
+            ),
+            Row(
+                ZeroDilatancy(),
+                "friction that slides without opening: a set of solutions, the lowest found first",
+                _EVERY,
+                ("ties", "cohesion", "strength"),
+            ),
+            Row(
+                Gilbert(),
+                "Gilbert's scheme for one solution without dilatancy, and what it is worth",
+                ("conic", "facets"),
+            ),
+        )
+    }
+)
+"""All methods by name."""
+
+USUAL = MappingProxyType({"interaction": "none", "flow": "associated", "torsion_shear": "linear"})
+"""Words with which results, and older calls, say that a method is plain in some way."""
+
+
+def words(axis: str) -> tuple[str, ...]:
+    """What one of these words may be.
+
+    >>> words("flow"), words("torsion_shear")
+    (('associated', 'zero-dilatancy', 'gilbert'), ('linear', 'parabolic', 'exact'))
+    """
+    named = tuple(name for name, row in TABLE.items() if row.method.axis == axis)
+    return (USUAL[axis], *((PARABOLIC,) if axis == "torsion_shear" else ()), *named)
+
+
+def kind_of(surface: Surface) -> str:
+    """Which kind of surface it is."""
+    if not isinstance(surface, (str, Cone)):
+        return "own"
+    return str(surface) if str(surface) in ("conic", PARABOLIC) else "facets"
+
+
+def chosen(
+    surface: Surface,
+    method: str | Method | None,
+    older: Mapping[str, str | Method | None],
+    settings: Mapping[str, Any],
+) -> tuple[Surface, Method]:
+    """The surface and the method that a call means.
+
+    Parameters
+    ----------
+    surface : str, Cone or sequence of YieldSurface
+    method : str, Method or None
+    older : mapping
+        The words of :data:`USUAL`, with which a method may be said instead.
+    settings : mapping
+        ``tolerance`` and ``moments``, set where they are not None.
+
+    Raises
+    ------
+    ModelError
+        For what does not exist, what does not go together, and settings that a method has not.
+    """
+    said: list[str | Method] = [] if method is None else [method]
+    for axis, word in older.items():
+        if word is None or isinstance(word, Method):
+            said += [] if word is None else [word]
+            continue
+        check_choice(axis, word, words(axis))
+        if word == PARABOLIC:
+            if surface != "conic" and str(surface) != "conic":
+                raise ModelError(
+                    f"torsion_shear 'parabolic' is a surface, and so is {_called(surface)}: give "
+                    "surface='parabolic' alone, or ParabolicTorsionShear() in a list"
+                )
+            surface = PARABOLIC
+        elif word != USUAL[axis]:
+            said.append(word)
+    if len(said) > 1:
+        both = " and ".join(repr(s) if isinstance(s, str) else type(s).__name__ for s in said[:2])
+        raise ModelError(f"{both} are two methods: give one, as method=...")
+    asked = said[0] if said else "convex"
+    if isinstance(asked, str) or not isinstance(asked, Method):
+        check_choice("method", asked, TABLE)
+        asked = TABLE[asked].method
+    row = TABLE.get(asked.name)
+    if row is not None and kind_of(surface) not in row.surfaces:
+        takes = [name for name, row in TABLE.items() if kind_of(surface) in row.surfaces]
+        raise ModelError(
+            f"method {asked.name!r} goes with surface {' or '.join(row.surfaces)}, got "
+            f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
+        )
+    return surface, _with_settings(asked, settings)
+
+
+def _with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
+    given = {name: value for name, value in settings.items() if value is not None}
+    for name, value in given.items():
+        if not hasattr(method, name):
+            has = [other for other, row in TABLE.items() if hasattr(row.method, name)]
+            raise ModelError(
+                f"{name} does nothing for method {method.name!r}, got {value!r}: leave it out, or "
+                f"take method {' or '.join(map(repr, has))}"
+            )
+    if "tolerance" in given:
+        ratio(given["tolerance"], "tolerance")
+    return replace(method, **given) if given else method
+
+
+def check(what: str, run: Run, takes: Collection[str]) -> None:
+    """Refuse a run with one of :data:`EXTRAS` that ``what`` does not take.
+
+    Raises
+    ------
+    ModelError
+    """
+    for extra, (is_there, refusal) in EXTRAS.items():
+        if extra not in takes and is_there(run):
+            raise ModelError(f"{what} {refusal}")
+
+
+def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
+    """Refuse a value that is not one of those allowed; ``what`` names it.
+
+    Raises
+    ------
+    ModelError
+    """
+    if value not in allowed:
+        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")
+
+
+def _called(surface: Surface) -> str:
+    return repr(str(surface)) if isinstance(surface, (str, Cone)) else "a list of surfaces"

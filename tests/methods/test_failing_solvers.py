@@ -1,0 +1,98 @@
+"""A solver's failure is not the structure's: every method says which solver failed, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from cvxlimit import FixedPoint, Load, Scene, Solution, Status, builtin_scene, settlement, solve
+from cvxlimit.cli.main import run as command
+from cvxlimit.masonry import single_block
+from cvxlimit.methods.table import TABLE
+from cvxlimit.solvers import Outcome, SolverSettings
+
+NOWHERE = "failed: no way"
+
+
+def _settled(scene: Scene) -> Solution:
+    return settlement(scene, "ground", (0.0, 0.0, -1.0)).solution
+
+
+EVERY: dict[str, Callable[[Scene], Solution]] = {
+    **{name: lambda scene, name=name: solve(scene, method=name) for name in TABLE},  # type: ignore[misc]
+    "settlement": _settled,
+}
+"""All methods by name, and what is no method but solves problems of its own."""
+
+
+@pytest.fixture
+def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is asked, every solver breaks down."""
+
+    def broken(*_: object, **__: object) -> Outcome:
+        return Outcome(NOWHERE, 0.0, 0.0)
+
+    monkeypatch.setattr("cvxlimit.model.problem.run", broken)
+
+
+@pytest.mark.usefixtures("nobody_solves")
+@pytest.mark.parametrize("name", EVERY)
+def test_when_every_solver_fails(name: str) -> None:
+    """No load factor, no bound, and no word about the structure or about assumptions."""
+    solution = EVERY[name](single_block())
+    assert solution.status is Status.SOLVER_FAILED
+    assert solution.load_factor is None
+    assert not solution.bracket.has_any
+    assert "solver CLARABEL" in solution.note
+    assert NOWHERE in solution.note
+    assert "which says nothing about the structure" in solution.note
+    assert "holds if" not in solution.note
+    assert "eccentricities" not in solution.note
+
+
+@pytest.mark.usefixtures("nobody_solves")
+@pytest.mark.parametrize("name", [*TABLE])
+def test_the_command_line_says_so(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["solve", "single-block", "--method", name]) == 4
+    assert NOWHERE in capsys.readouterr().err
+
+
+def test_settings_that_cannot_succeed() -> None:
+    """A solver that CVXPY knows, with options it does not."""
+    hopeless = SolverSettings("CLARABEL", {"no_such_option": 1}, "hopeless")
+    solution = solve(single_block(), method="fixed-point", ladder=[hopeless])
+    assert solution.status is Status.SOLVER_FAILED
+    assert solution.note.startswith("solver hopeless: failed")
+
+
+def test_a_failure_on_the_way_keeps_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The iterates before it stand in the history, and the solver that failed is named."""
+    from cvxlimit.model import problem
+
+    real, runs = problem.run, []
+
+    def failing_later(*arguments: object, **options: object) -> Outcome:
+        runs.append(1)
+        return real(*arguments, **options) if len(runs) < 5 else Outcome(NOWHERE, 0.0, 0.0)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(problem, "run", failing_later)
+    solution = solve(builtin_scene("tuff-wall"), method=FixedPoint(moments="signed"))
+    assert solution.status is Status.SOLVER_FAILED
+    assert f"solver CLARABEL: {NOWHERE}" in solution.note
+    assert sum(iterate.load_factor is not None for iterate in solution.history) == 3
+
+
+@pytest.mark.parametrize("push", [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)], ids=["down", "up"])
+@pytest.mark.parametrize("name", EVERY)
+def test_a_dead_load_that_cannot_stand(name: str, push: tuple[float, float, float]) -> None:
+    """A block on an icy slope, whatever is asked of it; a push uphill would hold it."""
+    icy = single_block(friction=0.1).with_dead(Load(acceleration=(1.0, 0.0, -1.0)))
+    solution = EVERY[name](icy.with_live(Load(acceleration=push)))
+    assert solution.status is Status.DEAD_LOAD_UNSTABLE, solution
+    assert "block 'b1' falls" in solution.note
+    assert solution.load_factor is None
+    assert solution.mechanism is not None
+    rates = solution.mechanism["b1"]
+    assert np.dot(rates[:3], [1.0, 0.0, -1.0]) > 0.0

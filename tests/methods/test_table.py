@@ -1,0 +1,106 @@
+"""What goes with what: the table is what solve does, and what docs/choosing.md says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cvxlimit import Certified, FixedPoint, Tie, builtin_scene, solve
+from cvxlimit.errors import ModelError
+from cvxlimit.masonry import single_block
+from cvxlimit.methods.table import EXTRAS, TABLE, words
+from cvxlimit.model.formulations import resultants
+from cvxlimit.surfaces import Rocking, TorsionShear
+
+CHOOSING = Path(__file__).parents[2] / "docs" / "choosing.md"
+
+SURFACES: dict[str, Any] = {
+    "conic": "conic", "facets": "octagon", "parabolic": "parabolic",
+    "own": [Rocking(), TorsionShear()],
+}  # fmt: skip
+
+SCENES = {
+    "cohesion": lambda scene: scene.with_cohesion(1.0),
+    "strength": lambda scene: scene.with_strength(compressive=1e3),
+    "ties": lambda scene: scene._copy(
+        ties=(Tie("ground", "b1", (-0.5, 0.2, 0.5), (0.0, 0.2, 0.5), 1.0),)
+    ),
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+@pytest.mark.parametrize("name", TABLE)
+def test_surfaces(name: str, surface: str) -> None:
+    """Taken, or refused with what the method takes and who takes the surface."""
+    scene = single_block()
+    if surface in TABLE[name].surfaces:
+        assert solve(scene, SURFACES[surface], name).load_factor == pytest.approx(0.4, rel=1e-2)
+        return
+    with pytest.raises(ModelError, match=f"^method '{name}' goes with surface conic") as caught:
+        solve(scene, SURFACES[surface], name)
+    others = [other for other, row in TABLE.items() if surface in row.surfaces]
+    assert all(repr(other) in str(caught.value) for other in others)
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+@pytest.mark.parametrize("name", TABLE)
+def test_scenes_and_formulations(name: str, extra: str) -> None:
+    scene, options = single_block(), {}
+    if extra == "formulation":
+        options = {"formulation": resultants}
+    else:
+        scene = SCENES[extra](scene)
+    if extra in TABLE[name].scenes:
+        assert solve(scene, method=name, **options).load_factor is not None
+        return
+    with pytest.raises(ModelError, match=f"^method '{name}' .*: (leave|take)"):
+        solve(scene, method=name, **options)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_moments_are_a_setting_of_those_that_have_a_reading(name: str) -> None:
+    scene = single_block()
+    if TABLE[name].has_moments:
+        assert solve(scene, method=name, moments="signed").moments == "signed"
+        return
+    with pytest.raises(ModelError, match=r"moments does nothing .* 'fixed-point' or 'certified'"):
+        solve(scene, method=name, moments="signed")
+
+
+@pytest.mark.parametrize(
+    ("older", "newer"),
+    [
+        ({"interaction": "none"}, {}),
+        ({"interaction": None, "flow": "associated", "torsion_shear": "linear"}, {}),
+        ({"interaction": "fixed-point"}, {"method": "fixed-point"}),
+        ({"interaction": FixedPoint(0.5)}, {"method": FixedPoint(0.5)}),
+        ({"flow": "zero-dilatancy"}, {"method": "zero-dilatancy"}),
+        ({"flow": "gilbert"}, {"method": "gilbert"}),
+        ({"torsion_shear": "exact"}, {"method": "exact"}),
+        ({"torsion_shear": "parabolic"}, {"surface": "parabolic"}),
+        (
+            {"interaction": "certified", "moments": "signed"},
+            {"method": Certified(moments="signed")},
+        ),
+    ],
+)
+def test_older_spellings_mean_the_same(older: dict[str, Any], newer: dict[str, Any]) -> None:
+    scene = builtin_scene("stack")
+    one, other = solve(scene, **older), solve(scene, **newer)
+    said = ("surface", "interaction", "moments", "torsion_shear", "flow", "load_factor")
+    assert [getattr(one, name) for name in said] == [getattr(other, name) for name in said]
+
+
+def test_words_of_results_are_all_there() -> None:
+    named = {word for axis in ("interaction", "flow", "torsion_shear") for word in words(axis)[1:]}
+    assert named == {*TABLE, "parabolic"} - {"convex"}
+
+
+def test_the_page_has_the_table() -> None:
+    page = CHOOSING.read_text("utf-8")
+    for name, row in TABLE.items():
+        extras = ", ".join(row.scenes) or "nothing"
+        line = f"| `{name}` | {row.line} | {', '.join(row.surfaces)} | {extras} |"
+        assert line in page, line
