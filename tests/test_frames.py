@@ -210,7 +210,7 @@ class TestNotebooks:
         assert "floating" in text
 
     def test_figures_come_without_matplotlib(self, solved: Solution, monkeypatch) -> None:
-        monkeypatch.setitem(sys.modules, "cvxlimit.plotting.drawing", None)
+        monkeypatch.setitem(sys.modules, "matplotlib", None)
         text = solved._repr_html_()
         assert "img" not in Tags(text).found
         assert "<b>0.4</b>" in text

@@ -113,9 +113,8 @@ def _rates(solution: Solution, scene: Scene) -> Columns:
     rate, turn = f"{length}\u00b7rate", "rad\u00b7rate"
     moving = motion(scene, solution)
     what, nothing = moving.contacts, np.full(len(scene.contacts), np.nan)
-    opening = -scene.contacts.corner_minimum(-what.opening)
     columns: Columns = {
-        "opening": (opening, rate, "largest opening rate over the corners, live power 1"),
+        "opening": (what.widest, rate, "largest opening rate over the corners, live power 1"),
         "slip": (what.slip, rate, "largest sliding rate over the corners, live power 1"),
         "twist": (what.twist, turn, "relative rotation rate about the normal, live power 1"),
     }

@@ -24,11 +24,6 @@ FloatArray = NDArray[np.float64]
 Table = Literal["contacts", "blocks", "history"]
 """Tables of :meth:`Solution.to_dataframe`."""
 
-Picture = Literal[
-    "mechanism", "forces", "thrust", "utilisation", "cracks", "exploded", "animation", "page"
-]
-"""Pictures of :meth:`Solution.plot`."""
-
 
 class Status(StrEnum):
     """How an analysis ended; :attr:`advice` gives likely causes and a cure."""
@@ -342,26 +337,17 @@ class Solution:
 
     def plot(
         self,
-        kind: Picture = "mechanism",
+        kind: str = "mechanism",
         path: str | os.PathLike[str] | None = None,
         **options: Any,
     ) -> Any:
         """Draw what was found; nothing is shown by itself, but notebooks show what ends a cell.
 
-        ================= =======================================================================
-        ``"mechanism"``   how it falls, and which joints open, slide and twist
-        ``"forces"``      what each joint transmits, at its pressure centre
-        ``"thrust"``      thrust lines through the pressure centres
-        ``"utilisation"`` how much of its strength each joint uses
-        ``"cracks"``      where joints open and slide, on the undeformed structure
-        ``"exploded"``    blocks drawn apart: joints with their pressure centres
-        ``"animation"``   the mechanism in motion: GIF or MP4
-        ``"page"``        an interactive page: turn, zoom, animate, point at things
-        ================= =======================================================================
-
         Parameters
         ----------
         kind : str
+            ``"mechanism"``, ``"forces"``, ``"thrust"`` and so on: a name in
+            :data:`cvxlimit.plotting.PICTURES`, one's own among them.
         path : path or None
             With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``;
             ``.html`` for pages.

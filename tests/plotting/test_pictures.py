@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 from functools import partial
 
 import numpy as np
@@ -12,14 +14,15 @@ from PIL import Image
 
 from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.plotting import results
-from cvxlimit.plotting.drawing import Drawing, SceneFigure
+from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
+from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.joints import THINNEST
 from cvxlimit.plotting.look import KIND_COLOURS, rgb, used_colour
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import ContactKind, motion
+from cvxlimit.plotting.pictures.thrust import thrust_lines
 
-KINDS = ("mechanism", "forces", "thrust", "utilisation", "cracks", "exploded")
+KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +39,14 @@ def tuff() -> Solution:
 def drawings(monkeypatch) -> list[Drawing]:
     """What would be drawn, without the painting."""
     seen: list[Drawing] = []
-    monkeypatch.setattr(results, "drawn", lambda *given: seen.append(given[3]) or given)
+    monkeypatch.setattr(drawing, "drawn", lambda given: seen.append(given) or given)
     return seen
 
 
 class TestThrust:
     def test_it_runs_inside_the_arch(self, arch: Solution) -> None:
         """Without tension no pressure centre leaves the ring: 0.15 thick about radius 1."""
-        ends, _ = results.thrust_lines(arch.drawn_scene, arch.forces)
+        ends, _ = thrust_lines(arch.drawn_scene, arch.forces)
         radius = np.linalg.norm(ends[..., [0, 2]], axis=2)
         assert len(ends) == len(arch.drawn_scene.free)  # one line in every voussoir
         assert radius.min() >= 1 - 0.075 - 1e-6
@@ -58,7 +61,7 @@ class TestThrust:
         assert closed.max() < 1.0 - 1e-4
 
     def test_the_thrust_of_a_line_is_the_joints(self, arch: Solution) -> None:
-        _, size = results.thrust_lines(arch.drawn_scene, arch.forces)
+        _, size = thrust_lines(arch.drawn_scene, arch.forces)
         normal = arch.to_dataframe()["N"]
         assert normal.min() <= size.min() <= size.max() <= normal.max()
 
@@ -66,7 +69,7 @@ class TestThrust:
 class TestMechanism:
     def test_lines_are_as_wide_as_joints_move(self, tuff: Solution, drawings) -> None:
         """114 joints of the tuff wall slide: those that hardly do must not hide the others."""
-        results.mechanism(tuff)
+        plotting.mechanism(tuff)
         marking = drawings[0].marking
         table = tuff.to_dataframe()
         slides = (table["state"] == "slides").to_numpy()
@@ -79,23 +82,20 @@ class TestMechanism:
 
     def test_the_displacement_that_is_drawn_is_stated(self, tuff: Solution, drawings) -> None:
         for times in (1.0, 2.0):
-            results.mechanism(tuff, magnification=times)
+            plotting.mechanism(tuff, magnification=times)
             moving = motion(tuff.drawn_scene, tuff)
             stated = f"largest displacement drawn {times * moving.scale * moving.largest:.3g} m"
             assert stated in drawings[-1].caption
 
-    def test_cracks_are_drawn_on_what_has_not_moved(self, arch: Solution, monkeypatch) -> None:
-        shown = []
-        monkeypatch.setattr(results, "drawn", lambda *given: shown.append(given))
-        results.cracks(arch)
-        _, moving, _, drawing = shown[0]
-        assert moving.scale == 0.0
-        assert (drawing.marking.kind == ContactKind.OPENS).sum() == 4
+    def test_cracks_are_drawn_on_what_has_not_moved(self, arch: Solution, drawings) -> None:
+        plotting.cracks(arch)
+        assert drawings[0].moving.scale == 0.0
+        assert (drawings[0].marking.kind == ContactKind.OPENS).sum() == 4
 
     @pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), "2"])
     def test_a_magnification_is_a_number_above_zero(self, tuff: Solution, wrong) -> None:
         with pytest.raises(InputError, match="magnification"):
-            results.mechanism(tuff, magnification=wrong)
+            plotting.mechanism(tuff, magnification=wrong)
 
 
 class TestUtilisation:
@@ -106,7 +106,7 @@ class TestUtilisation:
         assert (np.diff(grey) < 0).all()
 
     def test_joints_have_the_colour_of_their_share(self, tuff: Solution, drawings) -> None:
-        results.utilisation(tuff, surface="torsion")
+        plotting.utilisation(tuff, surface="torsion")
         marking = drawings[0].marking
         used = tuff.to_dataframe()["utilisation_torsion"].to_numpy()
         for code, share in zip(marking.kind.tolist(), used.tolist(), strict=True):
@@ -117,15 +117,13 @@ class TestUtilisation:
 
     def test_an_unknown_surface_is_refused(self, tuff: Solution) -> None:
         with pytest.raises(InputError, match="choose one of rocking, sliding, torsion"):
-            results.utilisation(tuff, surface="friction")
+            plotting.utilisation(tuff, surface="friction")
 
 
-def test_an_exploded_view_moves_blocks_apart(tuff: Solution, monkeypatch) -> None:
+def test_an_exploded_view_moves_blocks_apart(tuff: Solution, drawings) -> None:
     """All distances between the drawn parts of blocks grow by the same share."""
-    shown = []
-    monkeypatch.setattr(results, "drawn", lambda *given: shown.append(given))
-    results.exploded(tuff, gap=0.5)
-    scene, moving, _, _ = shown[0]
+    plotting.exploded(tuff, gap=0.5)
+    scene, moving = drawings[0].scene, drawings[0].moving
     mesh = drawn_mesh(scene)
     middle = [mesh.points[mesh.point_block == i] for i in range(len(scene.blocks))]
     centre = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for p in middle])
@@ -135,7 +133,7 @@ def test_an_exploded_view_moves_blocks_apart(tuff: Solution, monkeypatch) -> Non
 
 
 def test_every_picture_is_a_figure(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(results, "drawn", partial(results.drawn, pixels=200))  # for speed
+    monkeypatch.setattr(drawing, "drawn", partial(drawing.drawn, pixels=200))  # for speed
     solution = solve(builtin_scene("single-block"))
     for kind in KINDS:
         assert isinstance(solution.plot(kind), SceneFigure)
@@ -196,9 +194,10 @@ class TestAnimation:
         assert moving.save(tmp_path / "block.mp4").read_bytes()[4:8] == b"ftyp"
 
     def test_without_ffmpeg_the_cure_is_named(self, moving, monkeypatch, tmp_path) -> None:
-        monkeypatch.setattr("shutil.which", lambda name: None)
         monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-        with pytest.raises(ModelError, match=r'pip install "cvxlimit\[video\]", or write a .gif'):
+        with pytest.raises(
+            ModelError, match=r'a .gif needs no more.*pip install "cvxlimit\[video\]"'
+        ):
             moving.save(tmp_path / "block.mp4")
         assert not list(tmp_path.iterdir())
 
@@ -211,6 +210,52 @@ class TestAnimation:
         still = plotting.animation
         with pytest.raises(InputError, match="has no mechanism"):
             still(Solution(**{**vars(solution), "mechanism": None}))
+
+
+PLAIN = """
+from cvxlimit.plotting.contents import Drawing, camera_for
+from cvxlimit.plotting.movement import still
+from cvxlimit.plotting.registry import picture
+
+@picture
+def plain(solution):
+    scene = solution.drawn_scene
+    return Drawing(scene, still(scene), camera_for(scene, still(scene), None))
+"""
+
+AGAIN = """
+import importlib, sys
+from cvxlimit import builtin_scene, plotting, solve
+plotting.pictures.__path__.append(sys.argv[1])
+importlib.reload(plotting)
+assert "plain" in plotting.__all__ and plotting.plain
+assert solve(builtin_scene("single-block")).plot("plain")._repr_png_()
+"""
+
+
+class TestOnesOwn:
+    """A function with a decorator, in one file, is a picture like the package's."""
+
+    def test_outside_the_package(self, arch: Solution, tmp_path, monkeypatch) -> None:
+        monkeypatch.setattr(registry, "PICTURES", dict(PICTURES))
+        monkeypatch.setattr(plotting, "PICTURES", registry.PICTURES)
+
+        @picture
+        def lintel(solution: Solution, *, words: str = "nothing") -> Drawing:
+            """Blocks and a sentence."""
+            scene, moving = solution.drawn_scene, motion(solution.drawn_scene, solution)
+            return Drawing(scene, moving, camera_for(scene, moving, None), words)
+
+        assert arch.plot("lintel", tmp_path / "own.png", words="falls").stat().st_size > 10_000
+        assert "falls" in [text.get_text() for text in arch.plot("lintel", words="falls").texts]
+        assert lintel.__doc__ == "Blocks and a sentence."
+
+    def test_a_file_in_the_package_is_all_it_takes(self, tmp_path) -> None:
+        """In a process of its own, with a second folder of pictures."""
+        (tmp_path / "plain.py").write_text(PLAIN, "utf-8")
+        command = [sys.executable, "-c", AGAIN, str(tmp_path)]
+        run = subprocess.run(command, capture_output=True, check=False)
+        assert (run.returncode, run.stderr) == (0, b"")
 
 
 def test_pictures_by_name(arch: Solution, tmp_path) -> None:
@@ -246,7 +291,6 @@ def test_pyvista_meshes_are_the_blocks(arch: Solution) -> None:
 
 
 def test_a_thumbnail_is_small(arch: Solution) -> None:
-    from cvxlimit.plotting.drawing import thumbnail
-
-    image = Image.open(io.BytesIO(thumbnail(arch.drawn_scene, arch)))
+    scene = arch.drawn_scene
+    image = Image.open(io.BytesIO(drawing.thumbnail(scene, motion(scene, arch), None)))
     assert max(image.size) <= 420

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -39,14 +39,14 @@ class JointKind(IntEnum):
 class Marking:
     """Contacts to be outlined: what each is, by code; codes without a colour stay unmarked.
 
-    ``colours`` and ``texts`` are by code; ``width`` (n,) is each line's share of the widest, one
-    for all if None.
+    ``colours`` are by code, ``texts`` of those that the legend has; ``width`` (n,) is each line's
+    share of the widest, one for all if None.
     """
 
     contacts: Contacts
     kind: IntArray
     colours: Mapping[Any, str]
-    texts: Mapping[Any, str]
+    texts: Mapping[Any, str] = field(default_factory=dict)
     width: FloatArray | None = None
 
 

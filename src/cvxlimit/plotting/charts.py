@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cvxlimit.plotting.drawing import SceneFigure
+from cvxlimit.plotting.registry import figures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
@@ -17,35 +19,22 @@ _CURVE, _MARK = "#134b73", "#c2571a"
 
 
 class Curve(Protocol):
-    """What is drawn of a fragility curve."""
+    """What is drawn of a fragility curve; see :class:`cvxlimit.studies.Fragility`."""
 
     @property
-    def demand(self) -> FloatArray:
-        """Load factors (k,)."""
-
+    def demand(self) -> FloatArray: ...
     @property
-    def probability(self) -> FloatArray:
-        """Of collapse, (k,)."""
-
+    def probability(self) -> FloatArray: ...
     @property
-    def lower(self) -> FloatArray:
-        """Lower end of the band, (k,)."""
-
+    def lower(self) -> FloatArray: ...
     @property
-    def upper(self) -> FloatArray:
-        """Upper end of the band, (k,)."""
-
+    def upper(self) -> FloatArray: ...
     @property
-    def draws(self) -> int:
-        """How many."""
-
+    def draws(self) -> int: ...
     @property
-    def confidence(self) -> float:
-        """Of the band."""
-
+    def confidence(self) -> float: ...
     @property
-    def name(self) -> str:
-        """Of the structure."""
+    def name(self) -> str: ...
 
 
 def draw_fragility(curve: Curve, ax: Axes | None = None, reference: float | None = None) -> Figure:
@@ -54,7 +43,9 @@ def draw_fragility(curve: Curve, ax: Axes | None = None, reference: float | None
     ``reference`` is a load factor to mark.
     """
     if ax is None:
-        figure: Figure = SceneFigure(figsize=(6.4, 4.2), layout="constrained", facecolor="white")
+        figure: Figure = figures().SceneFigure(
+            figsize=(6.4, 4.2), layout="constrained", facecolor="white"
+        )
         axes = figure.add_subplot()
     else:
         axes = ax

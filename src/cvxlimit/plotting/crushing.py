@@ -7,21 +7,15 @@ centre (Eq. 26), which no smaller one could bear.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.plotting.camera import Camera
-from cvxlimit.plotting.movement import Motion, contact_forces, velocity_of
+from cvxlimit.plotting.movement import Motion, contact_forces, displaced
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FloatArray = NDArray[np.float64]
 
@@ -29,9 +23,6 @@ CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
 
 _AT_STRENGTH = 1e-3
 """Share of the strength that may be missing where a contact or a tie counts as yielding."""
-
-Overlay = Callable[["Axes", Camera], FloatArray]
-"""Draws over a painted scene and returns the points (n, 2) that it takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,31 +81,6 @@ def yielding(scene: Scene, forces: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(tension >= (1.0 - _AT_STRENGTH) * strength)
 
 
-def overlay(scene: Scene, solution: Solution, moving: Motion) -> Overlay | None:
-    """What draws zones and ties where the mechanism has moved them; None if there are none."""
-    forces = contact_forces(scene, solution)
-    if forces is None:
-        return None
-    shapes = shapes_of(scene, forces, moving)
-    if not shapes:
-        return None
-
-    def draw(axes: Axes, camera: Camera) -> FloatArray:
-        taken = [np.empty((0, 2))]
-        for shape in shapes:
-            flat = camera.project(shape.points + shape.moves)[:, :2]
-            if shape.is_zone:
-                axes.fill(*flat.T, color=shape.colour, alpha=0.85, lw=2.0, zorder=6)
-            else:
-                axes.plot(*flat.T, "-o", color=shape.colour, lw=2.6, ms=4.0, zorder=6.5,
-                          clip_on=False)  # fmt: skip
-            taken.append(flat)
-        _key(axes, sum(shape.is_zone for shape in shapes), yielding(scene, forces))
-        return np.concatenate(taken)
-
-    return draw
-
-
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A crushed zone, or a tie as a line.
@@ -123,50 +89,43 @@ class Shape:
     ----------
     points, moves : (k, 3)
         Where it is, and how far the drawn mechanism takes it.
-    colour, text : str
-    is_zone : bool
+    colour, text, label : str
+        What it is, and what the legend calls its kind.
     """
 
     points: FloatArray
     moves: FloatArray
     colour: str
     text: str
-    is_zone: bool
+    label: str
+
+    @property
+    def is_zone(self) -> bool:
+        """False for ties."""
+        return len(self.points) > 2
 
 
-def shapes_of(scene: Scene, forces: FloatArray, moving: Motion) -> list[Shape]:
-    """Crushed zones, then ties, for forces (n, 6)."""
+def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
+    """Crushed zones, then ties; none without contact forces."""
+    forces = contact_forces(scene, solution)
+    if forces is None:
+        return []
 
-    def moves(points: FloatArray, blocks: list[int]) -> FloatArray:
-        at = np.array(blocks)
-        result: FloatArray = moving.scale * velocity_of(scene, moving.rates, points, at)
-        return result
+    def shape(points: FloatArray, blocks: list[int], colour: str, text: str, label: str) -> Shape:
+        moves = displaced(scene, moving, points, np.array(blocks)) - points
+        return Shape(points, moves, colour, text, label)
 
     result = []
+    contacts = scene.contacts
     for zone in crushed_zones(scene, forces):
-        text = f"crushed zone of {scene.contacts.names[zone.contact]}"
-        shift = moves(zone.corners, [int(scene.contacts.a[zone.contact])] * len(zone.corners))
-        result.append(Shape(zone.corners, shift, CRUSHED_COLOUR, text, True))
+        text = f"crushed zone of {contacts.names[zone.contact]}"
+        blocks = [int(contacts.a[zone.contact])] * len(zone.corners)
+        result.append(shape(zone.corners, blocks, CRUSHED_COLOUR, text, "crushed zone"))
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
         points = np.array([tie.start, tie.end])
         colour = YIELDING_COLOUR if yields else TIE_COLOUR
         text = f"tie {tie.a}-{tie.b} {'yields at' if yields else 'below'} {tie.yield_force:g}"
-        shift = moves(points, [place[tie.a], place[tie.b]])
-        result.append(Shape(points, shift, colour, text, False))
+        label = "tie yields" if yields else "tie"
+        result.append(shape(points, [place[tie.a], place[tie.b]], colour, text, label))
     return result
-
-
-def _key(axes: Axes, zones: int, yields: NDArray[np.bool_]) -> None:
-    """A line for each kind that is there, in the corner of the picture."""
-    texts = [
-        (CRUSHED_COLOUR, f"crushed zone ({zones})", zones),
-        (YIELDING_COLOUR, f"tie yields ({int(yields.sum())})", int(yields.sum())),
-        (TIE_COLOUR, f"tie ({int((~yields).sum())})", int((~yields).sum())),
-    ]
-    shown = [(colour, text) for colour, text, count in texts if count]
-    for k, (colour, text) in enumerate(shown):
-        axes.text(
-            0.99, 0.99 - 0.045 * k, text, color=colour, fontsize=8.5, weight="bold",
-            transform=axes.transAxes, ha="right", va="top", zorder=8,
-        )  # fmt: skip

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import io
+import os
 import textwrap
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage, imsave
@@ -22,24 +27,26 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.plotting.annotations import Annotations, Decal, Marking, annotated, joint_kinds
+from cvxlimit.files import write_file
+from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import INK, draw_axes
-from cvxlimit.plotting.camera import Camera, camera_from, default_camera
+from cvxlimit.plotting.camera import default_camera
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.joints import scene_joints
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
+    CENTRE_COLOUR,
     CULPRIT_COLOUR,
-    JOINT_COLOURS,
-    JOINT_TEXTS,
     MARK_COLOUR,
     STONE_COLOUR,
     SUPPORT_COLOUR,
     printable,
     scene_title,
 )  # fmt: skip
-from cvxlimit.plotting.movement import Motion, motion, still
-from cvxlimit.plotting.picture import Picture, Pixels, paint
+from cvxlimit.plotting.movement import Motion, still
+from cvxlimit.plotting.picture import Picture, paint
+from cvxlimit.plotting.suffixes import IMAGES, with_suffix
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
 
 FloatArray = NDArray[np.float64]
 
@@ -78,100 +85,41 @@ class SceneFigure(Figure):
             self.savefig(buffer, format=kind, dpi=DPI, metadata=dated)
         return buffer.getvalue()
 
+    def pixels(self) -> NDArray[np.uint8]:
+        """The figure as an image (height, width, 3)."""
+        canvas = FigureCanvasAgg(self)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        shown = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        return shown[:, :, :3].copy()
 
-Overlay = Callable[[Axes, Camera], FloatArray]
-"""Draws over the painted scene, and returns the points (n, 2) that must be in view."""
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write a ``.png``, ``.svg`` or ``.pdf``, complete or not at all; returns its path.
 
-
-@dataclass(frozen=True)
-class Bar:
-    """A colour bar: colours from its lower to its upper end, and what it measures."""
-
-    stops: Sequence[str]
-    label: str
-    ends: tuple[float, float] = (0.0, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Drawing:
-    """What a figure consists of besides the scene.
-
-    Attributes
-    ----------
-    heading, caption : str
-        First line, and a second one in smaller letters.
-    marking : Marking or None
-        Joints to outline, which are also in the legend if ``has_key``.
-    notes : Annotations
-        Arrows of loads, near misses, a refusal.
-    colours : (n_blocks, 3) array or None
-        Of blocks, in place of those of their speed.
-    decals : sequence of Decal
-    bar : Bar or None
-    handles : sequence of Artist
-        Further entries of the legend.
-    overlay : callable or None
-    blocks : str
-        What the legend calls blocks that do not move.
-    has_axes : bool
-        False where places are not those of the scene.
-    """
-
-    heading: str
-    caption: str = ""
-    marking: Marking | None = None
-    has_key: bool = True
-    notes: Annotations = field(default_factory=Annotations)
-    colours: FloatArray | None = None
-    decals: Sequence[Decal] = ()
-    bar: Bar | None = None
-    handles: Sequence[Artist] = ()
-    overlay: Overlay | None = None
-    blocks: str = "block"
-    has_axes: bool = True
+        Raises
+        ------
+        InputError
+            For another suffix or a folder that cannot be written to.
+        """
+        target = with_suffix(path, IMAGES)
+        write_file(target, self.file(target.suffix.lower().removeprefix(".")))
+        return target
 
 
-def scene_figure(
-    scene: Scene,
-    viewer: tuple[float, float, float] | None = None,
-    refusal: InputError | None = None,
-) -> SceneFigure:
+def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
     """A scene that is not solved: joints by how they lie, loads, near misses, or the culprits."""
     moving = still(scene)
-    notes = annotated(scene, refusal)
-    drawing = Drawing(scene_title(scene), marking=_joints(scene, refusal), notes=notes)
-    return drawn(scene, moving, camera_for(scene, moving, viewer), drawing)
+    marking = None if refusal else scene_joints(scene)
+    camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
+    return Drawing(scene, moving, camera, scene_title(scene), marking=marking, notes=notes)
 
 
-def _joints(scene: Scene, refusal: InputError | None) -> Marking | None:
-    if refusal is not None:
-        return None
-    kind = joint_kinds(scene, scene.contacts)
-    return Marking(scene.contacts, kind, JOINT_COLOURS, JOINT_TEXTS)
-
-
-def camera_for(scene: Scene, moving: Motion, viewer: tuple[float, float, float] | None) -> Camera:
-    """The camera in direction ``viewer``, or the one that shows the movement."""
-    return default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)
-
-
-def drawn(
-    scene: Scene, moving: Motion, camera: Camera, drawing: Drawing, pixels: int = 1500
-) -> SceneFigure:
+def drawn(drawing: Drawing, pixels: int = 1500) -> SceneFigure:
     """The figure: painted scene, axes, title, legend, colour bar, and what lies over them."""
-    notes = drawing.notes
-    picture = paint(
-        scene, moving, camera, pixels, drawing.marking, notes.culprits, drawing.colours,
-        drawing.decals,
-    )  # fmt: skip
-    return assembled(scene, moving, camera, drawing, picture)[0]
+    return assembled(drawing, paint(drawing, pixels))[0]
 
 
-def assembled(
-    scene: Scene, moving: Motion, camera: Camera, drawing: Drawing, picture: Picture
-) -> tuple[SceneFigure, AxesImage]:
+def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImage]:
     """A figure around a painted scene, and the artist that holds the image."""
-    notes = drawing.notes
     result = SceneFigure(dpi=DPI, facecolor="white")
     axes = result.add_axes((0.0, 0.0, 1.0, 1.0))
     frame = np.stack([picture.frame.low[:2], picture.frame.high[:2]])
@@ -182,48 +130,36 @@ def assembled(
         interpolation_stage="rgba",
         zorder=2.0,
     )
-    seen = [frame, _draw_notes(axes, camera, notes)]
+    seen = [frame, _draw_notes(axes, drawing), _draw_lines(axes, drawing)]
     if drawing.has_axes:
-        seen.append(draw_axes(axes, scene, camera))
-    if drawing.overlay is not None:
-        seen.append(drawing.overlay(axes, camera))
-    said = _wrapped(f"refused: {notes.refusal}" if notes.refusal else drawing.caption)
+        seen.append(draw_axes(axes, drawing.scene, drawing.camera))
+    seen.append(_draw_shapes(axes, drawing))
+    refusal = drawing.notes.refusal
+    said = textwrap.wrap(printable(f"refused: {refusal}" if refusal else drawing.caption), LETTERS)
     heading = textwrap.wrap(drawing.heading, HEADING_LETTERS)
     more = LINE * len(said) + HEADING_LINE * (len(heading) - 1)
     _arrange(result, axes, np.concatenate(seen), more)
-    _draw_title(result, heading, said, MARK_COLOUR if notes.refusal else INK)
+    _draw_title(result, heading, said, MARK_COLOUR if refusal else INK)
     if drawing.bar is not None:
         _draw_colour_bar(result, axes, drawing.bar)
-    _draw_legend(result, moving, drawing)
+    _draw_legend(result, drawing)
     return result, image
 
 
-def thumbnail(scene: Scene, solution: Solution, pixels: int = 420) -> bytes:
-    """A small PNG of the mechanism: no axes, no title."""
-    moving = motion(scene, solution)
-    picture = paint(scene, moving, default_camera(scene, moving), pixels)
-    return _plain_png(picture.image)
-
-
-def scene_thumbnail(scene: Scene, refusal: InputError | None, pixels: int = 420) -> bytes:
-    """A small PNG of a scene that is not solved."""
-    moving = still(scene)
-    culprits = annotated(scene, refusal).culprits
-    camera = default_camera(scene, moving)
-    return _plain_png(paint(scene, moving, camera, pixels, culprits=culprits).image)
-
-
-def _plain_png(image: Pixels) -> bytes:
+def thumbnail(scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420) -> bytes:
+    """A small PNG: no axes, no title."""
+    notes = Annotations() if refusal is None else annotated(scene, refusal)
+    drawing = Drawing(scene, moving, default_camera(scene, moving), notes=notes)
     buffer = io.BytesIO()
-    imsave(buffer, np.clip(image, 0.0, 1.0), format="png")
+    imsave(buffer, np.clip(paint(drawing, pixels).image, 0.0, 1.0), format="png")
     return buffer.getvalue()
 
 
-def _draw_notes(axes: Axes, camera: Camera, notes: Annotations) -> FloatArray:
+def _draw_notes(axes: Axes, drawing: Drawing) -> FloatArray:
     """Arrows and rings over everything else; returns the points (n, 2) they take."""
     taken = [np.empty((0, 2))]
-    for arrow in notes.arrows:
-        ends = camera.project(np.array([arrow.tail, arrow.tip]))[:, :2]
+    for arrow in drawing.notes.arrows:
+        ends = drawing.camera.project(np.array([arrow.tail, arrow.tip]))[:, :2]
         taken.append(ends)
         axes.annotate(
             "", xy=tuple(ends[1]), xytext=tuple(ends[0]), zorder=6, annotation_clip=False,
@@ -233,17 +169,51 @@ def _draw_notes(axes: Axes, camera: Camera, notes: Annotations) -> FloatArray:
                 "path_effects": [withStroke(linewidth=3.6, foreground="#ffffffb0")],
             },
         )  # fmt: skip
-    if notes.marks:
-        at = camera.project(np.array([mark.at for mark in notes.marks]))[:, :2]
+    if drawing.notes.marks:
+        at = drawing.camera.project(np.array([mark.at for mark in drawing.notes.marks]))[:, :2]
         taken.append(at)
-        axes.plot(
-            *at.T, "o", ms=9, mfc="none", mec=MARK_COLOUR, mew=1.8, zorder=7, clip_on=False
-        )  # fmt: skip
+        axes.plot(*at.T, "o", ms=9, mfc="none", mec=MARK_COLOUR, mew=1.8, zorder=7, clip_on=False)
     return np.concatenate(taken)
 
 
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(printable(text), LETTERS)
+def _draw_lines(axes: Axes, drawing: Drawing) -> FloatArray:
+    """Lines and dots over the blocks; returns the points (n, 2) that lines take."""
+    taken = np.empty((0, 2))
+    if drawing.lines is not None:
+        taken = drawing.camera.project(drawing.lines.ends.reshape(-1, 3))[:, :2]
+        axes.add_collection(
+            LineCollection(
+                list(taken.reshape(-1, 2, 2)), linewidths=drawing.lines.widths,
+                colors=drawing.lines.colour, zorder=6, capstyle="round",
+                path_effects=[withStroke(linewidth=1.0, foreground="#ffffff60")],
+            ),
+            autolim=False,
+        )  # fmt: skip
+    if drawing.dots is not None and len(drawing.dots):
+        at = drawing.camera.project(drawing.dots)[:, :2]
+        size = float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 5.0))
+        axes.plot(*at.T, "o", ms=size, mfc=CENTRE_COLOUR, mec="white", mew=0.25 * size**0.5,
+                  zorder=7)  # fmt: skip
+    return taken
+
+
+def _draw_shapes(axes: Axes, drawing: Drawing) -> FloatArray:
+    """Crushed zones and ties, and a line of text for each kind; returns the points (n, 2)."""
+    taken = [np.empty((0, 2))]
+    for shape in drawing.shapes:
+        flat = drawing.camera.project(shape.points + shape.moves)[:, :2]
+        if shape.is_zone:
+            axes.fill(*flat.T, color=shape.colour, alpha=0.85, lw=2.0, zorder=6)
+        else:
+            axes.plot(*flat.T, "-o", color=shape.colour, lw=2.6, ms=4.0, zorder=6.5, clip_on=False)
+        taken.append(flat)
+    kinds = Counter((shape.label, shape.colour) for shape in drawing.shapes)
+    for k, ((label, colour), count) in enumerate(kinds.items()):
+        axes.text(
+            0.99, 0.99 - 0.045 * k, f"{label} ({count})", color=colour, fontsize=8.5,
+            weight="bold", transform=axes.transAxes, ha="right", va="top", zorder=8,
+        )  # fmt: skip
+    return np.concatenate(taken)
 
 
 def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
@@ -281,37 +251,48 @@ def _draw_colour_bar(result: Figure, axes: Axes, bar_of: Bar) -> None:
     bar = result.add_axes(
         (box.x1 + 0.25 / width, box.y0 + 0.28 * box.height, 0.16 / width, 0.68 * box.height)
     )
-    drawn = result.colorbar(ScalarMappable(Normalize(*bar_of.ends), colours), cax=bar)
+    drawn = result.colorbar(ScalarMappable(Normalize(0.0, 1.0), colours), cax=bar)
     drawn.set_label(bar_of.label, fontsize=8)
     drawn.ax.tick_params(labelsize=8)
 
 
-def _draw_legend(result: Figure, moving: Motion, drawing: Drawing) -> None:
-    handles: list[Artist] = []
-    marking, notes = drawing.marking, drawing.notes
-    if marking is not None and drawing.has_key:
-        for kind, colour in marking.colours.items():
-            count = int((marking.kind == kind).sum())
-            if count or moving.moves:
-                handles.append(Patch(color=colour, label=f"{marking.texts[kind]} ({count})"))
-    handles += drawing.handles
-    if moving.moves:
-        handles.append(Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed"))
-    else:
-        handles.append(Patch(color=STONE_COLOUR, label=drawing.blocks))
-    handles.append(Patch(color=SUPPORT_COLOUR, label="support"))
-    if notes.culprits:
-        handles.append(Patch(color=CULPRIT_COLOUR, label="refused"))
-    cases = sorted({arrow.case for arrow in notes.arrows})
-    handles += [
-        Line2D([], [], color=CASE_COLOURS[case], lw=2.2, label=f"{case} load") for case in cases
-    ]
-    if notes.marks:
-        label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
-        ring = {"marker": "o", "ms": 7, "mfc": "none", "mec": MARK_COLOUR, "mew": 1.6}
-        handles.append(Line2D([], [], ls="none", label=label, **ring))  # type: ignore[arg-type]
+def _draw_legend(result: Figure, drawing: Drawing) -> None:
+    handles = [*_contents_keys(drawing), *_notes_keys(drawing.notes)]
     columns = min(len(handles), max(3, int(result.get_figwidth() / 1.25)))
     result.legend(
         handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=8,
         bbox_to_anchor=(0.5, 0.0), handlelength=1.1, handleheight=0.9, columnspacing=1.4,
     )  # fmt: skip
+
+
+def _contents_keys(drawing: Drawing) -> Iterator[Artist]:
+    marking, moves = drawing.marking, drawing.moving.moves
+    if marking is not None:
+        for kind in (kind for kind in marking.colours if kind in marking.texts):
+            count = int((marking.kind == kind).sum())
+            if count or moves:
+                label = f"{marking.texts[kind]} ({count})"
+                yield Patch(color=marking.colours[kind], label=label)
+    if drawing.lines is not None:
+        yield Line2D([], [], color=drawing.lines.colour, lw=2.2, label=drawing.lines.label)
+    if drawing.dots is not None:
+        yield _ring("pressure centre", ms=5, mfc=CENTRE_COLOUR, mec="white")
+    if moves:
+        yield Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed")
+    else:
+        yield Patch(color=STONE_COLOUR, label=drawing.blocks)
+    yield Patch(color=SUPPORT_COLOUR, label="support")
+
+
+def _notes_keys(notes: Annotations) -> Iterator[Artist]:
+    if notes.culprits:
+        yield Patch(color=CULPRIT_COLOUR, label="refused")
+    for case in sorted({arrow.case for arrow in notes.arrows}):
+        yield Line2D([], [], color=CASE_COLOURS[case], lw=2.2, label=f"{case} load")
+    if notes.marks:
+        label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
+        yield _ring(label, ms=7, mfc="none", mec=MARK_COLOUR, mew=1.6)
+
+
+def _ring(label: str, **look: Any) -> Line2D:
+    return Line2D([], [], ls="none", marker="o", label=label, **look)

@@ -1,11 +1,11 @@
-"""Joints of a mechanism as figures and pages draw them."""
+"""Joints as figures and pages draw them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.plotting.annotations import Marking
-from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS
+from cvxlimit.plotting.annotations import Marking, joint_kinds
+from cvxlimit.plotting.look import JOINT_COLOURS, JOINT_TEXTS, KIND_COLOURS, KIND_TEXTS
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
 
@@ -18,10 +18,14 @@ def moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
     not hide what fails."""
     what = moving.contacts
     kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
-    opening = -scene.contacts.corner_minimum(-what.opening)
     slides = np.isin(what.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
-    rate = np.where(slides, what.slip, opening)
+    rate = np.where(slides, what.slip, what.widest)
     largest = float(rate[what.kind != ContactKind.CLOSED].max(initial=0.0))
     share = np.clip(rate / largest, 0.0, 1.0) if largest > 0.0 else np.ones(len(rate))
     width = THINNEST + (widest - THINNEST) * share
     return Marking(scene.contacts, what.kind, kinds, KIND_TEXTS, width)
+
+
+def scene_joints(scene: Scene) -> Marking:
+    """Contacts by how they lie to the dead load."""
+    return Marking(scene.contacts, joint_kinds(scene, scene.contacts), JOINT_COLOURS, JOINT_TEXTS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,12 @@ grey and to colour-blind eyes, and far from the colours of the contacts."""
 SUPPORT_COLOUR = "#a3a09a"
 STONE_COLOUR = "#d9d0bd"
 """Free blocks where there is no mechanism."""
+
+PALE = "#efeae0"
+"""Blocks behind lines and coloured joints: light enough for both."""
+
+CENTRE_COLOUR = "#b3123c"
+"""Pressure centres."""
 
 KIND_COLOURS = {
     ContactKind.OPENS: "#d62246",
@@ -57,18 +64,16 @@ CULPRIT_COLOUR = "#ee6c5b"
 
 SPEED_TEXT = "largest corner speed of the block / largest of all"
 
-
 USE_STOPS = ("#f7e8c8", "#f0b56b", "#d9743f", "#9e3251", "#4a1a5c")
 """Share of strength in use, from none to all: light to dark, so that it also reads in grey and to
 colour-blind eyes."""
 
+USE_TEXT = "share of strength in use"
+
 
 def used_colour(share: float) -> str:
     """Colour ``"#rrggbb"`` of a share of strength in 0..1."""
-    stops = np.array([rgb(c) for c in USE_STOPS])
-    at = np.linspace(0.0, 1.0, len(stops))
-    mixed = [np.interp(min(max(share, 0.0), 1.0), at, stops[:, i]) for i in range(3)]
-    return "#" + "".join(f"{round(255 * float(c)):02x}" for c in mixed)
+    return "#" + "".join(f"{round(255 * c):02x}" for c in _mixed(USE_STOPS, share).tolist())
 
 
 def rgb(colour: str) -> FloatArray:
@@ -76,21 +81,24 @@ def rgb(colour: str) -> FloatArray:
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
 
 
-def speed_colours(speed: FloatArray) -> FloatArray:
-    """Colours (n, 3) of relative speeds (n,) in 0..1."""
-    stops = np.array([rgb(c) for c in SPEED_STOPS])
-    at = np.linspace(0.0, 1.0, len(stops))
-    return np.stack([np.interp(speed, at, stops[:, c]) for c in range(3)], axis=1)
+def _mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
+    """Colours (..., 3) of shares (...) of the way along ``stops``."""
+    known = np.array([rgb(c) for c in stops])
+    at = np.linspace(0.0, 1.0, len(known))
+    return np.stack([np.interp(share, at, column) for column in known.T], axis=-1)
 
 
 def block_colours(
-    scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset()
+    scene: Scene,
+    motion: Motion,
+    culprits: frozenset[str] = frozenset(),
+    stone: str = STONE_COLOUR,
 ) -> FloatArray:
-    """Colours (n_blocks, 3): by speed, supports grey, stone where nothing moves, culprits red."""
+    """Colours (n_blocks, 3): by speed, supports grey, ``stone`` if nothing moves, culprits red."""
     if motion.moves:
-        colours = speed_colours(motion.speed)
+        colours = _mixed(SPEED_STOPS, motion.speed)
     else:
-        colours = np.tile(rgb(STONE_COLOUR), (len(scene.blocks), 1))
+        colours = np.tile(rgb(stone), (len(scene.blocks), 1))
     fixed = np.ones(len(scene.blocks), dtype=bool)
     fixed[scene.free] = False
     colours[fixed] = rgb(SUPPORT_COLOUR)

@@ -55,6 +55,8 @@ class ContactMotion:
         Largest rate in the contact plane over the corners.
     twist : (n,)
         Rotation rate about the contact normal, signed.
+    widest : (n,)
+        Largest opening over the corners.
     kind : (n,)
         :class:`ContactKind` codes.
     """
@@ -62,6 +64,7 @@ class ContactMotion:
     opening: FloatArray
     slip: FloatArray
     twist: FloatArray
+    widest: FloatArray
     kind: IntArray
 
 
@@ -108,12 +111,10 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     check_scene(scene)
     of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
     rates = _block_rates(scene, solution)
-    speeds = np.array(
-        [
-            np.linalg.norm(_velocity(b.vertices, b.centroid, r[:3], r[3:]), axis=1).max()
-            for b, r in zip(scene.blocks, rates, strict=True)
-        ]
-    )
+    speeds = np.array([
+        np.linalg.norm(r[:3] + np.cross(r[3:], b.vertices - b.centroid), axis=1).max()
+        for b, r in zip(scene.blocks, rates, strict=True)
+    ])  # fmt: skip
     largest = float(speeds.max())
     if not largest > 0.0:
         return Motion(rates, 0.0, np.zeros(len(rates)), 0.0, contact_motion(scene, rates, 0.0))
@@ -129,7 +130,7 @@ def motion(scene: Scene, solution: Solution) -> Motion:
 def still(scene: Scene) -> Motion:
     """No movement; nothing is asked about contacts, so that a refused scene can be drawn."""
     nothing = np.empty(0)
-    contacts = ContactMotion(nothing, nothing, nothing, np.empty(0, dtype=np.int64))
+    contacts = ContactMotion(nothing, nothing, nothing, nothing, np.empty(0, dtype=np.int64))
     count = len(scene.blocks)
     return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts, is_solved=False)
 
@@ -149,7 +150,22 @@ def free_size(scene: Scene) -> float:
 def velocity_of(scene: Scene, rates: FloatArray, points: FloatArray, block: IntArray) -> FloatArray:
     """Rate u + r x (p - centroid) of ``points`` (p, 3), each carried by a ``block`` (p,)."""
     centroids = np.array([b.centroid for b in scene.blocks])[block]
-    return _velocity(points, centroids, rates[block, :3], rates[block, 3:])
+    result: FloatArray = rates[block, :3] + np.cross(rates[block, 3:], points - centroids)
+    return result
+
+
+def side_rates(scene: Scene, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rates (m, 3) of the contacts' corners as block a and as block b carry them."""
+    c = scene.contacts
+    one, other = (
+        velocity_of(scene, rates, c.corner_points, block[c.corner_contact]) for block in (c.a, c.b)
+    )
+    return one, other
+
+
+def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray) -> FloatArray:
+    """``points`` (p, 3), each carried by a ``block`` (p,), where the mechanism is drawn."""
+    return points + moving.scale * velocity_of(scene, moving.rates, points, block)
 
 
 def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> ContactMotion:
@@ -164,10 +180,8 @@ def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> Contact
     """
     c = scene.contacts
     j = c.corner_contact
-    relative = velocity_of(scene, rates, c.corner_points, c.b[j]) - velocity_of(
-        scene, rates, c.corner_points, c.a[j]
-    )
-    local = np.einsum("mik,mk->mi", c.axes[j], relative)
+    one, other = side_rates(scene, rates)
+    local = np.einsum("mik,mk->mi", c.axes[j], other - one)
     opening = local[:, 2]
     slip = -c.corner_minimum(-np.linalg.norm(local[:, :2], axis=1))
     twist = np.einsum("nk,nk->n", c.axes[:, 2], rates[c.b, 3:] - rates[c.a, 3:])
@@ -182,7 +196,7 @@ def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> Contact
     kind[widest > threshold] = ContactKind.OPENS
     kind[shears] = ContactKind.SLIDES
     kind[shears & (centre_slip <= np.abs(twist) * reach)] = ContactKind.TWISTS
-    return ContactMotion(opening, slip, twist, kind)
+    return ContactMotion(opening, slip, twist, widest, kind)
 
 
 def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
@@ -199,13 +213,6 @@ def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
             f"but scene {scene.name!r} has {len(scene.contacts)} contacts: it does not belong to it"
         )
     return solution.forces
-
-
-def _velocity(
-    points: FloatArray, centroid: FloatArray, linear: FloatArray, angular: FloatArray
-) -> FloatArray:
-    result: FloatArray = linear + np.cross(angular, points - centroid)
-    return result
 
 
 def _block_rates(scene: Scene, solution: Solution) -> FloatArray:

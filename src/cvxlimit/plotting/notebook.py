@@ -9,6 +9,8 @@ from html import escape
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.look import outward_bracket, printable
+from cvxlimit.plotting.movement import motion, still
+from cvxlimit.plotting.registry import figures
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -21,12 +23,14 @@ Rows = Iterator[tuple[str, str]]
 def scene_html(scene: Scene) -> str:
     """Name, counts, loads and what is wrong with a scene, beside a picture of it."""
     refusal = refused(scene)
-    return _card(printable(scene.name), _scene_rows(scene, refusal), _scene_image(scene, refusal))
+    return _card(printable(scene.name), _scene_rows(scene, refusal), _image(scene, refusal=refusal))
 
 
 def solution_html(solution: Solution) -> str:
     """Load factor, bracket and status of a solution, beside its mechanism."""
-    return _card(printable(solution.scene), _solution_rows(solution), _solution_image(solution))
+    return _card(
+        printable(solution.scene), _solution_rows(solution), _image(solution.solved_scene, solution)
+    )
 
 
 def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
@@ -85,21 +89,14 @@ def _text(value: str) -> str:
     return f"<b>{escape(value[3:-4])}</b>" if bold else escape(printable(value))
 
 
-def _scene_image(scene: Scene, refusal: InputError | None) -> bytes | None:
-    try:
-        from cvxlimit.plotting.drawing import scene_thumbnail
-    except ImportError:
-        return None
-    return None if len(scene.blocks) > _MOST_BLOCKS else scene_thumbnail(scene, refusal)
-
-
-def _solution_image(solution: Solution) -> bytes | None:
-    scene = solution.solved_scene
+def _image(
+    scene: Scene | None, solution: Solution | None = None, refusal: InputError | None = None
+) -> bytes | None:
     if scene is None or len(scene.blocks) > _MOST_BLOCKS:
         return None
     try:
-        from cvxlimit.plotting.drawing import thumbnail
-
-        return thumbnail(scene, solution)
-    except (ImportError, InputError, ModelError):  # a picture is not worth losing the figures
+        moving = still(scene) if solution is None else motion(scene, solution)
+        image: bytes = figures().thumbnail(scene, moving, refusal)
+    except (InputError, ModelError):  # a picture is not worth losing the figures
         return None
+    return image

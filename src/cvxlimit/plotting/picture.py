@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.plotting.annotations import Decal, Marking
-from cvxlimit.plotting.camera import Camera
+from cvxlimit.geometry.mesh import area_vectors
+from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
 from cvxlimit.plotting.mesh import Mesh, drawn_mesh
-from cvxlimit.plotting.movement import VISIBLE, Motion, free_size, velocity_of
+from cvxlimit.plotting.movement import VISIBLE, displaced, free_size
 from cvxlimit.plotting.raster import NOTHING, Canvas
-from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -46,22 +44,20 @@ class Frame:
     width: int
     height: int
 
-    def pixels(self, projected: FloatArray, times: int) -> FloatArray:
-        """Column, row and nearness (n, 3) of projected points, at ``times`` the resolution.
+    @property
+    def scale(self) -> float:
+        """Drawn pixels, :data:`OVERSAMPLING` of them per image pixel, in a unit of length."""
+        return OVERSAMPLING * self.width / float(self.high[0] - self.low[0])
+
+    def pixels(self, projected: FloatArray) -> FloatArray:
+        """Column, row and nearness (n, 3) of projected points, in drawn pixels.
 
         Nearness is in pixels too, so that normals keep their direction, and is counted from
         the farthest point, so that single precision will do however far away the origin is.
         """
-        scale = times * self.width / (self.high[0] - self.low[0])
-        result: FloatArray = np.stack(
-            [
-                (projected[:, 0] - self.low[0]) * scale - 0.5,
-                (self.high[1] - projected[:, 1]) * scale - 0.5,
-                (projected[:, 2] - self.low[2]) * scale,
-            ],
-            axis=1,
-        )
-        return result
+        from_corner = projected - np.array([self.low[0], self.high[1], self.low[2]])
+        result: FloatArray = from_corner * np.array([1.0, -1.0, 1.0]) * self.scale
+        return result - np.array([0.5, 0.5, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,85 +71,40 @@ class Picture:
 
 
 def paint(
-    scene: Scene,
-    motion: Motion,
-    camera: Camera,
-    pixels: int = 1500,
-    marking: Marking | None = None,
-    culprits: frozenset[str] = frozenset(),
-    colours: FloatArray | None = None,
-    decals: Sequence[Decal] = (),
-    frame: Frame | None = None,
-    ghost: Canvas | None = None,
+    drawing: Drawing, pixels: int = 1500, frame: Frame | None = None, ghost: Canvas | None = None
 ) -> Picture:
-    """Paint ``scene`` in its mechanism; the longer side of the image has ``pixels`` pixels.
+    """Paint blocks, marks and decals; the longer side of the image has ``pixels`` pixels.
 
-    ``marking`` says which contacts are outlined; None outlines nothing. Blocks that are
-    ``culprits`` are red. ``colours`` (n_blocks, 3) replace those of the blocks, ``frame`` that
-    which holds what is painted, and ``ghost`` is that of another picture in the same frame.
+    ``frame`` replaces that which holds what is painted, and ``ghost`` is that of another picture
+    in the same frame.
     """
+    scene, moving, camera = drawing.scene, drawing.moving, drawing.camera
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
-    shift = motion.scale * velocity_of(scene, motion.rates, mesh.points, mesh.point_block)
-    moved = camera.project(mesh.points + shift)
-    marks = None if marking is None else _marks(scene, motion, camera, marking)
+    moved = camera.project(displaced(scene, moving, mesh.points, mesh.point_block))
     if frame is None:
-        frame = frame_of(np.concatenate([still, moved]) if motion.moves else moved, pixels)
+        frame = frame_of(np.concatenate([still, moved]) if moving.moves else moved, pixels)
     size = frame.height * OVERSAMPLING, frame.width * OVERSAMPLING
     image = np.zeros((*size, 4), dtype=np.float32)
-    if motion.moves:
-        ghost = ghost or _draw_blocks(mesh, frame.pixels(still, OVERSAMPLING), frame)
-        _blend(image, _ghost_shape(ghost, motion, mesh), np.array([0.5, 0.53, 0.6]), 0.16)
-        _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.3, 0.33, 0.4]), 0.45)
-    points = frame.pixels(moved, OVERSAMPLING)
+    lines = np.zeros(size, dtype=bool)
+    if moving.moves:
+        ghost = ghost or _draw_blocks(mesh, frame.pixels(still), frame)
+        gone = (ghost.seen != NOTHING) & (moving.speed > VISIBLE)[mesh.face_block][ghost.seen]
+        lines = gone & ghost.outlines(mesh.patch)
+        _blend(image, gone, np.array([0.5, 0.53, 0.6]), 0.16)
+        _blend(image, lines, np.array([0.3, 0.33, 0.4]), 0.45)
+    points = frame.pixels(moved)
     canvas = _draw_blocks(mesh, points, frame)
-    own = block_colours(scene, motion, culprits) if colours is None else colours
-    inks = [own[mesh.face_block] * _shades(mesh, points)[:, None]]
-    lift = MARK_LIFT * free_size(scene)
-    if marks is not None and marking is not None:
-        _draw_marks(canvas, marks, frame, len(mesh.face_block), lift)
-        kinds = [rgb(marking.colours[k]) for k in marks.kind.tolist()]
-        inks.append(np.array(kinds).reshape(-1, 3))
-    first = sum(len(ink) for ink in inks)
-    for number, decal in enumerate(decals, first):
-        carried = np.full(len(decal.points), decal.block)
-        at = decal.points + motion.scale * velocity_of(scene, motion.rates, decal.points, carried)
-        raised = camera.project(at) + np.array([0.0, 0.0, decal.lift * lift])
-        canvas.draw(frame.pixels(raised, OVERSAMPLING), number)
-    inks.append(np.array([rgb(decal.colour) for decal in decals]).reshape(-1, 3))
-    _ink(image, canvas, np.concatenate(inks), mesh)
-    if motion.moves and ghost is not None:
-        _blend(image, _ghost_lines(ghost, motion, mesh), np.array([0.15, 0.15, 0.2]), 0.14)
+    colours = drawing.colours
+    if colours is None:
+        colours = block_colours(scene, moving, drawing.notes.culprits)
+    inks = [colours[mesh.face_block] * _shades(mesh, points)[:, None]]
+    inks.append(_draw_marks(canvas, drawing, frame, len(mesh.faces)))
+    inks.append(_draw_decals(canvas, drawing, frame, sum(map(len, inks))))
+    _ink(image, canvas, np.concatenate(inks))
+    _blend(image, canvas.outlines(mesh.patch), np.array([0.10, 0.12, 0.15]), 0.62)
+    _blend(image, lines, np.array([0.15, 0.15, 0.2]), 0.14)
     return Picture(_reduced(image), frame, ghost)
-
-
-@dataclass(frozen=True, eq=False)
-class _Marks:
-    """Edges of the contacts that move: ends (n, 2 sides, 2 ends, 3) projected, kind (n,), and
-    width (n,) as a share of :data:`MARK_WIDTH`."""
-
-    ends: FloatArray
-    kind: NDArray[np.int64]
-    width: FloatArray
-
-
-def _marks(scene: Scene, motion: Motion, camera: Camera, marking: Marking) -> _Marks:
-    c = marking.contacts
-    sides = [
-        camera.project(
-            c.corner_points
-            + motion.scale
-            * velocity_of(scene, motion.rates, c.corner_points, block[c.corner_contact])
-        )
-        for block in (c.a, c.b)
-    ]
-    following = np.arange(1, len(c.corner_xy) + 1)
-    following[c.corner_start[1:] - 1] = c.corner_start[:-1]
-    ends = np.stack([np.stack([s, s[following]], axis=1) for s in sides], axis=1)
-    kind = marking.kind[c.corner_contact]
-    marked = np.isin(kind, list(marking.colours))
-    width = np.ones(len(c)) if marking.width is None else marking.width
-    return _Marks(ends[marked], kind[marked], width[c.corner_contact][marked])
 
 
 def frame_of(projected: FloatArray, pixels: int) -> Frame:
@@ -170,69 +121,78 @@ def frame_of(projected: FloatArray, pixels: int) -> Frame:
 def _draw_blocks(mesh: Mesh, points: FloatArray, frame: Frame) -> Canvas:
     """Faces that look at the viewer; rows count downwards, so these turn clockwise."""
     canvas = Canvas.blank(frame.height * OVERSAMPLING, frame.width * OVERSAMPLING)
-    facing = np.flatnonzero(_normals(mesh, points)[:, 2] < 0.0)
+    facing = np.flatnonzero(area_vectors(points, mesh.faces)[:, 2] < 0.0)
     for f in facing.tolist():
-        canvas.draw(points[mesh.corners[mesh.face_start[f] : mesh.face_start[f + 1]]], f)
+        canvas.draw(points[mesh.faces[f]], f)
     return canvas
-
-
-def _normals(mesh: Mesh, points: FloatArray) -> FloatArray:
-    """Area vectors (f, 3) of the faces in pixel space."""
-    corner = points[mesh.corners]
-    start = mesh.face_start[:-1]
-    spokes = corner - np.repeat(corner[start], np.diff(mesh.face_start), axis=0)
-    following = np.arange(1, len(corner) + 1)
-    following[mesh.face_start[1:] - 1] = start
-    result: FloatArray = np.add.reduceat(np.cross(spokes, spokes[following]), start, axis=0)
-    return result
 
 
 def _shades(mesh: Mesh, points: FloatArray) -> FloatArray:
     """Brightness (f,) under :data:`LIGHT`."""
-    normals = _normals(mesh, points) * np.array([-1.0, 1.0, -1.0])
+    normals = area_vectors(points, mesh.faces) * np.array([-1.0, 1.0, -1.0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     result: FloatArray = 0.80 + 0.20 * np.clip(normals @ LIGHT, 0.0, 1.0) / 0.75
     return np.minimum(result, 1.0)
 
 
-def _draw_marks(canvas: Canvas, marks: _Marks, frame: Frame, first: int, lift: float) -> None:
-    """Fill the gap between the two sides of every contact edge, and line both sides."""
-    points = frame.pixels(marks.ends.reshape(-1, 3), OVERSAMPLING).reshape(-1, 2, 2, 3)
-    raised = lift * OVERSAMPLING * frame.width / (frame.high[0] - frame.low[0])
-    half = 0.5 * MARK_WIDTH * OVERSAMPLING * marks.width
-    sunk = np.array([0.0, 0.0, raised])
-    for number, (a, b) in enumerate(points, start=first):
-        canvas.draw(np.array([a[0], a[1], b[1]]) - sunk, number)
-        canvas.draw(np.array([a[0], b[1], b[0]]) - sunk, number)
+def _draw_marks(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> FloatArray:
+    """Fill the gap between the two sides of every marked contact's edges, and line both sides.
+
+    Returns the colours of what is drawn, numbered from ``first``.
+    """
+    marking, moving = drawing.marking, drawing.moving
+    if marking is None:
+        return np.empty((0, 3))
+    c = marking.contacts
+    following = np.arange(1, len(c.corner_xy) + 1)
+    following[c.corner_start[1:] - 1] = c.corner_start[:-1]
+    sides = []
+    for block in (c.a, c.b):
+        at = displaced(drawing.scene, moving, c.corner_points, block[c.corner_contact])
+        points = frame.pixels(drawing.camera.project(at))
+        sides.append(np.stack([points, points[following]], axis=1))
+    kind = marking.kind[c.corner_contact]
+    marked = np.flatnonzero(np.isin(kind, list(marking.colours)))
+    width = np.ones(len(c)) if marking.width is None else marking.width
+    half = 0.5 * MARK_WIDTH * OVERSAMPLING * width[c.corner_contact]
+    lift = np.array([0.0, 0.0, _lift(drawing, frame)])
+    for number, j in enumerate(marked.tolist(), start=first):
+        a, b = sides[0][j], sides[1][j]
+        canvas.draw(np.array([a[0], a[1], b[1]]) - lift, number)
+        canvas.draw(np.array([a[0], b[1], b[0]]) - lift, number)
         for line in (a, b):
-            canvas.draw(_ribbon(line, float(half[number - first]), raised), number)
+            canvas.draw(_ribbon(line, float(half[j])) + lift, number)
+    return np.array([rgb(marking.colours[k]) for k in kind[marked].tolist()]).reshape(-1, 3)
 
 
-def _ribbon(line: FloatArray, half: float, raised: float) -> FloatArray:
-    """A line (2, 3) as a strip (4, 3) of the given half width, moved towards the viewer."""
+def _draw_decals(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> FloatArray:
+    """What lies on blocks; returns the colours, numbered from ``first``."""
+    lift = np.array([0.0, 0.0, _lift(drawing, frame)])
+    for number, decal in enumerate(drawing.decals, first):
+        carried = np.full(len(decal.points), decal.block)
+        at = displaced(drawing.scene, drawing.moving, decal.points, carried)
+        canvas.draw(frame.pixels(drawing.camera.project(at)) + decal.lift * lift, number)
+    return np.array([rgb(decal.colour) for decal in drawing.decals]).reshape(-1, 3)
+
+
+def _lift(drawing: Drawing, frame: Frame) -> float:
+    """:data:`MARK_LIFT` in pixels."""
+    return MARK_LIFT * free_size(drawing.scene) * frame.scale
+
+
+def _ribbon(line: FloatArray, half: float) -> FloatArray:
+    """A line (2, 3) as a strip (4, 3) of the given half width."""
     dx, dy = line[1, :2] - line[0, :2]
     length = float(np.hypot(dx, dy)) or 1.0
     across = np.array([-dy, dx, 0.0]) * (half / length)
-    lift = np.array([0.0, 0.0, raised])
-    return np.array([line[0] - across, line[1] - across, line[1] + across, line[0] + across]) + lift
+    return np.array([line[0] - across, line[1] - across, line[1] + across, line[0] + across])
 
 
-def _ink(image: Pixels, canvas: Canvas, colours: FloatArray, mesh: Mesh) -> None:
+def _ink(image: Pixels, canvas: Canvas, colours: FloatArray) -> None:
     drawn = np.flatnonzero(canvas.seen != NOTHING)
     opaque = np.ones((len(colours), 4), dtype=np.float32)
     opaque[:, :3] = colours
     image.reshape(-1, 4)[drawn] = opaque[canvas.seen.ravel()[drawn]]
-    _blend(image, canvas.outlines(mesh.patch), np.array([0.10, 0.12, 0.15]), 0.62)
-
-
-def _ghost_shape(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]:
-    """Pixels where a moving block was."""
-    moves: NDArray[np.bool_] = motion.speed[mesh.face_block] > VISIBLE
-    return (ghost.seen != NOTHING) & moves[ghost.seen]
-
-
-def _ghost_lines(ghost: Canvas, motion: Motion, mesh: Mesh) -> NDArray[np.bool_]:
-    return _ghost_shape(ghost, motion, mesh) & ghost.outlines(mesh.patch)
 
 
 def _blend(image: Pixels, where: NDArray[np.bool_], colour: FloatArray, opacity: float) -> None:

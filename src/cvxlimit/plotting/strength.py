@@ -47,11 +47,11 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     """
     contacts, forces = scene.contacts, contact_forces(scene, solution)
     solved = _solved_with(solution)
-    asked = {_column(s): s for s in (Rocking(), Sliding(), Torsion(), TorsionShear(), *solved)}
-    counted = [_column(surface) for surface in solved]
+    asked = {_column(s.name): s for s in (Rocking(), Sliding(), Torsion(), TorsionShear(), *solved)}
+    counted = [_column(surface.name) for surface in solved]
     reading = reading_of(solution.moments) if solution.interaction in _WITH_BENDING else None
     if reading is not None:
-        counted = [_column(Rocking()), BENDING]
+        counted = [_column(Rocking.name), BENDING]
     names = [*asked, *counted]
     if forces is None:
         nothing = np.full(len(contacts), np.nan)
@@ -60,6 +60,39 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     if reading is not None:
         found[BENDING] = _with_bending(reading, solved[-1].cone, forces, contacts)
     return {"utilisation": np.fmax.reduce([found[name] for name in counted])} | found
+
+
+def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
+    """Share (n,) of strength in use, of one surface or the largest.
+
+    Raises
+    ------
+    InputError
+        For a surface that there is not, or a solution without forces.
+    """
+    forces_of(scene, solution)
+    found = utilisations(solution, scene)
+    name = "utilisation" if surface is None else _column(surface)
+    if name not in found:
+        known = [key.removeprefix("utilisation_") for key in found if key != "utilisation"]
+        raise InputError(f"there is no surface {surface!r}: choose one of {', '.join(known)}")
+    return found[name]
+
+
+def forces_of(scene: Scene, solution: Solution) -> FloatArray:
+    """The solution's forces (n, 6) at the scene's contacts.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    found = contact_forces(scene, solution)
+    if found is None:
+        raise InputError(
+            f"the solution of {solution.scene!r} has no contact forces ({solution.status})"
+        )
+    return found
 
 
 def _with_bending(
@@ -76,8 +109,8 @@ def _with_bending(
     return np.fmax(utilisation(frozen, forces, contacts), sliding)
 
 
-def _column(surface: YieldSurface) -> str:
-    return "utilisation_" + surface.name.replace("-", "_").replace(" ", "_")
+def _column(surface: str) -> str:
+    return "utilisation_" + str(surface).replace("-", "_").replace(" ", "_")
 
 
 def _solved_with(solution: Solution) -> tuple[YieldSurface, ...]:

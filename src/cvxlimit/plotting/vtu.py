@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.movement import Motion, contact_forces, motion, velocity_of
+from cvxlimit.plotting.movement import Motion, contact_forces, motion, side_rates, velocity_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -111,13 +111,10 @@ def _face_stream(faces: tuple[tuple[int, ...], ...], start: int) -> Array:
 
 def _contact_grid(scene: Scene, solution: Solution, moving: Motion, result: Arrays) -> Grid:
     c, what = scene.contacts, moving.contacts
-    sides = [
-        velocity_of(scene, moving.rates, c.corner_points, block[c.corner_contact])
-        for block in (c.a, c.b)
-    ]
+    one, other = side_rates(scene, moving.rates)
     cells: dict[str, Array] = {
         "kind": what.kind,
-        "opening": -c.corner_minimum(-what.opening),
+        "opening": what.widest,
         "slip": what.slip,
         "twist": what.twist,
         "friction": c.friction,
@@ -134,7 +131,7 @@ def _contact_grid(scene: Scene, solution: Solution, moving: Motion, result: Arra
         cells=np.split(np.arange(len(c.corner_points)), c.corner_start[1:-1]),
         cell_type=POLYGON,
         point_data={
-            "displacement": 0.5 * moving.scale * (sides[0] + sides[1]),
+            "displacement": 0.5 * moving.scale * (one + other),
             "opening": what.opening,
         },
         cell_data=cells,

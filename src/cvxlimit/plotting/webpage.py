@@ -5,28 +5,23 @@ from __future__ import annotations
 import html
 import json
 import math
+import os
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
+from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.annotations import (
-    Annotations,
-    Marking,
-    annotated,
-    joint_kinds,
-    refused,
-)
+from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
 from cvxlimit.plotting.camera import default_camera, upright
 from cvxlimit.plotting.crushing import Shape, shapes_of
-from cvxlimit.plotting.joints import moving_joints
+from cvxlimit.plotting.joints import moving_joints, scene_joints
 from cvxlimit.plotting.look import (
     CASE_COLOURS,
-    JOINT_COLOURS,
-    JOINT_TEXTS,
     MARK_COLOUR,
     SPEED_STOPS,
     SPEED_TEXT,
@@ -35,8 +30,10 @@ from cvxlimit.plotting.look import (
     scene_title,
     title,
 )  # fmt: skip
-from cvxlimit.plotting.mesh import Mesh, drawn_mesh, shown_bounds
+from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
+from cvxlimit.plotting.registry import PICTURES
+from cvxlimit.plotting.suffixes import with_suffix
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -59,6 +56,18 @@ class Page(str):
             f'srcdoc="{html.escape(self)}"></iframe>'
         )
 
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the page, complete or not at all; returns its path.
+
+        Raises
+        ------
+        InputError
+            For another suffix than ``.html`` or a folder that cannot be written to.
+        """
+        target = with_suffix(path, (".html",))
+        write_file(target, self.encode("utf-8"))
+        return target
+
 
 def page(scene: Scene, solution: Solution) -> Page:
     """The mechanism as a self-contained interactive page.
@@ -69,18 +78,26 @@ def page(scene: Scene, solution: Solution) -> Page:
     moving = motion(scene, solution)
     marking = moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
-    forces = contact_forces(scene, solution)
-    shapes = [] if forces is None else shapes_of(scene, forces, moving)
+    forces, what = contact_forces(scene, solution), moving.contacts
     data |= {
-        "shapes": [_shape_data(scene, shape) for shape in shapes],
+        "shapes": [_shape_data(scene, shape) for shape in shapes_of(scene, solution, moving)],
         "title": title(solution),
-        "advice": "; ".join(filter(None, (_advice(solution), solution.note))),
+        "advice": "; ".join(
+            filter(None, (f"{solution.status}: {solution.status.advice}", solution.note))
+        ),
         "speedText": SPEED_TEXT,
         "contacts": data["contacts"]
-        | _motion_data(scene, moving)
-        | {"forces": None if forces is None else _short(forces)},
+        | {
+            "opening": _short(what.widest),
+            "slip": _short(what.slip),
+            "twist": _short(what.twist),
+            "forces": None if forces is None else _short(forces),
+        },
     }
     return _filled(data)
+
+
+PICTURES["page"] = lambda solution: page(solution.drawn_scene, solution)
 
 
 def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
@@ -90,10 +107,7 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     named. Of a refused scene the blocks to blame are red and the places ringed.
     """
     reason = refusal or refused(scene)
-    marking = None
-    if reason is None:
-        kind = joint_kinds(scene, scene.contacts)
-        marking = Marking(scene.contacts, kind, JOINT_COLOURS, JOINT_TEXTS)
+    marking = None if reason else scene_joints(scene)
     notes = annotated(scene, reason)
     data = _page_data(scene, still(scene), marking, notes)
     counts = "" if reason else f"{len(scene.contacts)} contacts, "
@@ -120,7 +134,6 @@ def _as_script_data(data: dict[str, Any]) -> str:
 def _page_data(
     scene: Scene, moving: Motion, marking: Marking | None, notes: Annotations
 ) -> dict[str, Any]:
-    colours = {} if marking is None else marking.colours
     return {
         "units": {"length": scene.units.length, "force": scene.units.force},
         "bounds": _coordinates(scene, shown_bounds(scene)),
@@ -134,14 +147,21 @@ def _page_data(
         "stone": STONE_COLOUR,
         "stoneText": "block (no mechanism)" if moving.is_solved else "block",
         "refused": False,
-        "mesh": _mesh_data(scene, drawn_mesh(scene)),
+        "mesh": _mesh_data(scene),
         "blocks": _block_data(scene, moving, notes.culprits),
         "contacts": _contact_data(scene, marking),
-        "kinds": [
-            {"text": marking.texts[kind], "colour": colours[kind], "code": int(kind)}
-            for kind in colours
-            if marking is not None
+        "kinds": []
+        if marking is None
+        else [
+            {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
+            for kind, colour in marking.colours.items()
         ],
+        "shapes": [],
+    } | _notes_data(scene, notes)
+
+
+def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
+    return {
         "arrows": [
             {
                 "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),
@@ -155,7 +175,6 @@ def _page_data(
             {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
             for mark in notes.marks
         ],
-        "shapes": [],
         "markColour": MARK_COLOUR,
         "markText": "where it is wrong" if notes.refusal else "near miss",
     }
@@ -171,16 +190,13 @@ def _shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
     }
 
 
-def _advice(solution: Solution) -> str:
-    return f"{solution.status}: {solution.status.advice}"
-
-
-def _mesh_data(scene: Scene, mesh: Mesh) -> dict[str, Any]:
+def _mesh_data(scene: Scene) -> dict[str, Any]:
+    mesh = drawn_mesh(scene)
     return {
         "points": _coordinates(scene, mesh.points),
         "pointBlock": mesh.point_block.tolist(),
-        "corners": mesh.corners.tolist(),
-        "faceStart": mesh.face_start.tolist(),
+        "corners": np.concatenate(mesh.faces).tolist(),
+        "faceStart": np.cumsum([0, *map(len, mesh.faces)]).tolist(),
         "faceBlock": mesh.face_block.tolist(),
         "patch": mesh.patch.tolist(),
     }
@@ -195,25 +211,15 @@ def _block_data(scene: Scene, moving: Motion, culprits: frozenset[str]) -> dict[
         "speed": _short(moving.speed),
         "volume": _short(np.array([b.volume for b in scene.blocks])),
         "weight": _short(np.array([b.weight for b in scene.blocks])),
-        "colour": np.round(255 * block_colours(scene, moving, culprits))
-        .astype(int)
-        .ravel()
-        .tolist(),
+        "colour": [round(255 * c) for c in block_colours(scene, moving, culprits).flat],
     }
 
 
 def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
     """Geometry of all contacts; none where they were not to be had."""
     if marking is None:
-        return {
-            "name": [],
-            "a": [],
-            "b": [],
-            "kind": [],
-            "start": [0],
-            "points": [],
-            "forces": None,
-        }
+        empty: dict[str, Any] = {name: [] for name in ("name", "a", "b", "kind", "points")}
+        return empty | {"start": [0], "forces": None}
     c = marking.contacts
     return {
         "name": c.names,
@@ -232,15 +238,6 @@ def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
         "friction": _short(c.friction),
         "components": COMPONENTS,
         "forces": None,
-    }
-
-
-def _motion_data(scene: Scene, moving: Motion) -> dict[str, Any]:
-    what = moving.contacts
-    return {
-        "opening": _short(-scene.contacts.corner_minimum(-what.opening)),
-        "slip": _short(what.slip),
-        "twist": _short(what.twist),
     }
 
 

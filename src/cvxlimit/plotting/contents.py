@@ -1,0 +1,89 @@
+"""What a picture consists of, as data: :mod:`cvxlimit.plotting.drawing` makes a figure of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.plotting.annotations import Annotations, Decal, Marking
+from cvxlimit.plotting.camera import Camera, camera_from, default_camera
+from cvxlimit.plotting.crushing import Shape
+from cvxlimit.plotting.movement import Motion
+from cvxlimit.scene import Scene
+
+FloatArray = NDArray[np.float64]
+Viewer = tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A colour bar from 0 to 1: its colours, and what it measures."""
+
+    stops: Sequence[str]
+    label: str
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Straight lines over the blocks: ends (k, 2, 3), widths (k,) in points, one colour."""
+
+    ends: FloatArray
+    widths: FloatArray
+    colour: str
+    label: str
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What a figure consists of.
+
+    Attributes
+    ----------
+    scene : Scene
+    moving : Motion
+        Where its blocks are drawn.
+    camera : Camera
+    heading, caption : str
+        First line, and a second one in smaller letters.
+    marking : Marking or None
+        Joints to outline; those with a text are in the legend.
+    notes : Annotations
+        Arrows of loads, near misses, a refusal.
+    colours : (n_blocks, 3) array or None
+        Of blocks, in place of those of their speed.
+    decals : sequence of Decal
+    lines : Lines or None
+    dots : (k, 3) array or None
+        Pressure centres.
+    shapes : sequence of Shape
+        Crushed zones and ties.
+    bar : Bar or None
+    blocks : str
+        What the legend calls blocks that do not move.
+    has_axes : bool
+        False where places are not those of the scene.
+    """
+
+    scene: Scene
+    moving: Motion
+    camera: Camera
+    heading: str = ""
+    caption: str = ""
+    marking: Marking | None = None
+    notes: Annotations = field(default_factory=Annotations)
+    colours: FloatArray | None = None
+    decals: Sequence[Decal] = ()
+    lines: Lines | None = None
+    dots: FloatArray | None = None
+    shapes: Sequence[Shape] = ()
+    bar: Bar | None = None
+    blocks: str = "block"
+    has_axes: bool = True
+
+
+def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
+    """The camera in direction ``viewer``, or the one that shows the movement."""
+    return default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)

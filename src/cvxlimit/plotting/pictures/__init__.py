@@ -1,0 +1,1 @@
+"""One picture of a solution in each module; a module that is put here is found."""

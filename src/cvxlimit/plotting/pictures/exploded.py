@@ -1,0 +1,102 @@
+"""Blocks drawn apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cvxlimit.checks import positive
+from cvxlimit.geometry.pressure import pressure_centres
+from cvxlimit.plotting.annotations import Decal
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.look import (
+    CENTRE_COLOUR,
+    PALE,
+    USE_STOPS,
+    USE_TEXT,
+    block_colours,
+    title,
+    used_colour,
+)
+from cvxlimit.plotting.mesh import drawn_mesh
+from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
+from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.strength import forces_of, share_used
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+
+CORNERS = 20
+"""Of the polygon that stands for a dot."""
+
+
+@picture
+def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = None) -> Drawing:
+    """Blocks drawn apart: how much of their strength joints use, and where they are pressed.
+
+    Parameters
+    ----------
+    solution : Solution or Scene
+        Of a scene, only blocks and joints are shown.
+    gap : float
+        How far apart: blocks move away from the foot of the structure by this share of their
+        distance from it.
+    viewer : (3,) or None
+
+    Raises
+    ------
+    InputError
+        For a solution without its scene, or a gap that is not above 0.
+    """
+    away = positive(gap, "gap of an exploded view")
+    scene = solution if isinstance(solution, Scene) else solution.drawn_scene
+    solved = solution if isinstance(solution, Solution) and solution.forces is not None else None
+    shown = motion(scene, solved) if solved else still(scene)
+    return Drawing(
+        scene,
+        _apart(scene, away),
+        camera_for(scene, shown, viewer),
+        title(solution) if isinstance(solution, Solution) else scene.name,
+        "exploded view" + ("; joints by share of strength in use" if solved else ": joints"),
+        colours=block_colours(scene, still(scene), stone=PALE),
+        decals=list(_faces(scene, solved)),
+        dots=np.empty((0, 3)) if solved else None,
+        bar=Bar(USE_STOPS, USE_TEXT) if solved else None,
+        has_axes=False,
+    )
+
+
+def _apart(scene: Scene, gap: float) -> Motion:
+    """Blocks moved away from the middle of the foot; a support by its drawn part."""
+    mesh = drawn_mesh(scene)
+    centres = np.array([block.centroid for block in scene.blocks])
+    for i in np.setdiff1d(np.arange(len(scene.blocks)), scene.free).tolist():
+        own = mesh.points[mesh.point_block == i]
+        if len(own):
+            centres[i] = 0.5 * (own.min(axis=0) + own.max(axis=0))
+    rates = np.zeros((len(scene.blocks), 6))
+    rates[:, :3] = gap * (centres - free_bounds(scene).mean(axis=0))
+    return replace(still(scene), rates=rates, scale=1.0)
+
+
+def _faces(scene: Scene, solution: Solution | None) -> Iterator[Decal]:
+    """Contacts on the faces of both blocks, and dots at their pressure centres."""
+    contacts = scene.contacts
+    used = np.full(len(contacts), np.nan)
+    place = np.full((len(contacts), 3), np.nan)
+    if solution is not None:
+        used = share_used(solution, scene)
+        place = pressure_centres(contacts, forces_of(scene, solution))[1]
+    side = np.sqrt(contacts.area)
+    radius = np.minimum(0.11 * np.median(side), 0.3 * side)
+    turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    for j in range(len(contacts)):
+        colour = "#c9c3b4" if np.isnan(used[j]) else used_colour(float(used[j]))
+        for block in (int(contacts.a[j]), int(contacts.b[j])):
+            for piece in contacts.piece_points(j):
+                yield Decal(piece, block, colour)
+            if np.isfinite(place[j]).all():
+                dot = place[j] + radius[j] * ring @ contacts.axes[j, :2]
+                yield Decal(dot, block, CENTRE_COLOUR, lift=2.0)

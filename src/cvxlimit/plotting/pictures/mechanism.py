@@ -1,0 +1,66 @@
+"""How the structure falls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cvxlimit.checks import positive
+from cvxlimit.plotting.annotations import annotated
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.crushing import shapes_of
+from cvxlimit.plotting.joints import moving_joints
+from cvxlimit.plotting.look import SPEED_STOPS, SPEED_TEXT, title
+from cvxlimit.plotting.movement import motion
+from cvxlimit.plotting.registry import picture
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+
+
+@picture
+def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer = None) -> Drawing:
+    """How the structure falls: displaced blocks by speed, and what the joints do.
+
+    Joints that open, slide or twist are outlined, the wider the faster, so that many small slips
+    do not hide what fails.
+
+    Parameters
+    ----------
+    solution : Solution
+        With its scene.
+    magnification : float
+        Of the displacements as they are drawn by themselves: 9 % of the structure's size. What the
+        largest one comes to is said on the picture; rates have no size of their own.
+    viewer : (3,) or None
+        Direction from the scene towards the viewer; chosen from the movement if None.
+
+    Raises
+    ------
+    InputError
+        For a solution without its scene, or a magnification that is not above 0.
+    """
+    return mechanism_of(solution.drawn_scene, solution, magnification, viewer)
+
+
+def mechanism_of(
+    scene: Scene, solution: Solution, magnification: float = 1.0, viewer: Viewer = None
+) -> Drawing:
+    """The mechanism of a solution of ``scene``; see :func:`mechanism`."""
+    moving = motion(scene, solution)
+    moving = replace(moving, scale=positive(magnification, "magnification") * moving.scale)
+    length = moving.scale * moving.largest
+    caption = (
+        f"collapse mechanism; largest displacement drawn {length:.3g} {scene.units.length}; "
+        "joint lines by rate"
+    )
+    return Drawing(
+        scene,
+        moving,
+        camera_for(scene, moving, viewer),
+        title(solution),
+        caption if moving.moves else "",
+        marking=moving_joints(scene, moving),
+        notes=annotated(scene),
+        bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
+        blocks="block (no mechanism)",
+        shapes=shapes_of(scene, solution, moving),
+    )
