@@ -32,7 +32,7 @@ from cvxlimit.masonry.randoms import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.solvers import settings_for
@@ -143,7 +143,7 @@ def better(run: Run, tries: int, seed: int = 0) -> float:
     begins at the best forces known and moves to what is better.
     """
     rng, contacts = np.random.default_rng(seed), run.contacts
-    problem, checker = NodeProblem(run.assemblage), LowerBounds(run.assemblage, run.moments)
+    problem, checker = HullProblem(run.assemblage), LowerBounds(run.assemblage, run.moments)
     best, forces = run.best.bracket.lower, run.best.forces
     settings = settings_for("CLARABEL", 1e-9)
     for number in range(tries):

@@ -28,7 +28,6 @@ from cvxlimit.methods.fixed_point import FrozenProblem
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.problem import LimitProblem
@@ -64,12 +63,11 @@ def timed(scene: Scene, most: int) -> dict[str, tuple[float, float]]:
     """Seconds of a solve, and of one that ends after an iteration, by problem."""
     run = Run(scene, moments=parse_moments("independent"))
     copies = run.moments.box_copies(run.contacts)
-    hull, arrays = HullProblem(run.assemblage), NodeProblem(run.assemblage)
+    hull = HullProblem(run.assemblage)
     step = SafeStep(run.assemblage, run.moments)
     middle = Point.middle(step.statics.contacts)
     found = {
-        "relaxation, compiled afresh": _measured(lambda s: hull.solve(copies, s), QUICK),
-        "relaxation, as arrays": _measured(lambda s: arrays.solve(copies, s), QUICK),
+        "relaxation": _measured(lambda s: hull.solve(copies, s), QUICK),
         "safe step, compiled afresh": _measured(lambda s: step.solve(middle, s), QUICK),
     }
     if len(run.contacts) <= most:

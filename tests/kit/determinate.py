@@ -13,7 +13,7 @@ from cvxlimit.geometry.polygons import effective_region, mean_distance
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.named import parse_moments
-from cvxlimit.methods.interaction.relaxation.hull import UpperBound
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess
 

@@ -17,7 +17,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import SIGNED
-from cvxlimit.methods.interaction.relaxation.hull import UpperBound
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.model.formulations import ForceModel, Part, vertex_forces
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder

@@ -30,7 +30,7 @@ from cvxlimit.methods.interaction.climb.recognition import carrying_forces
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
-from cvxlimit.methods.interaction.relaxation.hull import UpperBound
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status

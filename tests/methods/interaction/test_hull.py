@@ -21,7 +21,7 @@ from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.states.copies import Copies, copy_forces
+from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
@@ -37,6 +37,7 @@ from determinate import (
     upper_bound,
 )
 from helpers import interaction_excess, named_scene
+from hull_in_cvxpy import copy_forces
 
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
 ROUNDING = 1e-12

@@ -27,8 +27,7 @@ from cvxlimit.methods.interaction.states.majorants import (
     Plane,
     Point,
     Row,
-    independent_rows,
-    signed_rows,
+    StepRows,
 )
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
@@ -94,8 +93,8 @@ def rows_at(
     ones = np.ones(SAMPLES)
     rectangles = Rectangles(contacts, ones, np.tile(np.eye(2), (SAMPLES, 1, 1)), 0 * contacts.sides)
     plane = Plane.at(point, rectangles, balance)
-    rows = signed_rows if moments == "signed" else independent_rows
-    found = rows(fields, point, plane, contacts.sides, contacts.friction)
+    slopes = parse_moments(moments).slopes
+    found = StepRows(fields, point, plane, contacts.sides, contacts.friction, slopes, False).rows()
     return [row_value(row, normal) for row in found], fields
 
 

@@ -300,7 +300,8 @@ class TestLowerBounds:
         assert found.lower <= found.upper
         assert found.lower > 0.9 * found.upper  # 1 % wide here; nothing near a factor of two
         assert found.forces is not None
-        assert MOMENTS[moments].excess(found.forces, scene.contacts).max() <= 1e-9 * _weight(scene)
+        # 1e-7 of the load: what the checker accepts, less what that is worth
+        assert MOMENTS[moments].excess(found.forces, scene.contacts).max() <= 1e-7 * _weight(scene)
         if moments == "paper":
             for x, contact in zip(found.forces, scene.contacts, strict=True):
                 mine = by_hand_at(x, contact.sides, contact.friction)

@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import missed_copies
-from cvxlimit.methods.interaction.relaxation.nodes import NodeProblem, Reach
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.reach import Reach
+from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
@@ -174,15 +175,10 @@ class Explorer:
         if opening is not None:
             self.certifier.offer_opening_field(opening)
         self.statics = self.certifier.statics
-        self.problem = NodeProblem(assemblage)
+        self.problem = HullProblem(assemblage)
         self.solves = 0
         self.solvers: set[str] = set()
         self.closed = -np.inf
-
-    @property
-    def can_split(self) -> NDArray[np.bool_]:
-        """Contacts (n,) whose states in boxes are known."""
-        return np.asarray(self.contacts.is_rectangle | self.moments.splits_polygons)
 
     def root(self, goal: Goal) -> Node:
         """All pressure centres."""
@@ -335,7 +331,7 @@ class Explorer:
         # what is beyond that in a narrow box is the solver's, and no split takes it away
         most = width * np.maximum(node.forces[:, COLUMN["N"]], 0.0)
         excess = np.clip(self.moments.excess(node.forces, self.contacts), 0.0, most)
-        counts = self.can_split & (width > _NARROW)
+        counts = width > _NARROW
         return np.where(counts if free is None else counts & free, excess * speed, 0.0)
 
     def _speeds(self, mechanism: FloatArray) -> FloatArray:
@@ -394,7 +390,7 @@ class Explorer:
         return contact, axis, float(centre[axis])
 
     def _widest(self, node: Node) -> list[tuple[int, int, float]]:
-        width = np.ptp(node.boxes, axis=2) * self.can_split[:, None]
+        width = np.ptp(node.boxes, axis=2)
         contact, axis = np.unravel_index(int(width.argmax()), width.shape)
         if width[contact, axis] <= _NARROW:
             return []

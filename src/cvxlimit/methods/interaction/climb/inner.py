@@ -36,7 +36,8 @@ from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem, UpperBound
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.reductions.choice import Reductions
@@ -153,11 +154,14 @@ class InnerMethod:
         """
         self._start = "middle" if start is None else "relaxation"
         self._mark, self._last = self.run.best.bracket.lower, None
-        for number, iterate in enumerate(self.moments.ways(self, start), 1):
+        for number, iterate in enumerate(self._way(start), 1):
             yield iterate
             if number >= self.most:
                 break
         yield from self._tightened()
+
+    def _way(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        return self.boxed(start) if self.moments.way == "boxes" else self.stepped(start)
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes about ``start`` (n, 6) that shrink until their forces nearly satisfy Eq. 30, and a

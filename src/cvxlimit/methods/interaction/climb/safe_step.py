@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.states.majorants import Plane, Point
+from cvxlimit.methods.interaction.states.majorants import Plane, Point, StepRows, force_fields
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
@@ -51,7 +51,9 @@ class SafeStep:
     ) -> None:
         whole = Assemblage.of(scene)
         self.moments, self.scaling = moments, whole.scaling
-        rectangles = Rectangles.of(whole.contacts, moments.inscribed)
+        rectangles = Rectangles.of(
+            whole.contacts, moments.inscribed, moments.largest_arm(whole.contacts)
+        )
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
         self.assemblage = replace(
             whole, statics=replace(whole.statics, contacts=rectangles.contacts)
@@ -62,7 +64,9 @@ class SafeStep:
         self.own = self.rectangles.take(self.kept)
         contacts = self.own.contacts
         model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
-        self.fields, self.magnitudes = moments.fields(model.components, contacts.friction)
+        slopes = moments.slopes
+        has_sizes = slopes is None or bool((slopes[:, 0] != slopes[:, 1]).any())
+        self.fields, self.magnitudes = force_fields(model.components, contacts.friction, has_sizes)
         self.model = model if self.half is None else self.half.lifted(model)
 
     def solve(
@@ -110,7 +114,10 @@ class SafeStep:
     ) -> list[cp.Constraint]:
         contacts, normal, point = self.own.contacts, self.fields.N, point.take(self.kept)
         plane = Plane.at(point, self.own, self.moments.balance)
-        found = self.moments.rows(self.fields, point, plane, contacts.sides, contacts.friction)
+        found = StepRows(
+            self.fields, point, plane, contacts.sides, contacts.friction,
+            self.moments.slopes, self.moments.is_limited,
+        ).rows()  # fmt: skip
         if curvature < 1.0:
             found = [row.lengthened(normal, curvature) for row in found]
         return [row.cone(normal, 0.0 if slack is None else slack) for row in found]

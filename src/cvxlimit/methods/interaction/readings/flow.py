@@ -7,13 +7,10 @@ from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.states.copies import cell_copies
 from cvxlimit.methods.interaction.states.support import (
     Support,
-    corner_power,
+    corner_support,
     half_extent,
-    is_whole,
-    shear_support,
     whole_boxes,
 )
 from cvxlimit.model.flow import Shortfall
@@ -38,8 +35,8 @@ class InteractionFlow:
     moments : Moments
     boxes : (n, 2, 2) array, optional
         Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Arms of polygons that are not rectangles are bounded over cells where
-        a box does not hold all of one (:mod:`cells`).
+        :func:`half_extent`. Arms of polygons that are not rectangles are bounded over cells
+        (:mod:`cells`) where friction at their corners does not stand for all states.
     """
 
     def __init__(
@@ -48,10 +45,10 @@ class InteractionFlow:
         self.contacts, self.moments = contacts, moments
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
+        has_corners = moments.has_corner_hull(contacts, self.boxes)
+        self._corners = np.flatnonzero(~contacts.is_rectangle & has_corners)
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        boxed = moments.splits_polygons & ~is_whole(self.boxes) & ~contacts.is_rectangle
-        self._cells = cell_copies(contacts, boxed, self.boxes, moments.is_about_centre)
-        self._others = np.flatnonzero(~contacts.is_rectangle & ~boxed)
+        self._cells = moments.cells(contacts, self.boxes)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
@@ -79,28 +76,16 @@ class InteractionFlow:
     def _support(self, w: FloatArray, halvings: int) -> Support:
         """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
-        friction = self.contacts.friction
-        others = self._others
-        if len(others):
-            power[others] = self.moments.polygon_power(w[others], self.contacts, others)
-        np.maximum.at(power, self._cells.contact, self._cell_power(w))
+        friction, rows, cells = self.contacts.friction, self._corners, self._cells
+        if len(rows):
+            power[rows] = corner_support(w[rows], self.contacts, rows)
+        if len(cells.cell):
+            j = cells.contact
+            found = self.moments.cell_power(w[j], friction[j], cells)
+            np.maximum.at(power, j[cells.start], found)
         rows = self._rectangles
         if len(rows):
             power[rows], centre[rows] = self.moments.support(
                 w[rows], self.half[rows], friction[rows], self.boxes[rows], halvings
             )
         return power + w[:, COLUMN["N"]], centre
-
-    def _cell_power(self, w: FloatArray) -> FloatArray:
-        """Power (k,) at the corners of cells; see :mod:`cells`."""
-        copies = self._cells
-        j, e = copies.contact, self.half[copies.contact] * copies.centre
-        friction, rates = self.contacts.friction[j], w[j]
-        torsion = copies.arm * self.contacts.torsion_arm[j] * np.abs(rates[:, COLUMN["MT"]])
-        if self.moments.is_about_centre:
-            return corner_power(rates, e, friction, torsion)
-        shear = np.abs(rates[:, [COLUMN["V1"], COLUMN["V2"]]])
-        slope = shear_support(shear, np.ones(len(j)), copies.drag)
-        moments = rates[:, COLUMN["M1"]] * e[:, 1] - rates[:, COLUMN["M2"]] * e[:, 0]
-        result: FloatArray = moments + friction * np.maximum(torsion, slope)
-        return result

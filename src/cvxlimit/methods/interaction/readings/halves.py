@@ -82,11 +82,14 @@ class Half:
         maps = [(v, (self.forces @ meaning).tocsr()) for v, meaning in variables.maps]
         return replace(variables, maps=maps)
 
-    def lifted_whole(self, variables: ForceVariables) -> ForceVariables:
-        """The same for variables written for all contacts, of which only those kept have any."""
+    @property
+    def forces_of_all(self) -> sp.csr_array:
+        """Forces (6 n,) of all contacts, per forces (6 n,) of which only those of contacts kept
+        count."""
         columns = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
-        maps = [(v, (self.forces @ meaning[columns]).tocsr()) for v, meaning in variables.maps]
-        return replace(variables, maps=maps)
+        places = np.arange(len(columns)), columns
+        shape = (len(columns), self.forces.shape[0])
+        return (self.forces @ sp.csr_array((np.ones(len(columns)), places), shape)).tocsr()
 
 
 def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:

@@ -1,40 +1,39 @@
 """How Eq. 30 adds moments: one object per reading, which knows all that depends on it.
 
-Everything else in this package takes such an object. A further reading is one more class; those
-with Eq. 27 beside Eq. 30, the paper's own among them, and all names are in :mod:`named`.
+Everything else in this package takes such an object. A reading with tied signs is a name and a
+lever (:class:`TiedMoments`): safe steps, support function, frozen surface, copies and inscribed
+rectangles follow, so a reading of one's own is as tight as those here. Those with Eq. 27 beside
+Eq. 30, the paper's own among them, and all names are in :mod:`named`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, Protocol
+from collections.abc import Callable
+from functools import cached_property
+from typing import ClassVar, Literal
 
 import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.interaction.states.cells import Cells, independent_cell_support
 from cvxlimit.methods.interaction.states.copies import (
     Copies,
     cell_copies,
+    copies_of,
     corner_copies,
     level_places,
-    pinned_copies,
     spread_copies,
 )
-from cvxlimit.methods.interaction.states.majorants import (
-    Components,
-    Forces,
-    Plane,
-    Point,
-    Row,
-    forces_with_sizes,
-    independent_rows,
-    plain_forces,
-    signed_rows,
+from cvxlimit.methods.interaction.states.levered import (
+    cell_support,
+    levered_support,
+    limited_support,
 )
-from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.pressure import Pressure, own_arm
 from cvxlimit.methods.interaction.states.rectangles import (
     Rectangle,
     largest_anywhere,
@@ -42,24 +41,24 @@ from cvxlimit.methods.interaction.states.rectangles import (
 )
 from cvxlimit.methods.interaction.states.support import (
     Support,
-    corner_support,
+    axis_levels,
     free_sign,
     independent_support,
     is_whole,
-    mixed_sign,
-    signed_support,
     whole_boxes,
 )
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.frozen import (
     Eccentricity,
+    LimitedTorsionShearBending,
     SignedTorsionShearBending,
     TorsionShearBending,
 )
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _SMALLEST_ARM = 1e-9
 """An effective area without extent counts as this fraction of c_T: the frozen surface keeps an
@@ -69,41 +68,29 @@ _NARROWEST_CHILD = 0.2
 """Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
 
 
-class Ways(Protocol):
-    """Ways to admissible forces: see
-    :class:`~cvxlimit.methods.interaction.climb.inner.InnerMethod`."""
-
-    def stepped(self, start: FloatArray | None) -> Iterator[Any]:
-        """Steps inside Eq. 30, from given forces (n, 6) or from the middle."""
-
-    def boxed(self, start: FloatArray | None) -> Iterator[Any]:
-        """Hulls over shrinking boxes of pressure centres, and frozen problems at their ends."""
-
-
 class Moments(ABC):
     """A reading of Eq. 30: torque of a contact's forces <= c (mu N - abs(V)).
+
+    Derive a reading of one's own from :class:`TiedMoments`.
 
     Attributes
     ----------
     name : str
         As in options and result files.
     starts : tuple of {"relaxation", "middle", "boxes"}
-        Where climbs to a lower bound begin unless they are told.
+        Where searches for a lower bound begin unless they are told.
+    way : {"steps", "boxes"}
+        How they go on: by safe steps, or by shrinking boxes of pressure centres.
+    slopes : (2, 2) array or None
+        d_i / e_i of the lever about which torsion is taken, for each axis at positive and negative
+        e_i; None for independent signs.
+    is_limited : bool
+        True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
     frozen : callable
         Eq. 32: the convex surface with the eccentricities frozen, and its cone.
-    fields, rows : callable
-        What safe steps are written in (:mod:`majorants`), and their rows, convex and inside Eq. 30.
     inscribed : callable
         A rectangle in a contact of another shape (corners (k, 2)) on which Eq. 30 is as strict or
         stricter.
-    support : callable
-        Largest power of true states on rectangles (:mod:`support`).
-    is_limited : bool
-        True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
-    splits_polygons : bool
-        True if bounds are known for contacts of other shapes that press in a box (:mod:`cells`).
-    is_about_centre : bool
-        True if torsion is taken about the pressure centre there.
     balance : float
         k^2 of the product bounds of safe steps, in units of (half side / friction).
     reach : float
@@ -116,15 +103,12 @@ class Moments(ABC):
     """
 
     name: str
-    starts: ClassVar[tuple[str, ...]]
+    starts: tuple[str, ...]
+    way: Literal["steps", "boxes"] = "steps"
+    is_limited: bool = False
+    slopes: FloatArray | None = None
     frozen: Callable[[Eccentricity, Cone], YieldSurface]
-    fields: Callable[[Components, FloatArray], tuple[Forces, list[cp.Constraint]]]
-    rows: Callable[[Forces, Point, Plane, FloatArray, FloatArray], list[Row]]
     inscribed: Callable[[FloatArray], Rectangle]
-    support: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], Support]
-    is_limited: ClassVar[bool] = False
-    splits_polygons: ClassVar[bool] = False
-    is_about_centre: ClassVar[bool] = True
     balance: ClassVar[float]
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
@@ -143,6 +127,10 @@ class Moments(ABC):
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
         """Left side of Eq. 30 (n,), for forces (n, 6) that press ``at`` some centre."""
 
+    def largest_arm(self, contacts: Contacts) -> FloatArray:
+        """The largest arm c (n,) there may be; infinite as a rule."""
+        return np.full(len(contacts), np.inf)
+
     def excess(self, forces: FloatArray, contacts: Contacts) -> FloatArray:
         """Eq. 30 with its own eccentricities, not linearised: excess (n,) in force units.
 
@@ -151,48 +139,76 @@ class Moments(ABC):
         is part of it; tension and rocking are checked elsewhere.
         """
         at = Pressure.of(forces, contacts)
+        arm = np.minimum(at.arm, self.largest_arm(contacts))
         v1, v2, normal, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "N", "MT"))
         spare = contacts.friction * normal - np.hypot(v1, v2)
-        eq_30 = (self.torque(forces, at) - at.arm * spare) / contacts.torsion_arm
+        eq_30 = (self.torque(forces, at) - arm * spare) / contacts.torsion_arm
         if self.is_limited:
-            eq_27 = (np.abs(mt) - at.arm * contacts.friction * normal) / contacts.torsion_arm
+            eq_27 = (np.abs(mt) - arm * contacts.friction * normal) / contacts.torsion_arm
             eq_30 = np.maximum(eq_30, eq_27)
         return np.maximum(eq_30, -spare)
 
     def parameters(self, contacts: int) -> Eccentricity:
-        """What :meth:`frozen` takes, as Parameters of so many contacts."""
+        """What :attr:`frozen` takes, as Parameters of so many contacts."""
         return Eccentricity(
             cp.Parameter(contacts, nonneg=True), cp.Parameter(contacts), cp.Parameter(contacts)
         )
 
     def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
-        """What :meth:`frozen` takes, over c_T."""
-        arm = np.maximum(at.arm / contacts.torsion_arm, _SMALLEST_ARM)
-        return Eccentricity(arm, at.e1 / contacts.torsion_arm, at.e2 / contacts.torsion_arm)
-
-    def polygon_power(self, w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
-        """An upper bound (k,) on the power of true states with N = 1, but for w_N, for rates w
-        (k, 6) of contacts ``rows`` that are not rectangles: friction at their corners."""
-        return corner_support(w, contacts, rows)
+        """What :attr:`frozen` takes, over c_T."""
+        arm = np.minimum(at.arm, self.largest_arm(contacts)) / contacts.torsion_arm
+        lever = self._arms_of_shear(np.stack([at.e1, at.e2], axis=1)).T / contacts.torsion_arm
+        return Eccentricity(np.maximum(arm, _SMALLEST_ARM), *lever)
 
     @abstractmethod
-    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
-        """The way to admissible forces from a relaxation's forces (n, 6), or from the middle."""
+    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
+        """Arms (n, 2) of V2 and V1 for pressure centres (n, 2)."""
+
+    @abstractmethod
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """Largest power of true states on rectangles: see :mod:`~.states.support`."""
+
+    @abstractmethod
+    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
+        """An upper bound (g,) on the power of true states with N = 1 pressed in each cell, but for
+        w_N; rates (k, 6) and friction (k,) are those of the cells' corners."""
+
+    @abstractmethod
+    def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
+        """True (n,) for contacts whose states friction at the corners stands for."""
+
+    def cells(self, contacts: Contacts, boxes: FloatArray) -> Cells:
+        """Those of contacts that neither are rectangles nor have friction at their corners."""
+        chosen = ~contacts.is_rectangle & ~self.has_corner_hull(contacts, boxes)
+        return Cells.of(contacts, chosen, boxes, self.largest_arm(contacts))
+
+    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
+        """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
+        boxes = whole_boxes(contacts) if boxes is None else boxes
+        by_corners = self.has_corner_hull(contacts, boxes)
+        places = level_places(contacts.is_rectangle & ~by_corners, self._levels(boxes))
+        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
+        split = self._cell_copies(self.cells(contacts, boxes), contacts)
+        return corner_copies(contacts, by_corners).joined(split, *inside)
+
+    @abstractmethod
+    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
+        """Copies at the corners of cells."""
+
+    def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
+        """Pressure centres along both axes at which rectangles have copies, and where they do."""
+        return axis_levels(boxes)
 
     @abstractmethod
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
         """Copies of contacts ``rows`` pressed at ``centre`` (k, 2)."""
-
-    @abstractmethod
-    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
-
-    def polygon_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
-        """Those of contacts that are not rectangles: friction at their corners, or, where a box
-        holds less than all and this reading splits polygons, the corners of cells."""
-        boxed = ~contacts.is_rectangle & ~is_whole(boxes) & self.splits_polygons
-        inside = cell_copies(contacts, boxed, boxes, self.is_about_centre)
-        return corner_copies(contacts, ~contacts.is_rectangle & ~boxed).joined(inside)
 
     @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
@@ -210,54 +226,63 @@ class Moments(ABC):
 class Independent(Moments):
     """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
-    Only magnitudes of eccentricities count.
+    Only magnitudes of eccentricities count. On contacts that are not convex the arm is no larger
+    than the contact's own (:func:`own_arm`), so that Eq. 24 follows there as on rectangles.
     """
 
     name = "independent"
-    splits_polygons = True
-    is_about_centre = False
     starts = ("relaxation", "middle", "boxes")
     frozen = TorsionShearBending
-    fields = staticmethod(forces_with_sizes)
-    rows = staticmethod(independent_rows)
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
-    support = staticmethod(independent_support)
     balance = 2.0
     reach = 1.0
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
+
+    def largest_arm(self, contacts: Contacts) -> FloatArray:
+        """See the class."""
+        return own_arm(contacts)
 
     def parameters(self, contacts: int) -> Eccentricity:
         """Magnitudes."""
         return Eccentricity(*(cp.Parameter(contacts, nonneg=True) for _ in range(3)))
 
-    def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
-        """Magnitudes."""
-        return super().eccentricity(Pressure(np.abs(at.e1), np.abs(at.e2), at.arm), contacts)
+    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
+        return np.abs(e)
 
-    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
-        """Steps."""
-        return to.stepped(start)
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """On the edges of boxes."""
+        return independent_support(w, half, friction, boxes, halvings)
+
+    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
+        """At the corners of cells, with their drag."""
+        return independent_cell_support(w, friction, cells)
+
+    def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
+        """Polygons that press anywhere: a hull that is larger than needed."""
+        return ~contacts.is_rectangle & is_whole(boxes)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
         """Spread over both signs where boxes allow both alike."""
         return spread_copies(rows, centre, free_sign(boxes[rows]))
 
-    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """Ends of boxes, and zero where it lies between them; even ranges have one end."""
-        boxes = whole_boxes(contacts) if boxes is None else boxes
-        free = free_sign(boxes)
-        top = np.abs(boxes).max(axis=2)
-        levels = [
-            (np.where(free, top, boxes[..., 1]), np.ones_like(free)),
-            (boxes[..., 0], ~free & (boxes[..., 1] > boxes[..., 0])),
-            (np.zeros_like(top), mixed_sign(boxes)),
-        ]
-        places = level_places(contacts.is_rectangle, levels)
-        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return self.polygon_copies(contacts, boxes).joined(*inside)
+    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
+        return cell_copies(cells, contacts, None, False)
+
+    def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
+        """Ranges of both signs alike have one end."""
+        high, (low, has_low), zero = axis_levels(boxes)
+        return [high, (low, has_low & ~free_sign(boxes)), zero]
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -280,61 +305,146 @@ class Independent(Moments):
         return np.where(free, 0.0, box[:, 0]), np.where(free, np.abs(centre), centre)
 
 
-class Signed(Moments):
-    """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
+class TiedMoments(Moments):
+    """abs(MT - d1 V2 + d2 V1) for a lever d(e): a reading whose signs are tied.
 
-    name = "signed"
-    splits_polygons = True
-    starts: ClassVar[tuple[str, ...]] = ("relaxation",)
-    frozen = SignedTorsionShearBending
-    fields = staticmethod(plain_forces)
-    rows = staticmethod(signed_rows)
-    inscribed = staticmethod(largest_anywhere)  # torque about the pressure centre has no frame
-    support = staticmethod(signed_support)
+    A reading of one's own is a ``name`` and a :meth:`lever`, and ``is_limited`` if Eq. 27 stands
+    beside Eq. 30; all else follows from these. Give an instance as ``moments``.
+
+    Example
+    -------
+    >>> class Halfway(TiedMoments):
+    ...     name = "halfway"
+    ...
+    ...     def lever(self, e):
+    ...         return 0.5 * e
+    >>> from cvxlimit import builtin_scene, solve
+    >>> found = solve(builtin_scene("single-block"), interaction="certified", moments=Halfway())
+    >>> round(found.lower, 4), round(found.upper, 4)
+    (0.4, 0.4)
+    """
+
     balance = 1.0
     shrink = 0.005
     """Pressed in a corner or at full slip a contact's safe set has no interior, and solvers return
     inaccurate answers."""
 
-    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
-        return np.abs(mt - at.e1 * v2 + at.e2 * v1)
+    @abstractmethod
+    def lever(self, e: FloatArray) -> FloatArray:
+        """The point (..., 2) about which Eq. 30 takes torsion, for pressure centres (..., 2).
 
-    def ways(self, to: Ways, start: FloatArray | None) -> Iterator[Any]:
-        """Boxes: better than safe steps on all built-in panels."""
-        return to.boxed(start)
+        Linear in each quadrant; each component depends on its own eccentricity alone, and is no
+        larger than that.
+        """
+
+    @cached_property
+    def slopes(self) -> FloatArray:  # type: ignore[override]  # computed here, given elsewhere
+        """See :class:`Moments`.
+
+        Raises
+        ------
+        ModelError
+            If the lever is none that :meth:`lever` allows.
+        """
+        unit = self.lever(np.array([[1.0, 1.0], [-1.0, -1.0]])) * [[1.0, 1.0], [-1.0, -1.0]]
+        tried = np.array([[0.5, -1.0], [-0.25, 0.5], [1.0, -0.125], [0.0, 1.0], [-1.0, 0.0]])
+        expected = tried * np.where(tried > 0.0, unit[0], unit[1])
+        found = np.asarray(self.lever(tried), dtype=float)
+        is_other = np.abs(found - expected).max(axis=1) > 1e-12
+        if is_other.any() or np.abs(unit).max() > 1.0:
+            e, d = tried[is_other.argmax()], found[is_other.argmax()]
+            raise ModelError(
+                f"the lever of moments {self.name!r} must be linear in each quadrant of the "
+                "pressure centre, each component in its own eccentricity alone and no larger than "
+                f"that; got {d.tolist()} at {e.tolist()}"
+            )
+        return np.asarray(unit.T)
+
+    @property
+    def is_about_centre(self) -> bool:
+        """True if torsion is taken about the pressure centre itself."""
+        return bool((self.slopes == 1.0).all())
+
+    @property
+    def starts(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The relaxation; and the middle, where steps follow."""
+        return ("relaxation",) if self.is_about_centre else ("relaxation", "middle")
+
+    @property
+    def way(self) -> Literal["steps", "boxes"]:  # type: ignore[override]
+        """Boxes about the pressure centre, which are better there on all built-in panels."""
+        return "boxes" if self.is_about_centre else "steps"
+
+    @property
+    def frozen(self) -> Callable[[Eccentricity, Cone], YieldSurface]:  # type: ignore[override]
+        """With Eq. 27 where it stands beside Eq. 30."""
+        return LimitedTorsionShearBending if self.is_limited else SignedTorsionShearBending
+
+    @property
+    def inscribed(self) -> Callable[[FloatArray], Rectangle]:  # type: ignore[override]
+        """Anywhere where only the torque about the pressure centre counts, which has no frame."""
+        is_free = self.is_about_centre and not self.is_limited
+        return largest_anywhere if is_free else largest_centred
+
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        """About the lever."""
+        v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
+        d1, d2 = self.lever(np.stack([at.e1, at.e2], axis=1)).T
+        return np.abs(mt - d1 * v2 + d2 * v1)
+
+    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
+        return self.lever(e)
+
+    def support(
+        self,
+        w: FloatArray,
+        half: FloatArray,
+        friction: FloatArray,
+        boxes: FloatArray,
+        halvings: int,
+    ) -> Support:
+        """By corners of boxes; with Eq. 27 by a search."""
+        if self.is_limited:
+            return limited_support(self.lever, w, half, friction, boxes, halvings)
+        return levered_support(self.lever, w, half, friction, boxes)
+
+    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
+        """At the corners of cells; with Eq. 27 for all corners of one together."""
+        return cell_support(self.lever, self.is_limited, w, friction, cells)
+
+    def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
+        """Whole contacts of any shape about the pressure centre, where it is the exact hull."""
+        return is_whole(boxes) & (self.is_about_centre and not self.is_limited)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Torsion about the centre itself."""
-        return pinned_copies(rows, centre)
+        """Torsion about the lever, and Eq. 27."""
+        return copies_of(rows, centre, 0.0, self.lever(centre), self.is_limited)
 
-    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """Corners of boxes, and their corners at zero; friction at the corners of whole contacts,
-        whatever their shape."""
-        boxes = whole_boxes(contacts) if boxes is None else boxes
-        whole = contacts.is_rectangle & is_whole(boxes)
-        mixed = mixed_sign(boxes)
-        levels = [
-            (boxes[..., 1], np.ones_like(mixed)),
-            (boxes[..., 0], boxes[..., 1] > boxes[..., 0]),
-            (np.zeros(mixed.shape), mixed),
-        ]
-        rectangles = contacts.is_rectangle & ~whole
-        places = level_places(rectangles, levels)
-        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        return corner_copies(contacts, whole).joined(self.polygon_copies(contacts, boxes), *inside)
+    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
+        return cell_copies(cells, contacts, self.lever, self.is_limited)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
-        such point, abs(MT - centre x V) + reach2 abs(V1) + reach1 abs(V2), bounded; pressed
-        exactly there on other polygons."""
+        such point, abs(MT - d x V) + reach2 abs(V1) + reach1 abs(V2), bounded, since the lever
+        moves no farther than the pressure centre; pressed exactly there on other polygons."""
         centre = np.clip(centre, -1.0, 1.0)
         around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) * contacts.is_rectangle[:, None]
-        return pinned_copies(np.arange(len(contacts)), centre, around)
+        every = np.arange(len(contacts))
+        return copies_of(every, centre, around, self.lever(centre), self.is_limited)
 
     def split(self, low: float, high: float, at: float) -> list[float]:
         """At zero first, where the range has both signs."""
         return [low, 0.0, high] if low < 0.0 < high else _halved(low, high, at)
+
+
+class Signed(TiedMoments):
+    """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
+
+    name = "signed"
+
+    def lever(self, e: FloatArray) -> FloatArray:
+        """The pressure centre."""
+        return e
 
 
 def _halved(low: float, high: float, at: float) -> list[float]:

@@ -1,89 +1,34 @@
-"""Upper bounds on the load factor from the convex hull of every contact's states.
+"""Limit problems over copies of contacts, as arrays: the convex hull of every contact's states.
 
-Which copies (:mod:`copies`) make the hull follows from where the support
-function (:mod:`support`) has its maximum:
-
-- signed: the corners of a box, and its corners at zero where it holds zero. For a whole
-  contact the polygon's corners alone (c = 0): *Coulomb friction at the corners of the contact is
-  the exact hull of signed torsion-shear-bending*;
-- independent: four copies with eps = (0, 0), (l1/2, 0), (0, l2/2), (l1/2, l2/2), and further ones
-  on the edges of the box, added where the mechanism shows that they are missed (column pricing).
-
-Bounds never rest on the copies: a mechanism is certified against the support function itself.
+One writing serves the relaxations of a whole run and the thousands of small problems of branch and
+bound, where compiling by CVXPY would take longer than solving. The formulas are those of
+:mod:`~cvxlimit.methods.interaction.states.copies`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.bracket import known
-from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.states.copies import Copies, copy_forces
+from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LargestFactor, StaticProblem
-from cvxlimit.proof.certificate import Certifier
+from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
-from cvxlimit.surfaces import Rocking
+from cvxlimit.solvers.program import ConeProgram
 
 FloatArray = NDArray[np.float64]
-
-_NOISE = 1e-10
-"""Missing opening, as a share of the mechanism's largest rate, that solvers leave anyway."""
-
-_WORTH_A_COPY = 0.1
-"""Share of the tolerance by which a contact must raise the bound for copies to be added to it."""
-
-_BESIDE = 0.2
-"""Copies come in threes: the worst place, and this far to both sides in round 1, its square in
-round 2, and so on. The S12-class panel needs 4 solves instead of 6."""
-
-MOST_ROUNDS = 12
-"""Solves with added copies; the built-in scenes need 2 to 6."""
-
-
-def missed_copies(
-    flow: InteractionFlow,
-    certifier: Certifier,
-    mechanism: FloatArray,
-    worth: float,
-    beside: float = 0.0,
-) -> Copies:
-    """Copies at the worst pressure centres of contacts that open too little.
-
-    ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
-    by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
-    With ``beside``, further copies that far along the edges of whole contacts.
-    """
-    statics, field = certifier.statics, certifier.witnesses.opening_field
-    rates = statics.relative_rates(mechanism)
-    missing, centre = flow.worst(rates)
-    noise = _NOISE * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
-    chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
-    if field is not None:
-        bound = -float(statics.dead @ mechanism.ravel())
-        price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
-        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
-    rows = np.flatnonzero(chosen)
-    result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
-    if beside > 0.0:
-        ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
-        inner = ~ends.all(axis=1)
-        for step in (-beside, beside):
-            moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
-            result = result.joined(flow.moments.copies_at(rows[inner], moved, flow.boxes))
-    return result
+IntArray = NDArray[np.int64]
+_Entry = tuple[IntArray, IntArray, FloatArray]
+"""Rows, columns and values of a sparse matrix."""
 
 
 class HullProblem:
-    """Limit problems over copies of one scene's contacts, in the units of :class:`Scaling`.
+    """Limit problems over copies of one scene's contacts; equilibrium is kept from one to the next.
 
     Parameters
     ----------
@@ -104,111 +49,220 @@ class HullProblem:
 
     def __init__(self, scene: Scene | Assemblage, half: Half | None = None) -> None:
         self.assemblage, self.half = Assemblage.of(scene), half
+        self.scaling, statics = self.assemblage.scaling, self.assemblage.scaled
+        self.contacts, self.extent = statics.contacts, half_extent(statics.contacts)
+        matrix, loads = statics.matrix, np.stack([statics.dead, statics.live], axis=1)
+        self.forces = self.rates = None
+        if half is not None:
+            self.forces, self.rates = half.forces_of_all, half.rates
+            matrix, loads = self.rates @ matrix @ self.forces, self.rates @ loads
+        size = abs(matrix).sum(axis=1) + np.abs(loads).sum(axis=1)
+        self.rows = np.flatnonzero(size > 0.0)
+        self.matrix, self.size = matrix.tocsr()[self.rows].tocsc(), len(size)
+        self.dead, self.live = loads[self.rows].T
 
     def solve(
         self,
         copies: Copies,
         settings: SolverSettings | None = None,
         relief_price: float | None = None,
+        glued: IntArray | None = None,
     ) -> LimitState:
         """One run of one solver; never raises for what the solver does.
 
         With ``relief_price``, any share of the dead load may be taken off at this price: see
-        :class:`~cvxlimit.model.problem.LargestFactor`.
+        :class:`~cvxlimit.model.problem.LargestFactor`. Contacts ``glued`` (k,) bear any force; what
+        that says bounds nothing.
         """
-        half, rates = self.half, None
-        if half is not None:
-            copies, rates = copies.without(half.dropped), half.rates
-        forces = copy_forces(copies, self.assemblage.scaled.contacts)
-        if half is not None:
-            forces = half.lifted_whole(forces)
-        objective = LargestFactor(relief_price=relief_price)
-        problem = StaticProblem(self.assemblage, forces, (), objective, rates)
-        return problem.solve(settings or default_ladder()[0])
+        if self.half is not None:
+            copies = copies.without(self.half.dropped)
+        columns = CopyColumns(self, copies, relief_price, glued)
+        outcome, x, y = columns.program().solve(settings or default_ladder()[0])
+        if x is None or y is None:
+            return LimitState(outcome, None, None, None)
+        forces = columns.meaning @ x
+        if self.forces is not None:
+            forces = self.forces @ forces
+        return LimitState(
+            outcome,
+            self.scaling.load_factor(float(x[0])),
+            self.scaling.forces(np.asarray(forces).reshape(-1, len(COMPONENTS))),
+            self.mechanism(y),
+        )
+
+    def mechanism(self, duals: FloatArray) -> FloatArray:
+        """Rates (free, 6) in the user's units, from the duals of equilibrium."""
+        rates = np.zeros(self.size)
+        rates[self.rows] = duals
+        full = rates if self.rates is None else np.asarray(self.rates.T @ rates)
+        return self.scaling.mechanism(full.reshape(-1, DOF))
 
 
-class UpperBound:
-    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
+class CopyColumns:
+    """Columns and rows of one problem.
 
-    Bounds go to ``run.best``; what else is known is here.
-
-    Attributes
-    ----------
-    state : LimitState or None
-        The last relaxation with a mechanism: no hull bound could be lower than nearly its load
-        factor, and its pressure centres are a start for methods from below.
-    added : Copies
-        Those added by pricing.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> run = Run(builtin_scene("single-block"))
-    >>> UpperBound(run).search(1e-5, default_ladder())
-    >>> round(run.best.bracket.upper, 5)
-    0.4
+    Variables are the load factor, the relief, and per copy N, V1, V2 (where it shears), tau (where
+    its arm is not zero), bounds on abs(V1) and abs(V2) (where they drag on torsion), a torsion of
+    its own (where Eq. 27 limits it), and per contact what of M2, M1 and MT is free within bounds.
     """
 
-    def __init__(self, run: Run, half: Half | None = None) -> None:
-        self.run = run
-        with run.clock.phase("compile"):
-            self.flow = InteractionFlow(run.contacts, run.moments)
-            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
-            self.problem = HullProblem(run.assemblage, half)
-            self.first = run.moments.box_copies(run.contacts)
-        self.added = Copies.none()
-        self.state: LimitState | None = None
-        self._beside, self._claims_no_optimum = _BESIDE, False
+    def __init__(
+        self,
+        problem: HullProblem,
+        copies: Copies,
+        price: float | None = None,
+        glued: IntArray | None = None,
+    ) -> None:
+        self.problem, self.copies, self.price = problem, copies, price
+        self.half = problem.extent[copies.contact]
+        self.arm = copy_arms(copies, problem.contacts)
+        self.friction = problem.contacts.friction[copies.contact]
+        self.width, self.nonneg = (1 if price is None else 2), 0
+        self.gives: list[_Entry] = []
+        self.signs: list[_Entry] = []
+        self.shears = np.flatnonzero(copies.signed | (self.arm > 0.0))
+        self.twists = np.flatnonzero(self.arm > 0.0)
+        self._add_compression()
+        self._add_shear()
+        self._add_torsion()
+        self.drag = [self._drag(axis) for axis in (0, 1)]
+        if glued is not None:
+            for component in COMPONENTS:
+                self._give(component, glued, self._new(len(glued)), 1.0)
 
-    def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
-        """Solve, certify the mechanism, add copies where it opens too little, and repeat.
+    def _add_compression(self) -> None:
+        copies, every = self.copies, np.arange(len(self.copies))
+        self.pressed = self._new(len(copies))
+        e1, e2 = (self.half * copies.centre).T
+        for component, value in (("N", 1.0), ("M1", e2), ("M2", -e1)):
+            self._give(component, copies.contact, self.pressed, value)
+        idle = np.ones(len(every), dtype=bool)
+        idle[self.shears] = self.friction[self.shears] <= 0.0  # elsewhere its cone says N >= 0
+        self._at_most_zero((self.pressed[idle], -1.0))
+        for axis, moment in enumerate(("M2", "M1")):
+            reach = (self.half * copies.spread)[:, axis]
+            spread = np.flatnonzero(reach > 0.0)
+            self._add_bounded(moment, spread, reach[spread], self.pressed[spread])
 
-        Ends when bound and relaxation are within ``tolerance`` of each other. Solvers that give
-        nothing are followed by the next of the ladder.
-        """
-        for rung in ladder:
-            for _ in range(MOST_ROUNDS):
-                is_changed = self._improve(rung, tolerance)
-                if self._is_closed(tolerance):
-                    return
-                if not is_changed:
-                    break
-            if self._claims_no_optimum:
-                return
+    def _add_shear(self) -> None:
+        k, signed = self.shears, self.copies.signed[:, None]
+        self.about = np.where(signed, self.half * self.copies.lever, 0.0)[k]
+        self.shear = self._new(len(k)), self._new(len(k))
+        contact = self.copies.contact[k]
+        for axis, component in enumerate(("V1", "V2")):
+            self._give(component, contact, self.shear[axis], 1.0)
+        self._give("MT", contact, self.shear[0], -self.about[:, 1])
+        self._give("MT", contact, self.shear[1], self.about[:, 0])
 
-    def offer(self, mechanism: FloatArray) -> None:
-        """Certify rates (free, 6) from elsewhere."""
-        with self.run.clock.phase("certify"):
-            bound = self.certifier.certificate(None, None, mechanism)
-            run = self.run
-            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, mechanism)
+    def _add_torsion(self) -> None:
+        self.tau = self._new(len(self.twists))
+        self._at_most_zero((self.tau, -1.0))
+        own = self.copies.limited[self.twists]
+        free = self.twists[~own]
+        self._add_bounded("MT", free, self.arm[free], self.tau[~own])
+        self._limit_torsion(self.twists[own], self.tau[own])
 
-    def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
-        """Solve, certify, price; False if another round with this solver would not help."""
-        run, copies = self.run, self.first.joined(self.added)
-        state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
-        self._claims_no_optimum = state.outcome.claims_no_optimum
-        if state.mechanism is None:
-            run.note(state, settings, **run.bounds)
-            return False
-        self.state = state
-        with run.clock.phase("certify"):
-            bound = self.certifier.certificate(state.forces, None, state.mechanism)
-            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
-            worth = _WORTH_A_COPY * tolerance * self._unit
-            new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
-        run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
-        self.added = self.added.joined(new)
-        self._beside *= _BESIDE
-        return len(new) > 0
+    def _limit_torsion(self, twists: IntArray, tau: IntArray) -> None:
+        """Eq. 27: torsion of their own for limited copies, which with what their shear does about
+        the contact's centre is at most c mu N."""
+        limited = np.flatnonzero(self.copies.limited[self.shears])
+        k, about = self.shears[limited], self.about[limited]
+        own = self._new(len(twists))
+        self._give("MT", self.copies.contact[twists], own, 1.0)
+        place = np.searchsorted(k, twists)
+        for sign in (1.0, -1.0):
+            self._at_most_zero((own, sign), (tau, -self.arm[twists]))
+            rows = self._at_most_zero(
+                (self.shear[0][limited], -sign * about[:, 1]),
+                (self.shear[1][limited], sign * about[:, 0]),
+                (self.pressed[k], -self.arm[k] * self.friction[k]),
+            )
+            self.signs.append((rows[place], own, np.full(len(own), sign)))
 
-    def _is_closed(self, tolerance: float) -> bool:
-        """True if more copies could not lower the bound by more than ``tolerance``."""
-        if self.state is None or self.state.load_factor is None:
-            return False
-        return self.run.best.bracket.upper - self.state.load_factor <= tolerance * self._unit
+    def _drag(self, axis: int) -> _Entry:
+        """kappa abs(V1), or V2: places among the copies that shear, columns, weights."""
+        k, copies = self.shears, self.copies
+        fixed = np.where(copies.signed[k], 0.0, np.abs(copies.centre[k, 1 - axis]))
+        eps = self.half[k, 1 - axis] * (fixed + copies.spread[k, 1 - axis])
+        weight = eps / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
+        given = np.isfinite(copies.drag[k]).all(axis=1) & ~copies.signed[k]
+        weight = np.where(given, copies.drag[k, axis], weight)
+        rows = np.flatnonzero(weight > 0.0)
+        size = self._new(len(rows))
+        for sign in (1.0, -1.0):
+            self._at_most_zero((self.shear[axis][rows], sign), (size, -1.0))
+        return rows, size, weight[rows]
+
+    def _add_bounded(self, component: str, k: IntArray, reach: FloatArray, size: IntArray) -> None:
+        """A free part of a contact's force component, between +- sums of reach * size."""
+        contact, place = np.unique(self.copies.contact[k], return_inverse=True)
+        part = self._new(len(contact))
+        self._give(component, contact, part, 1.0)
+        for sign in (1.0, -1.0):
+            rows = self._at_most_zero((part, sign))
+            self.signs.append((rows[place], size, -reach))
+
+    def _new(self, count: int) -> IntArray:
+        self.width += count
+        return np.arange(self.width - count, self.width)
+
+    def _give(
+        self, component: str, contact: IntArray, columns: IntArray, values: FloatArray | float
+    ) -> None:
+        """What variables are of a contact's forces."""
+        rows = len(COMPONENTS) * contact + COLUMN[component]
+        self.gives.append((rows, columns, np.broadcast_to(values, rows.shape)))
+
+    def _at_most_zero(self, *terms: tuple[IntArray, FloatArray | float]) -> IntArray:
+        """New rows: sums of columns times values, one column of each term per row."""
+        count = len(terms[0][0])
+        rows = self.nonneg + np.arange(count)
+        self.signs += [(rows, columns, np.broadcast_to(v, count)) for columns, v in terms]
+        self.nonneg += count
+        return rows
 
     @property
-    def _unit(self) -> float:
-        """What tolerances are relative to: the bound, or its natural unit near zero."""
-        return replace(self.run.best.bracket, lower=-np.inf).unit
+    def meaning(self) -> sp.csc_array:
+        """Contact forces (6 n,) from the variables."""
+        return stacked(self.gives, (len(COMPONENTS) * len(self.problem.contacts), self.width))
+
+    def program(self) -> ConeProgram:
+        """Equations of equilibrium, inequalities, and one cone per copy that shears."""
+        problem = self.problem
+        every = np.arange(len(problem.rows))
+        loads = [(every, np.zeros(len(every), dtype=int), problem.live)]
+        cost, upper = np.zeros(self.width), []
+        cost[0] = -1.0
+        if self.price is not None:
+            cost[1] = self.price / problem.scaling.load_factor(1.0)
+            loads.append((every, np.ones(len(every), dtype=int), -problem.dead))
+            for sign in (-1.0, 1.0):
+                self._at_most_zero((np.array([1]), sign))
+            upper = [0.0, 1.0]
+        equations = problem.matrix @ self.meaning + stacked(loads, (len(every), self.width))
+        matrix = sp.vstack(
+            [equations, stacked(self.signs, (self.nonneg, self.width)), self._cones()], format="csc"
+        )
+        shears = len(self.shears)
+        inequalities = np.concatenate([np.zeros(self.nonneg - len(upper)), upper])
+        right = np.concatenate([-problem.dead, inequalities, np.zeros(3 * shears)])
+        return ConeProgram(cost, matrix, right, len(every), self.nonneg, (3,) * shears)
+
+    def _cones(self) -> sp.csc_array:
+        """abs(V) <= mu N - tau - drag, one cone of three rows per copy that shears."""
+        k = self.shears
+        top, one = 3 * np.arange(len(k)), np.ones(len(k))
+        cones = [(top, self.pressed[k], -self.friction[k])]
+        cones += [(top + 1, self.shear[0], -one), (top + 2, self.shear[1], -one)]
+        place = np.searchsorted(k, self.twists)
+        cones.append((top[place], self.tau, np.ones(len(place))))
+        cones += [(top[at], size, weight) for at, size, weight in self.drag]
+        return stacked(cones, (3 * len(k), self.width))
+
+
+def stacked(entries: list[_Entry], shape: tuple[int, int]) -> sp.csc_array:
+    """The sum of all entries as a matrix."""
+    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+    result = sp.csc_array((values, (rows, columns)), shape)
+    result.eliminate_zeros()
+    return result

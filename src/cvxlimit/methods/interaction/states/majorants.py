@@ -186,83 +186,140 @@ class Row:
 Components = Mapping[str, cp.Expression]
 
 
-def plain_forces(c: Components, friction: FloatArray) -> tuple[Forces, list[cp.Constraint]]:
-    """Force expressions with variables for their magnitudes, and what bounds those."""
+def force_fields(
+    c: Components, friction: FloatArray, has_sizes: bool
+) -> tuple[Forces, list[cp.Constraint]]:
+    """Force expressions with variables for their magnitudes, and what bounds those; ``s`` and ``t``
+    where ``has_sizes``."""
     n = len(friction)
     m, u = cp.Variable((n, 2), name="m"), cp.Variable(n, name="u")
     V, X = (c["V1"], c["V2"]), (-c["M2"], c["M1"])
     bounds = [cp.SOC(u, cp.vstack(V), axis=0), u <= cp.multiply(friction, c["N"])]
     for i in (0, 1):
         bounds += [X[i] <= m[:, i], -X[i] <= m[:, i]]
-    return Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u), bounds
-
-
-def forces_with_sizes(c: Components, friction: FloatArray) -> tuple[Forces, list[cp.Constraint]]:
-    """The same, with ``s`` and ``t``."""
-    plain, bounds = plain_forces(c, friction)
-    n = len(friction)
+    plain = Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u)
+    if not has_sizes:
+        return plain, bounds
     s, t = cp.Variable((n, 2), name="s"), cp.Variable(n, name="t")
     bounds += [c["MT"] <= t, -c["MT"] <= t]
     for i in (0, 1):
-        bounds += [plain.V[i] <= s[:, i], -plain.V[i] <= s[:, i]]
+        bounds += [V[i] <= s[:, i], -V[i] <= s[:, i]]
     return replace(plain, s=(s[:, 0], s[:, 1]), t=t), bounds
 
 
-def independent_rows(
-    f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-) -> list[Row]:
-    """t + base + [m1 (s2 - 2 ca u) + m2 (s1 - 2 cb u)] / N <= 0."""
-    size = np.linalg.norm(point.shear, axis=1)
-    products = [
-        Product(
-            f.m[i],
-            f.s[j] - cp.multiply(2.0 * plane.slope[:, i], f.u),
-            plane.k[:, i],
-            np.abs(point.centre[:, i]),
-            np.abs(point.shear[:, j]) - 2.0 * plane.slope[:, i] * size,
-        )
-        for i, j in ((0, 1), (1, 0))
-    ]
-    return [Row.of(f.t + _base(f, plane, sides, mu), products, f.N)]
+@dataclass(frozen=True, eq=False)
+class StepRows:
+    """Rows of one reading at one point: Eq. 30, and Eq. 27 where it stands beside it.
 
+    ``slopes`` (2, 2) are d_i / e_i of the reading's lever, for each axis at positive and at
+    negative e_i; None for independent signs. With torque MT - d1 V2 + d2 V1, the product of N d_i
+    with a shear is majorised
 
-def signed_rows(
-    f: Forces, point: Point, plane: Plane, sides: FloatArray, mu: FloatArray
-) -> list[Row]:
-    """±(MT - (X1 V2 - X2 V1) / N) + base - 2 (ca m1 + cb m2) u / N <= 0 for both signs.
-
-    With X = X+ - X- and m = X+ + X-, X+- = (m +- X) / 2 >= 0, each product has a factor whose
-    sign is known.
+    - *split*, where both slopes are one: with X = X+ - X- and m = X+ + X-, X+- = (m +- X) / 2 >= 0,
+      each product has a factor whose sign is known;
+    - with its sign *kept*, where they differ: abs(X_i) is linear while the sign of e_i is that of
+      the point;
+    - *free*, with independent signs, and where a sign would be kept but the point lies on the axis,
+      so that later steps may cross it: abs(X_i V_j) <= m_i s_j.
     """
-    base = _base(f, plane, sides, mu)
-    size = np.linalg.norm(point.shear, axis=1)
-    rows = []
-    for torque in (1.0, -1.0):
-        products = []
-        for part in (1.0, -1.0):
-            for i, j in ((0, 1), (1, 0)):
-                turn = part * torque * (-1.0 if i == 0 else 1.0)
-                centre = part * point.centre[:, i]
-                share = np.clip(1.0 + 2.0 * centre / sides[:, i], _IDLE_BALANCE, 1.0)
-                products.append(
-                    Product(
-                        (f.m[i] + part * f.X[i]) / 2.0,
-                        turn * f.V[j] - cp.multiply(2.0 * plane.slope[:, i], f.u),
-                        plane.k[:, i] * share,
-                        np.maximum(centre, 0.0),
-                        turn * point.shear[:, j] - 2.0 * plane.slope[:, i] * size,
-                    )
-                )
-        rows.append(Row.of(torque * f.MT + base, products, f.N))
-    return rows
 
+    f: Forces
+    point: Point
+    plane: Plane
+    sides: FloatArray
+    friction: FloatArray
+    slopes: FloatArray | None
+    is_limited: bool
+
+    def rows(self) -> list[Row]:
+        """All of them, <= 0."""
+        f, base = self.f, self._base
+        if self.slopes is None:
+            assert f.t is not None
+            return [Row.of(f.t + base, self._products(1.0), f.N)]
+        found = self._torsion_rows() if self.is_limited else []
+        for turn in (1.0, -1.0):
+            found.append(Row.of(turn * f.MT + base, self._products(turn), f.N))
+        kept = [i for i in (0, 1) if not self._is_split(i)]
+        return [*found, *(Row(-self._reach(i)[0]) for i in kept)]
+
+    def _torsion_rows(self) -> list[Row]:
+        """Eq. 27, +-MT - mu (ca P1 + cb P2) <= 0: linear, with m_i >= abs(X_i) in the sides P_i."""
+        return [Row(sign * self.f.MT - self._resistance) for sign in (1.0, -1.0)]
+
+    @property
+    def _resistance(self) -> cp.Expression:
+        """(ca P1 + cb P2) mu, which is no more than c_T mu N."""
+        effective = [cp.multiply(self.sides[:, i], self.f.N) - 2.0 * self.f.m[i] for i in (0, 1)]
+        slope = self.plane.slope
+        return sum(cp.multiply(slope[:, i] * self.friction, effective[i]) for i in (0, 1))
+
+    @property
+    def _base(self) -> cp.Expression:
+        """-(ca P1 + cb P2) mu + (ca l1 + cb l2) u: resistance without the products."""
+        return cp.multiply((self.plane.slope * self.sides).sum(axis=1), self.f.u) - self._resistance
+
+    def _is_split(self, i: int) -> bool:
+        return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
+
+    def _products(self, turn: float) -> list[Product]:
+        found = []
+        for part in (1.0, -1.0):  # in this order: solvers' last digits depend on it
+            found += [self._halved(i, turn, part) for i in (0, 1) if self._is_split(i)]
+        return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
+
+    def _halved(self, i: int, turn: float, part: float) -> Product:
+        """With X+ or X- of a split axis."""
+        f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
+        assert self.slopes is not None
+        along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
+        centre = part * self.point.centre[:, i]
+        share = np.clip(1.0 + 2.0 * centre / self.sides[:, i], _IDLE_BALANCE, 1.0)
+        return Product(
+            (f.m[i] + part * f.X[i]) / 2.0,
+            along * f.V[j] - cp.multiply(slope, f.u),
+            self.plane.k[:, i] * share,
+            np.maximum(centre, 0.0),
+            along * self.point.shear[:, j] - slope * self._size,
+        )
+
+    def _whole(self, i: int, turn: float) -> Product:
+        """With abs(X) where its sign is kept, with m where it is free."""
+        f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
+        shear, there = self.point.shear[:, j], -slope * self._size
+        y = -cp.multiply(slope, f.u)
+        x, sign = self._reach(i)
+        free, most = 1.0 * (sign == 0.0), 1.0
+        if self.slopes is not None:
+            most = float(np.abs(self.slopes[i]).max())
+            kept = turn * _SIGN[i] * sign * np.where(sign > 0.0, *self.slopes[i])
+            y, there = y + cp.multiply(kept, f.V[j]), there + kept * shear
+        if free.any():
+            x = x + cp.multiply(free, f.m[i])
+            y = y + cp.multiply(most * free, f.s[j])
+        there = there + most * free * np.abs(shear)
+        return Product(x, y, self.plane.k[:, i], np.abs(self.point.centre[:, i]), there)
+
+    def _reach(self, i: int) -> tuple[cp.Expression, FloatArray]:
+        """abs(X_i) where its sign is kept and zero elsewhere, and that sign."""
+        if self.slopes is None:
+            return cp.Constant(np.zeros(len(self.sides))), np.zeros(len(self.sides))
+        centre = self.point.centre[:, i]
+        sign = np.where(np.abs(centre) <= _CENTRAL * self.sides[:, i], 0.0, np.sign(centre))
+        return cp.multiply(sign, self.f.X[i]), sign
+
+    @property
+    def _size(self) -> FloatArray:
+        """abs(V) / N at the point."""
+        return np.asarray(np.linalg.norm(self.point.shear, axis=1))
+
+
+_SIGN = (-1.0, 1.0)
+"""Of N d_1 V2 and N d_2 V1 in the torque."""
 
 _IDLE_BALANCE = 0.3
 """Least share of k for the half X+ or X- that is zero at the point: it will move little."""
 
-
-def _base(f: Forces, plane: Plane, sides: FloatArray, mu: FloatArray) -> cp.Expression:
-    """-(ca P1 + cb P2) mu + (ca l1 + cb l2) u: resistance without the products."""
-    effective = [cp.multiply(sides[:, i], f.N) - 2.0 * f.m[i] for i in (0, 1)]
-    resistance = sum(cp.multiply(plane.slope[:, i] * mu, effective[i]) for i in (0, 1))
-    return cp.multiply((plane.slope * sides).sum(axis=1), f.u) - resistance
+_CENTRAL = 1e-4
+"""Pressure centres within this share of a side from an axis count as on it: a step's rows then let
+the centre cross, and cut off at most this share of the torque."""

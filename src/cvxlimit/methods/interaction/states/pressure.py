@@ -56,3 +56,17 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
         centre = np.array([e1[j], e2[j]])
         arm[j] = mean_distance(effective_region(contacts.corners_of(j), centre), centre)
     return arm
+
+
+def own_arm(contacts: Contacts) -> FloatArray:
+    """Largest arm (n,) that independent signs grant a contact: c_T of the contact itself where it
+    is not convex, infinite elsewhere.
+
+    Contacts that are not convex rock about their hull, and effective regions are the hull's; the
+    hull's mean distance may exceed the contact's, which Eq. 24 has. With this limit independent
+    signs, the safe reading, imply Eq. 24 there as they do on rectangles.
+    """
+    most = np.full(len(contacts), np.inf)
+    outlines = [j for j in contacts.pieces if not contacts.is_rectangle[j]]
+    most[outlines] = contacts.torsion_arm[outlines]
+    return most

@@ -79,8 +79,14 @@ class Rectangles:
     offset: FloatArray
 
     @classmethod
-    def of(cls, contacts: Contacts, inscribed: Callable[[FloatArray], Rectangle]) -> Rectangles:
-        """Those ``inscribed`` in corners (k, 2), with their arms; rectangles stay as they are."""
+    def of(
+        cls,
+        contacts: Contacts,
+        inscribed: Callable[[FloatArray], Rectangle],
+        largest: FloatArray | None = None,
+    ) -> Rectangles:
+        """Those ``inscribed`` in corners (k, 2), with their arms, of which contacts allow at most
+        ``largest`` (n,), None for any; rectangles stay as they are."""
         n = len(contacts)
         turn, offset, share = np.tile(np.eye(2), (n, 1, 1)), np.zeros((n, 2)), np.ones(n)
         if contacts.is_rectangle.all():
@@ -88,10 +94,14 @@ class Rectangles:
         corners = [contacts.corners_of(j) for j in range(n)]
         sides, area = contacts.sides.copy(), contacts.area.copy()
         known: dict[bytes, Rectangle] = {}
+        largest = np.full(n, np.inf) if largest is None else largest
         for j in np.flatnonzero(~contacts.is_rectangle).tolist():
-            key = np.round(corners[j] / np.sqrt(area[j]), 9).tobytes() + area[j].tobytes()
+            key = (
+                np.round(corners[j] / np.sqrt(area[j]), 9).tobytes()
+                + np.array([area[j], largest[j]]).tobytes()
+            )
             if key not in known:
-                known[key] = _with_arm(inscribed(corners[j]), corners[j])
+                known[key] = _with_arm(inscribed(corners[j]), corners[j], float(largest[j]))
             found = known[key]
             turn[j], offset[j], share[j] = found.turn, found.centre, found.arm_share
             sides[j] = 2.0 * np.array(found.half)
@@ -217,24 +227,23 @@ def _chains(points: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.interp(x, *lower.T), np.interp(x, *upper.T)
 
 
-def _with_arm(found: Rectangle, corners: FloatArray) -> Rectangle:
-    return replace(found, arm_share=_arm_share(corners, found))
-
-
-def _arm_share(corners: FloatArray, rectangle: Rectangle) -> float:
-    """Least c_P(e) / c_R(e) over the rectangle, at most 1, less a margin."""
-    half = np.array(rectangle.half)
+def _with_arm(found: Rectangle, corners: FloatArray, largest: float) -> Rectangle:
+    """With the least c_P(e) / c_R(e) over the rectangle, at most 1, less a margin."""
+    half = np.array(found.half)
     if half.min() <= 0.0:
-        return 0.0
-    least = min(_arm_ratios(corners, rectangle, half), default=1.0)
-    return min(1.0, _MARGIN * least)
+        return replace(found, arm_share=0.0)
+    least = min(_arm_ratios(corners, found, half, largest), default=1.0)
+    return replace(found, arm_share=min(1.0, _MARGIN * least))
 
 
-def _arm_ratios(corners: FloatArray, rectangle: Rectangle, half: FloatArray) -> Iterator[float]:
+def _arm_ratios(
+    corners: FloatArray, rectangle: Rectangle, half: FloatArray, largest: float
+) -> Iterator[float]:
     fractions = np.sin(np.linspace(-0.4999 * np.pi, 0.4999 * np.pi, _GRID))
     for p in fractions:
         for q in fractions:
             local = half * (p, q)
             centre = np.array(rectangle.centre) + rectangle.turn @ local
             arm = float(torsion_arm(*(2.0 * (half - np.abs(local)))))
-            yield mean_distance(effective_region(corners, centre), centre) / arm
+            own = mean_distance(effective_region(corners, centre), centre)
+            yield min(own, largest) / arm

@@ -95,20 +95,6 @@ def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> Flo
     return np.where(inside, both, single)
 
 
-def signed_support(
-    w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, _: int
-) -> Support:
-    """Ends of the boxes, and zero where it lies between them: no search, and no centres."""
-    levels = [boxes[..., 0], boxes[..., 1], np.clip(0.0, boxes[..., 0], boxes[..., 1])]
-    best = np.full(len(w), -np.inf)
-    for first in levels:
-        for second in levels:
-            e = half * np.stack([first[:, 0], second[:, 1]], axis=1)
-            torsion = rectangle_arm(half, np.abs(e)) * np.abs(w[:, COLUMN["MT"]])
-            best = np.maximum(best, corner_power(w, e, friction, torsion))
-    return best, np.full((len(w), 2), np.nan)
-
-
 def independent_support(
     w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, halvings: int
 ) -> Support:
@@ -160,13 +146,25 @@ def _quadrant_support(
     return search.upper(), search.where / half
 
 
+def axis_levels(boxes: FloatArray) -> list[tuple[FloatArray, NDArray[np.bool_]]]:
+    """Ends of boxes along both axes (n, 2), and zero where it lies between them: places, and where
+    a box has them besides the others."""
+    low, high, mixed = boxes[..., 0], boxes[..., 1], mixed_sign(boxes)
+    everywhere = np.ones_like(mixed)
+    return [(high, everywhere), (low, high > low), (np.clip(0.0, low, high), mixed)]
+
+
 def corner_power(
-    w: FloatArray, e: FloatArray, friction: FloatArray, torsion: FloatArray | float = 0.0
+    w: FloatArray,
+    e: FloatArray,
+    friction: FloatArray,
+    torsion: FloatArray | float = 0.0,
+    about: FloatArray | None = None,
 ) -> FloatArray:
-    """Power (k,) of a unit compression at e (k, 2) with the better of full friction there and
-    ``torsion``; but for w_N."""
-    twist = w[:, COLUMN["MT"]]
-    slip = np.hypot(w[:, COLUMN["V1"]] - twist * e[:, 1], w[:, COLUMN["V2"]] + twist * e[:, 0])
+    """Power (k,) of a unit compression at e (k, 2) with the better of full friction, with torsion
+    ``about`` a point (e itself), and pure ``torsion``; but for w_N."""
+    twist, d = w[:, COLUMN["MT"]], e if about is None else about
+    slip = np.hypot(w[:, COLUMN["V1"]] - twist * d[:, 1], w[:, COLUMN["V2"]] + twist * d[:, 0])
     moments = w[:, COLUMN["M1"]] * e[:, 1] - w[:, COLUMN["M2"]] * e[:, 0]
     result: FloatArray = moments + friction * np.maximum(torsion, slip)
     return result

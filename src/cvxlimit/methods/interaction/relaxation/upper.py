@@ -1,0 +1,168 @@
+"""Upper bounds on the load factor from the convex hull of every contact's states.
+
+Which copies (:mod:`~.states.copies`) make the hull follows from where the support function
+(:mod:`~.states.support`) has its maximum:
+
+- signed: the corners of a box, and its corners at zero where it holds zero. For a whole
+  contact the polygon's corners alone (c = 0): *Coulomb friction at the corners of the contact is
+  the exact hull of signed torsion-shear-bending*;
+- independent: four copies with eps = (0, 0), (l1/2, 0), (0, l2/2), (l1/2, l2/2), and further ones
+  on the edges of the box, added where the mechanism shows that they are missed (column pricing).
+
+Bounds never rest on the copies: a mechanism is certified against the support function itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.bracket import known
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.readings.halves import Half
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.surfaces import Rocking
+
+FloatArray = NDArray[np.float64]
+
+_NOISE = 1e-10
+"""Missing opening, as a share of the mechanism's largest rate, that solvers leave anyway."""
+
+_WORTH_A_COPY = 0.1
+"""Share of the tolerance by which a contact must raise the bound for copies to be added to it."""
+
+_BESIDE = 0.2
+"""Copies come in threes: the worst place, and this far to both sides in round 1, its square in
+round 2, and so on. The S12-class panel needs 4 solves instead of 6."""
+
+MOST_ROUNDS = 12
+"""Solves with added copies; the built-in scenes need 2 to 6."""
+
+
+def missed_copies(
+    flow: InteractionFlow,
+    certifier: Certifier,
+    mechanism: FloatArray,
+    worth: float,
+    beside: float = 0.0,
+) -> Copies:
+    """Copies at the worst pressure centres of contacts that open too little.
+
+    ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
+    by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
+    With ``beside``, further copies that far along the edges of whole contacts.
+    """
+    statics, field = certifier.statics, certifier.witnesses.opening_field
+    rates = statics.relative_rates(mechanism)
+    missing, centre = flow.worst(rates)
+    noise = _NOISE * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
+    chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
+    if field is not None:
+        bound = -float(statics.dead @ mechanism.ravel())
+        price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
+        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
+    rows = np.flatnonzero(chosen)
+    result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
+    if beside > 0.0:
+        ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
+        inner = ~ends.all(axis=1)
+        for step in (-beside, beside):
+            moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
+            result = result.joined(flow.moments.copies_at(rows[inner], moved, flow.boxes))
+    return result
+
+
+class UpperBound:
+    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
+
+    Bounds go to ``run.best``; what else is known is here.
+
+    Attributes
+    ----------
+    state : LimitState or None
+        The last relaxation with a mechanism: no hull bound could be lower than nearly its load
+        factor, and its pressure centres are a start for methods from below.
+    added : Copies
+        Those added by pricing.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.solvers import default_ladder
+    >>> run = Run(builtin_scene("single-block"))
+    >>> UpperBound(run).search(1e-5, default_ladder())
+    >>> round(run.best.bracket.upper, 5)
+    0.4
+    """
+
+    def __init__(self, run: Run, half: Half | None = None) -> None:
+        self.run = run
+        with run.clock.phase("compile"):
+            self.flow = InteractionFlow(run.contacts, run.moments)
+            self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
+            self.problem = HullProblem(run.assemblage, half)
+            self.first = run.moments.box_copies(run.contacts)
+        self.added = Copies.none()
+        self.state: LimitState | None = None
+        self._beside, self._claims_no_optimum = _BESIDE, False
+
+    def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
+        """Solve, certify the mechanism, add copies where it opens too little, and repeat.
+
+        Ends when bound and relaxation are within ``tolerance`` of each other. Solvers that give
+        nothing are followed by the next of the ladder.
+        """
+        for rung in ladder:
+            for _ in range(MOST_ROUNDS):
+                is_changed = self._improve(rung, tolerance)
+                if self._is_closed(tolerance):
+                    return
+                if not is_changed:
+                    break
+            if self._claims_no_optimum:
+                return
+
+    def offer(self, mechanism: FloatArray) -> None:
+        """Certify rates (free, 6) from elsewhere."""
+        with self.run.clock.phase("certify"):
+            bound = self.certifier.certificate(None, None, mechanism)
+            run = self.run
+            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, mechanism)
+
+    def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
+        """Solve, certify, price; False if another round with this solver would not help."""
+        run, copies = self.run, self.first.joined(self.added)
+        state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
+        self._claims_no_optimum = state.outcome.claims_no_optimum
+        if state.mechanism is None:
+            run.note(state, settings, **run.bounds)
+            return False
+        self.state = state
+        with run.clock.phase("certify"):
+            bound = self.certifier.certificate(state.forces, None, state.mechanism)
+            run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
+            worth = _WORTH_A_COPY * tolerance * self._unit
+            new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
+        run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
+        self.added = self.added.joined(new)
+        self._beside *= _BESIDE
+        return len(new) > 0
+
+    def _is_closed(self, tolerance: float) -> bool:
+        """True if more copies could not lower the bound by more than ``tolerance``."""
+        if self.state is None or self.state.load_factor is None:
+            return False
+        return self.run.best.bracket.upper - self.state.load_factor <= tolerance * self._unit
+
+    @property
+    def _unit(self) -> float:
+        """What tolerances are relative to: the bound, or its natural unit near zero."""
+        return replace(self.run.best.bracket, lower=-np.inf).unit
