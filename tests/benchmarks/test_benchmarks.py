@@ -81,6 +81,7 @@ def test_the_largest_panel_is_the_one_the_issue_names():
     assert (len(scene.free), len(scene.contacts)) == (5_560, 16_452)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", PLAIN, ids=lambda c: c.name)
 def test_every_case_runs_small_and_is_right(case):
     patterns = ("cvxlimit",) if len(case.sizes) == 1 else ("cvxlimit", QDLDL)
@@ -99,6 +100,7 @@ def test_every_case_runs_small_and_is_right(case):
         assert (record.case, record.family, record.size) == (case.name, case.family, size)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", [c for c in CASES.values() if c.interaction], ids=lambda c: c.name)
 def test_cases_with_interaction_lie_below_those_without(case):
     plan = Plan((50,), ("fixed-point/signed/conic",), 1, AMPLE, AMPLE)

@@ -277,6 +277,7 @@ def test_what_is_glued_is_still_checked() -> None:
 # --- records and pages ----------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(records, "FOLDER", tmp_path)
     monkeypatch.setattr(Table.__init__, "__defaults__", (tmp_path,))

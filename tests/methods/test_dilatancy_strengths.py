@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cvxlimit import Block, Load, Scene, Solution, Status, Tie, solve
 from cvxlimit.masonry import running_bond, single_block, wall
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from exhaustive import slow
 from helpers import hand_equilibrium, hand_torsion_arm
 
 FloatArray = NDArray[np.float64]
@@ -133,7 +134,7 @@ def assert_members_by_hand(scene: Scene, solution: Solution) -> None:
             assert x[2] <= strength * np.prod(np.maximum(sides - 2 * e, 0.0)) + 1e-5 * load
 
 
-@pytest.mark.parametrize("strength", [{"compressive": 100.0}, {"cohesion": 2.0}])
+@pytest.mark.parametrize("strength", [slow({"compressive": 100.0}), {"cohesion": 2.0}])
 def test_small_wall_by_hand(strength: dict[str, float]) -> None:
     scene = small_wall()
     if "cohesion" in strength:

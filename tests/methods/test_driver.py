@@ -19,6 +19,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import product
+from exhaustive import slow
 from falling import FALLING, GOOD, STOPPED, UNKNOWN, assert_falls
 
 # An outer loop of a user's own: friction that slides without opening (Gilbert et al. 2006).
@@ -222,7 +223,7 @@ def test_an_upper_bound_below_zero_found_late_is_a_fall() -> None:
     assert (solution.bracket, solution.load_factor) == (Bracket(), None)
 
 
-@pytest.mark.parametrize("moments", ["independent", "signed"])
+@pytest.mark.parametrize("moments", ["independent", slow("signed")])
 def test_a_fall_that_only_branching_finds(moments: str) -> None:
     """Pressed at a quarter of its side and twisted: c there is 0.2966 (design: c(1, 0.5)), the hull
     of all states has 0.3163 between centre and edge, and the dead load needs 0.306."""

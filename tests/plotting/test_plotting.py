@@ -402,6 +402,7 @@ def run_python(code, **variables):
     )
 
 
+@pytest.mark.exhaustive
 def test_png_needs_no_display(wall, solved, tmp_path):
     (tmp_path / "case").write_bytes(pickle.dumps((wall, solved)))
     run = run_python(

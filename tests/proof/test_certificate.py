@@ -85,6 +85,7 @@ class TestCorruptedForces:
         assert c.lower_is_proved
         assert c.lower <= factor * (1.0 + SLACK)
 
+    @pytest.mark.exhaustive
     def test_every_lost_contact_force_and_every_flipped_one(self) -> None:
         scene, certifier, state, factor = case("ferris-tin-loi-3")
         changed = 0

@@ -133,6 +133,7 @@ class TestProofs:
         assert_certified(solution, scene)
         assert solution.is_proved
 
+    @pytest.mark.exhaustive
     def test_a_panel_with_thin_reserve_stands(self) -> None:
         scene = panel(1.4, 40, left_return=0.52, right_return=0.52)
         assert Certifier(scene, SURFACES).witnesses.dead_state is None

@@ -221,6 +221,7 @@ class TestAnswers:
         scene = wall(running_bond(13, 26))
         assert_certified(solve(scene, surface, ladder=[OWN]), scene)
 
+    @pytest.mark.exhaustive
     def test_a_panel_on_which_refinement_stalled(self) -> None:
         """Its iterates broke the flow rule by 1e-8: brackets of 3e-6, and Clarabel's turn."""
         scene = panel(1.32, 44, left_return=0.88, right_return=0.88)

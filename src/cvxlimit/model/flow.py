@@ -175,7 +175,8 @@ class FlowRule:
         limits = [c for flow in flows for c in flow.limits]
         if len(self._free):
             limits.append(rest[self._free] == 0)
-        limits.append(rest[self._pressed] >= 0)
+        if len(self._pressed):
+            limits.append(rest[self._pressed] >= 0)
         lost = sum((flow.dissipation() for flow in flows), start=cp.Constant(0.0))
         return SymbolicFlow(limits, lost, flows)
 

@@ -245,6 +245,7 @@ def test_interrupted_it_leaves_the_bracket_reached() -> None:
     assert np.isfinite([solution.lower, solution.upper]).all()
 
 
+@pytest.mark.exhaustive
 def test_narrowing_the_root_halves_the_gap_of_an_irregular_wall() -> None:
     """22 contacts: far more than the gap allows to be split in a test."""
     run = Run(random_wall(1))

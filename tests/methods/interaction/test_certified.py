@@ -16,6 +16,7 @@ from cvxlimit.methods.interaction.climb.inner import InnerMethod
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
+from exhaustive import mostly_slow, slow
 from helpers import (
     hand_equilibrium,
     interaction_excess,
@@ -92,7 +93,7 @@ LOADS = {
 
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("load", LOADS.values(), ids=LOADS.keys())
-@pytest.mark.parametrize("blocks", [1, 2])
+@pytest.mark.parametrize("blocks", [1, slow(2)])
 def test_brute_force_lies_in_a_tight_bracket(
     blocks: int, load: tuple[float, ...], moments: str
 ) -> None:
@@ -134,7 +135,7 @@ def test_s12_class_panel_reaches_the_marks() -> None:
     assert "the tolerance is met" in solution.note
 
 
-@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("moments", mostly_slow(MOMENTS, ["independent"]))
 def test_turned_and_in_other_units(moments: str) -> None:
     """The bracket belongs to the scene: both see the same optimum from the same proofs."""
     scene = tower(2, LOADS["twisted"])
@@ -150,7 +151,7 @@ def test_turned_and_in_other_units(moments: str) -> None:
         assert other.gap <= 1e-3
 
 
-@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("moments", mostly_slow(MOMENTS, ["independent"]))
 def test_contacts_that_are_not_rectangles(moments: str) -> None:
     """Hexagonal drums: safe on inscribed rectangles, above by friction at the corners; said so."""
     angles = np.pi / 3 * np.arange(6)
@@ -196,6 +197,7 @@ def pebble_beside_a_boulder(size: float, small: float) -> Scene:
     return Scene(blocks, ["ground"], push, friction=0.5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize(
     ("size", "small"), [(10.0, 0.1), (10.0, 0.01), (10.0, 0.001), (1.0, 0.001)]

@@ -33,6 +33,7 @@ from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
 from cvxlimit.solvers import leading_ladder, settings_for
+from exhaustive import slow
 from helpers import interaction_excess, named_scene, piles
 
 FloatArray = NDArray[np.float64]
@@ -238,6 +239,7 @@ def test_hard_steps_do_not_fall(moments: str) -> None:
     assert np.diff(lowers).min() >= -1e-6 * lowers[-1]
 
 
+@pytest.mark.exhaustive
 def test_s12_class_panel_in_one_step_from_the_relaxation() -> None:
     """Issue: at least 0.1244 within 20 times the first solve; one hard step costs about 4."""
     scene = named_scene("s12-class")
@@ -312,7 +314,7 @@ DIRECTIONS = {
 
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("live", DIRECTIONS.values(), ids=DIRECTIONS.keys())
-@pytest.mark.parametrize("blocks", [1, 2])
+@pytest.mark.parametrize("blocks", [1, slow(2)])
 def test_below_brute_force_and_near_it(blocks: int, live: tuple[float, ...], moments: str) -> None:
     best = brute_force(blocks, live, moments)
     scene = stack_of(blocks, live)

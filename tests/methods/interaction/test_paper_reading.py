@@ -33,6 +33,7 @@ from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder, settings_for
 from cvxlimit.surfaces import Condition, Conic, Sliding
 from cvxlimit.surfaces.frozen import SignedTorsionShearBending
+from exhaustive import slow
 from helpers import yield_excess
 
 FloatArray = NDArray[np.float64]
@@ -287,7 +288,7 @@ class TestLowerBounds:
             excess = moments.excess(state.forces, scene.contacts).max() / step.scaling.force
             assert excess < 1e-7
 
-    @pytest.mark.parametrize("moments", ["paper", "signed-torsion-bending"])
+    @pytest.mark.parametrize("moments", ["paper", slow("signed-torsion-bending")])
     def test_certified_bracket(self, moments: str) -> None:
         """Proved on both sides, above what independent signs carry; forces pass by hand."""
         scene = random_wall(2)
@@ -352,6 +353,7 @@ class _Eq32Alone(Signed):
 
 
 class TestIteration:
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize("scene", ["s12-panel"])
     def test_the_papers_column(self, scene: str) -> None:
         """Table 8: 0.186 -> 0.137, octagon, old-value weight 0.8.
@@ -456,7 +458,13 @@ def _heavier(scene: Scene, times: float) -> Scene:
 class TestRecognition:
     @pytest.mark.parametrize(
         ("seed", "moments"),
-        [(15, "independent"), (26, "independent"), (4, "signed"), (22, "signed"), (4, "paper")],
+        [
+            (15, "independent"),
+            slow(26, "independent"),
+            slow(4, "signed"),
+            (22, "signed"),
+            slow(4, "paper"),
+        ],
     )
     def test_harmless_live_loads(self, seed: int, moments: str) -> None:
         """Forces found carry the live load alone, exactly, strictly inside Eq. 30."""
@@ -473,6 +481,7 @@ class TestRecognition:
         residual = np.abs(statics.residual(found.forces, 0.0)).max()
         assert residual <= 1e-9 * np.abs(scene.live_forces).sum()
 
+    @pytest.mark.exhaustive
     def test_a_load_that_is_harmless_only_without_interaction_has_a_factor(self) -> None:
         """Wall 22 is pressed so that plain contacts carry any multiple; near their edges they
         carry less."""
@@ -491,6 +500,7 @@ class TestRecognition:
         assert found.status is Status.DEAD_LOAD_UNSTABLE
         assert found.mechanism is not None
 
+    @pytest.mark.exhaustive
     def test_a_dead_load_that_interaction_alone_brings_down(self) -> None:
         """Pressed at e1 = 0.3 on an incline, in balance with V2 and MT = e1 V2 about the centre.
 
