@@ -8,6 +8,7 @@ and errors, one line each, go to stderr.
 from __future__ import annotations
 
 import io
+import json
 import os
 import sys
 import traceback
@@ -28,6 +29,7 @@ from cvxlimit.cli.showing import show_command
 from cvxlimit.cli.solving import EXIT_CODES, solve_command
 from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
+from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.versions import __version__
 
@@ -71,9 +73,13 @@ app.command(
 
 
 @app.command("scenes")
-def _scenes_command() -> Job:
+def _scenes_command(
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON Schema of scene files in its place.")
+    ] = False,
+) -> Job:
     """List the built-in scenes."""
-    return _scenes_job
+    return _schema_job if schema else _scenes_job
 
 
 def main() -> NoReturn:
@@ -151,6 +157,11 @@ def _discard_stdout() -> None:
     """Let Python's last flush of a closed pipe or a full disk go nowhere."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _schema_job() -> ExitCode:
+    typer.echo(json.dumps(json_schema("scene"), indent=1))
+    return ExitCode.SOLVED
 
 
 def _scenes_job() -> ExitCode:

@@ -1,19 +1,23 @@
 """Reading and writing scene files and result files: JSON, UTF-8, without loss.
 
 Two formats, ``cvxlimit-scene`` and ``cvxlimit-result``, both version 1. Everything given by
-the user comes back bit for bit. Geometry of other programs is read by :func:`import_geometry`. What
-cannot be read is refused with an
+the user comes back bit for bit; :func:`json_schema` describes both. Geometry of other programs is
+read by :func:`import_geometry`. What cannot be read is refused with an
 :class:`~cvxlimit.errors.InputError` of one line; nothing is padded, clipped or guessed.
 """
 
+from typing import Any
+
+from cvxlimit.errors import InputError
 from cvxlimit.io.geometry import Imported, export, import_geometry, read_bodies
-from cvxlimit.io.results import read_result, result_from_dict, result_to_dict, write_result
-from cvxlimit.io.scenes import read_scene, scene_from_dict, scene_to_dict, write_scene
+from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
+from cvxlimit.io.scenes import SCENE, read_scene, scene_from_dict, scene_to_dict, write_scene
 
 __all__ = [
     "Imported",
     "export",
     "import_geometry",
+    "json_schema",
     "read_bodies",
     "read_result",
     "read_scene",
@@ -24,3 +28,30 @@ __all__ = [
     "write_result",
     "write_scene",
 ]
+
+
+def json_schema(kind: str = "scene") -> dict[str, Any]:
+    """JSON Schema of a scene or result file, for editors and validators.
+
+    It knows keys, kinds and numbers of entries; what belongs together (a support that is no block,
+    an open mesh, a load on nothing) only reading tells. ``cvxlimit scenes --schema`` prints it. An
+    editor applies it to files that name it under ``"$schema"``, which reading passes over.
+
+    Parameters
+    ----------
+    kind : "scene" or "result"
+
+    Raises
+    ------
+    InputError
+        For another kind.
+
+    Example
+    -------
+    >>> json_schema()["required"]
+    ['format', 'version', 'blocks', 'supports', 'friction', 'loads']
+    """
+    for document in (SCENE, RESULT):
+        if document.kind == kind:
+            return document.schema
+    raise InputError(f"kind must be 'scene' or 'result', got {kind!r}")

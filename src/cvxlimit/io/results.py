@@ -3,46 +3,161 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields as dataclass_fields
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
-from cvxlimit.io.fields import (
-    ANY_FINITE,
-    JsonObject,
-    check_header,
-    fields,
-    items,
-    mapping,
-    number,
-    numbers,
-    refusals,
-    shown,
-    text,
-    whole,
+from cvxlimit.io.documents import Path
+from cvxlimit.io.fields import ANY_FINITE, JsonObject, number
+from cvxlimit.io.forms import (
+    HEADER,
+    TEXT,
+    WHOLE,
+    Document,
+    Form,
+    Key,
+    choice,
+    keyed,
+    listed,
+    nullable,
+    plain,
+    record,
+    row,
 )
-from cvxlimit.solution import LOAD_FACTOR, FloatArray, Iterate, Member, Solution, Status
+from cvxlimit.solution import FloatArray, Iterate, Member, Solution, Status
 
-_REQUIRED = (
-    "format", "version", "scene", "surface", "interaction", "moments", "blocks", "contacts",
-    "load_factor", "lower", "upper", "status", "history", "seconds", "forces", "mechanism",
-)  # fmt: skip
-_OPTIONAL = ("note", "bracket", "versions", "torsion_shear", "flow", "members", "model", "quantity")
+_NOT_FINITE = ("nan", "inf", "-inf")
+
+
+def _figure(value: object, where: str) -> float:
+    if isinstance(value, str) and value in _NOT_FINITE:
+        return float(value)
+    return number(value, where, ANY_FINITE)
+
+
+def _to_json(value: float, _: str) -> float | str:
+    return float(value) if math.isfinite(value) else repr(float(value))
+
+
+FIGURE = plain(_figure, {"anyOf": [{"type": "number"}, {"enum": [*_NOT_FINITE]}]}, _to_json)
+"""JSON has no numbers that are not finite: they are texts."""
+
+
+def _bound(none: float) -> Form:
+    """A figure; null where nothing bounds."""
+    return Form(
+        lambda value, *place: none if value is None else FIGURE.read(value, *place),
+        lambda value, *place: None if value == none else FIGURE.write(value, *place),
+        nullable(FIGURE).schema,
+    )
+
+
+BOUNDS = {"lower": _bound(-math.inf), "upper": _bound(math.inf)}
+
+PROVED = Form(
+    lambda value, *place: {
+        f"{end}_is_proved": end in listed(choice(BOUNDS)).read(value, *place) for end in BOUNDS
+    },
+    lambda bracket, *_: [end for end in BOUNDS if getattr(bracket, f"{end}_is_proved")],
+    listed(choice(BOUNDS)).schema,
+)
+BASIS = record(
+    Bracket,
+    {"proved": Key(PROVED, is_several=True, is_needed=True), "least": Key(FIGURE, is_needed=True)},
+    dict,
+)
+BRACKET = Form(
+    BASIS.read,
+    lambda solution, *place: (
+        None  # files of earlier versions do not say what bounds rest on, and mean this
+        if solution.bracket == Bracket(solution.lower, solution.upper)
+        else BASIS.write(solution.bracket, *place)
+    ),
+    BASIS.schema,
+)
+
+ITERATE = record(
+    Iterate,
+    {
+        each.name: Key(
+            TEXT if each.name in ("solver", "status") else BOUNDS.get(each.name, FIGURE),
+            is_needed=each.name in ("seconds", "solver", "status"),
+        )
+        for each in fields(Iterate)
+    },
+)
+
+NOT_WRITTEN: dict[str, Any] = {"forces": np.zeros((0, 6)), "mechanism": np.zeros((0, 6))}
+"""Of a member: those of the lowest are the result's own."""
+
+MEMBER = record(
+    Member,
+    {"start": Key(TEXT), "iterations": Key(WHOLE)}
+    | {
+        name: Key(FIGURE)
+        for name in ("load_factor", "equilibrium", "yield_excess", "flow", "complementarity")
+    },
+    lambda **given: Member(**given, **NOT_WRITTEN),
+)
+
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
-_NO_BOUND = {"lower": -math.inf, "upper": math.inf}
-_NOT_FINITE = ("nan", "inf", "-inf")
-_ITERATE_TEXTS = ("solver", "status")
-_ITERATE_REQUIRED = ("seconds", *_ITERATE_TEXTS)
-_ITERATE_OPTIONAL = tuple(
-    f.name for f in dataclass_fields(Iterate) if f.name not in _ITERATE_REQUIRED
+
+def _rows(forces: list[tuple[float, ...]]) -> FloatArray:
+    return np.array(forces, dtype=float).reshape(-1, len(COMPONENTS))
+
+
+FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
+MECHANISM = keyed(row(_RATES, ANY_FINITE), "mechanism of block {key}")
+
+
+def _solution(lower: float, upper: float, **given: Any) -> Solution:
+    basis = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
+    forces, mechanism = given["forces"], given["mechanism"]
+    if forces is not None and len(forces) != given["contacts"]:
+        raise InputError(
+            f"forces must be {given['contacts']} rows, one for each contact, got {len(forces)}"
+        )
+    if mechanism is not None:
+        given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
+    return Solution(bracket=Bracket(lower, upper, **basis), **given)
+
+
+RESULT = Document(
+    "result",
+    record(
+        Solution,
+        {
+            "scene": Key(TEXT, "{key}"),
+            "surface": Key(TEXT, "{key}"),
+            "interaction": Key(TEXT, "{key}"),
+            "moments": Key(TEXT, "{key}"),
+            "blocks": Key(WHOLE, "{key}"),
+            "contacts": Key(WHOLE, "{key}"),
+            "load_factor": Key(nullable(FIGURE), "{key}"),
+            **{end: Key(form, "{key}") for end, form in BOUNDS.items()},
+            "status": Key(choice(Status), "{key}"),
+            "history": Key(listed(ITERATE), "{key}"),
+            "seconds": Key(keyed(FIGURE, "seconds of phase {key}"), "{key}"),
+            "forces": Key(nullable(FORCES), "{key}", is_needed=True),
+            "mechanism": Key(nullable(MECHANISM), "{key}", is_needed=True),
+            "note": Key(TEXT, "{key}"),
+            "bracket": Key(BRACKET, "{key}", is_needed=False, is_several=True),
+            "torsion_shear": Key(TEXT, "{key}"),
+            "quantity": Key(TEXT, "{key}"),
+            "flow": Key(TEXT, "{key}"),
+            "members": Key(listed(MEMBER), "{key}"),
+            "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
+            "model": Key(listed(TEXT, "a reduction"), "{key}"),
+        },
+        _solution,
+        header=HEADER,
+    ),
 )
 
 
@@ -69,8 +184,8 @@ def read_result(path: Path) -> Solution:
     ...     read_result(file).upper
     inf
     """
-    with refusals(file_prefix(path)):
-        return result_from_dict(read_document(path))
+    solution: Solution = RESULT.read(path)
+    return solution
 
 
 def write_result(solution: Solution, path: Path) -> None:
@@ -87,9 +202,7 @@ def write_result(solution: Solution, path: Path) -> None:
     -------
     See :func:`read_result`.
     """
-    with refusals(file_prefix(path)):
-        data = encoded(result_to_dict(solution))
-    write_file(path, data)
+    RESULT.write(_checked(solution), path)
 
 
 def result_to_dict(solution: Solution) -> JsonObject:
@@ -118,43 +231,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
     >>> document["lower"], document["history"]
     (None, [{'load_factor': 0.25, 'seconds': 0.01, 'solver': 'CLARABEL', 'status': 'optimal'}])
     """
-    of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
-    with refusals():
-        factor = solution.load_factor
-        document: JsonObject = {
-            "format": "cvxlimit-result",
-            "version": 1,
-            "scene": text(solution.scene, "scene"),
-            "surface": text(solution.surface, "surface"),
-            "interaction": text(solution.interaction, "interaction"),
-            "moments": text(solution.moments, "moments"),
-            "blocks": int(solution.blocks),
-            "contacts": int(solution.contacts),
-            "load_factor": None if factor is None else _to_json(factor),
-            "lower": _to_json(solution.lower, _NO_BOUND["lower"]),
-            "upper": _to_json(solution.upper, _NO_BOUND["upper"]),
-            "status": str(solution.status),
-            "history": [_iterate_to_dict(iterate) for iterate in solution.history],
-            "seconds": {text(k, "a phase"): _to_json(v) for k, v in solution.seconds.items()},
-            "forces": _forces_to_list(solution.forces),
-            "mechanism": _mechanism_to_dict(solution.mechanism),
-        }
-        if solution.note:
-            document["note"] = text(solution.note, "note")
-        if solution.bracket != Bracket(solution.lower, solution.upper):
-            document["bracket"] = _bracket_to_dict(solution.bracket)
-        if solution.torsion_shear != "linear":
-            document["torsion_shear"] = text(solution.torsion_shear, "torsion_shear")
-        if solution.quantity != LOAD_FACTOR:
-            document["quantity"] = text(solution.quantity, "quantity")
-        if solution.flow != "associated":
-            document["flow"] = text(solution.flow, "flow")
-            document["members"] = [_member_to_dict(member) for member in solution.members]
-        if solution.versions:
-            document["versions"] = _versions(solution.versions)
-        if solution.model:
-            document["model"] = [text(name, "a reduction") for name in solution.model]
-        return document
+    return RESULT.to_dict(_checked(solution))
 
 
 def result_from_dict(document: object) -> Solution:
@@ -172,185 +249,9 @@ def result_from_dict(document: object) -> Solution:
     cvxlimit.errors.InputError: format must be 'cvxlimit-result', got 'cvxlimit-scene'; \
 this is not a result file
     """
-    with refusals():
-        check_header(document, "result")
-        top = fields(document, "the result", _REQUIRED, _OPTIONAL)
-        contacts = whole(top["contacts"], "contacts")
-        factor = top["load_factor"]
-        return Solution(
-            scene=text(top["scene"], "scene"),
-            surface=text(top["surface"], "surface"),
-            interaction=text(top["interaction"], "interaction"),
-            moments=text(top["moments"], "moments"),
-            blocks=whole(top["blocks"], "blocks"),
-            contacts=contacts,
-            load_factor=None if factor is None else _from_json(factor, "load_factor"),
-            bracket=_bracket(top),
-            status=_status(top["status"]),
-            history=tuple(_iterate(i, x) for i, x in enumerate(items(top["history"], "history"))),
-            seconds={
-                phase: _from_json(x, f"seconds of phase {shown(phase)}")
-                for phase, x in mapping(top["seconds"], "seconds").items()
-            },
-            forces=_forces(top["forces"], contacts),
-            mechanism=_mechanism(top["mechanism"]),
-            note=text(top.get("note", ""), "note"),
-            versions=_versions(top.get("versions", {})),
-            torsion_shear=text(top.get("torsion_shear", "linear"), "torsion_shear"),
-            flow=text(top.get("flow", "associated"), "flow"),
-            quantity=text(top.get("quantity", LOAD_FACTOR), "quantity"),
-            members=tuple(
-                _member(i, x) for i, x in enumerate(items(top.get("members", []), "members"))
-            ),
-            model=tuple(text(x, "a reduction") for x in items(top.get("model", []), "model")),
-        )
+    solution: Solution = RESULT.from_dict(document)
+    return solution
 
 
-_MEMBER_NUMBERS = ("load_factor", "equilibrium", "yield_excess", "flow", "complementarity")
-
-
-def _member_to_dict(member: Member) -> JsonObject:
-    """Load factor and residuals; forces and mechanism of the lowest are the result's own."""
-    figures = {name: _to_json(getattr(member, name)) for name in _MEMBER_NUMBERS}
-    return {"start": member.start, "iterations": member.iterations, **figures}
-
-
-def _member(index: int, value: object) -> Member:
-    where = f"entry {index} of members"
-    entry = fields(value, where, ("start", "iterations", *_MEMBER_NUMBERS))
-    figures = {name: _from_json(entry[name], f"{name} of {where}") for name in _MEMBER_NUMBERS}
-    return Member(
-        start=text(entry["start"], f"start of {where}"),
-        iterations=whole(entry["iterations"], f"iterations of {where}"),
-        forces=np.zeros((0, 6)),
-        mechanism=np.zeros((0, 6)),
-        **figures,
-    )
-
-
-def _to_json(value: float, no_bound: float | None = None) -> float | str | None:
-    """A finite number as it is; others as texts, and None where they mean that nothing bounds."""
-    plain = float(value)
-    if plain == no_bound:
-        return None
-    return plain if math.isfinite(plain) else repr(plain)
-
-
-def _from_json(value: object, where: str) -> float:
-    if isinstance(value, str) and value in _NOT_FINITE:
-        return float(value)
-    return number(value, where, ANY_FINITE)
-
-
-def _bound(value: object, end: str, where: str) -> float:
-    return _NO_BOUND[end] if value is None else _from_json(value, where)
-
-
-def _bracket_to_dict(bracket: Bracket) -> JsonObject:
-    proved = [end for end in _NO_BOUND if getattr(bracket, f"{end}_is_proved")]
-    return {"proved": proved, "least": _to_json(bracket.least)}
-
-
-def _bracket(top: Mapping[str, object]) -> Bracket:
-    """Results written by earlier versions have two bounds, and do not say what they rest on."""
-    lower, upper = (_bound(top[end], end, end) for end in _NO_BOUND)
-    if "bracket" not in top:
-        return Bracket(lower, upper)
-    basis = fields(top["bracket"], "bracket", ("proved", "least"))
-    proved = items(basis["proved"], "proved of bracket")
-    for end in proved:
-        if end not in _NO_BOUND:
-            raise InputError(f"proved of bracket must list 'lower' or 'upper', got {shown(end)}")
-    least = _from_json(basis["least"], "least of bracket")
-    return Bracket(lower, upper, "lower" in proved, "upper" in proved, least)
-
-
-def _status(value: object) -> Status:
-    try:
-        return Status(text(value, "status"))
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        known = ", ".join(repr(str(status)) for status in Status)
-        raise InputError(f"status must be one of {known}, got {shown(value)}") from error
-
-
-def _iterate_to_dict(iterate: Iterate) -> JsonObject:
-    values = {f.name: getattr(iterate, f.name) for f in dataclass_fields(iterate)}
-    return {
-        name: str(value) if name in _ITERATE_TEXTS else _to_json(value, _NO_BOUND.get(name))
-        for name, value in values.items()
-        if value is not None
-    }
-
-
-def _iterate(index: int, value: object) -> Iterate:
-    where = f"entry {index} of history"
-    entry = fields(value, where, _ITERATE_REQUIRED, _ITERATE_OPTIONAL)
-    optional = {
-        name: _iterate_number(entry[name], name, where)
-        for name in _ITERATE_OPTIONAL
-        if name in entry
-    }
-    return Iterate(
-        load_factor=optional.pop("load_factor", None),
-        seconds=_from_json(entry["seconds"], f"seconds of {where}"),
-        solver=text(entry["solver"], f"solver of {where}"),
-        status=text(entry["status"], f"status of {where}"),
-        **optional,
-    )
-
-
-def _iterate_number(value: object, name: str, where: str) -> float:
-    what = f"{name} of {where}"
-    return _bound(value, name, what) if name in _NO_BOUND else _from_json(value, what)
-
-
-def _versions(value: object) -> dict[str, str]:
-    found = mapping(value, "versions")
-    return {name: text(x, f"version of {shown(name)}") for name, x in found.items()}
-
-
-def _forces_to_list(forces: FloatArray | None) -> list[list[float]] | None:
-    if forces is None:
-        return None
-    return [
-        list(numbers(row.tolist(), COMPONENTS, f"force on contact {j}", ANY_FINITE))
-        for j, row in enumerate(np.asarray(forces))
-    ]
-
-
-def _forces(value: object, contacts: int) -> FloatArray | None:
-    if value is None:
-        return None
-    rows = items(value, "forces")
-    if len(rows) != contacts:
-        raise InputError(f"forces must be {contacts} rows, one for each contact, got {len(rows)}")
-    checked = [
-        numbers(row, COMPONENTS, f"force on contact {j}", ANY_FINITE) for j, row in enumerate(rows)
-    ]
-    return np.array(checked, dtype=float).reshape(-1, len(COMPONENTS))
-
-
-def _mechanism_to_dict(mechanism: Mapping[str, FloatArray] | None) -> JsonObject | None:
-    if mechanism is None:
-        return None
-    return {
-        text(block, "a block id of the mechanism"): list(
-            numbers(np.asarray(rates).tolist(), _RATES, _rates_of(block), ANY_FINITE)
-        )
-        for block, rates in mechanism.items()
-    }
-
-
-def _mechanism(value: object) -> dict[str, FloatArray] | None:
-    if value is None:
-        return None
-    return {
-        block: np.array(numbers(rates, _RATES, _rates_of(block), ANY_FINITE))
-        for block, rates in mapping(value, "mechanism").items()
-    }
-
-
-def _rates_of(block: str) -> str:
-    return f"mechanism of block {shown(block)}"
+def _checked(solution: Any) -> Any:
+    return of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")

@@ -2,41 +2,243 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
-from cvxlimit.io.fields import (
-    LARGEST,
-    JsonObject,
-    check_header,
-    fields,
-    items,
-    mapping,
-    number,
-    numbers,
-    refusals,
-    shown,
-    text,
-    whole,
+from cvxlimit.io.documents import Path
+from cvxlimit.io.fields import LARGEST, JsonObject, fields, items, number, numbers, shown, text
+from cvxlimit.io.forms import (
+    HEADER,
+    NUMBER,
+    TEXT,
+    WHOLE,
+    Document,
+    Form,
+    Key,
+    keyed,
+    listed,
+    plain,
+    record,
+    row,
 )
 from cvxlimit.loads import Load, PointForce, Pressure
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.ties import Tie
 
-_AXES = ("x", "y", "z")
-_FORCE = ("fx", "fy", "fz", "mx", "my", "mz")
-_LOAD = ("gravity", "acceleration", "forces", "points", "pressures", "weights")
-_REQUIRED = ("format", "version", "blocks", "supports", "friction", "loads")
-_OPTIONAL = ("name", "units", "contacts", "joint_tolerance", *PROPERTIES, "ties")
+AXES = ("x", "y", "z")
+POINT = row(AXES)
+FORCE = row(("fx", "fy", "fz", "mx", "my", "mz"))
+
+VERTICES = listed(POINT, "vertex {i} of {owner}")
+FACES = listed(listed(WHOLE, "a vertex index in {where}"), "face {i} of {owner}")
+
+BlockOf = Callable[[float | None], Block]
+"""A block that was read, for the scene's joint tolerance."""
+
+
+def _read_block(value: object, where: str, _: str) -> BlockOf:
+    if isinstance(value, dict) and "id" in value:
+        name = text(value["id"], f"id of {where}")
+        if not name:
+            raise InputError(f"id of {where} must not be empty; give every block a name")
+        where = f"block {shown(name)}"
+    entry = fields(value, where, ("id",), ("box", "vertices", "faces", "density"))
+    density = number(entry["density"], f"density of {where}") if "density" in entry else None
+    if "box" in entry:
+        if "vertices" in entry or "faces" in entry:
+            raise InputError(f"{where} has a box and vertices or faces; keep one of the two shapes")
+        box = fields(entry["box"], f"box of {where}", ("min", "max"))
+        low, high = (numbers(box[end], AXES, f"box {end} of {where}") for end in ("min", "max"))
+        made = Block.box(name, low, high, density)
+        return lambda _: made
+    if "vertices" not in entry or "faces" not in entry:
+        raise InputError(f"{where} has no shape; give it a box, or both vertices and faces")
+    vertices = VERTICES.read(entry["vertices"], f"vertices of {where}", where)
+    faces = FACES.read(entry["faces"], f"faces of {where}", where)
+    return partial(Block.polyhedron, name, vertices, faces, density)
+
+
+def _write_block(block: Block, *_: str) -> JsonObject:
+    where = f"block {shown(block.id)}"
+    points = block.vertices if block.bounds is None else np.array(block.bounds)
+    if not (np.abs(points) <= LARGEST).all():
+        raise InputError(
+            f"coordinates of {where} must be finite and at most {LARGEST:g}; choose other units"
+        )
+    entry: JsonObject = {"id": text(block.id, "id of a block")}
+    if block.bounds is None:
+        entry["vertices"] = points.tolist()
+        entry["faces"] = [list(face) for face in block.faces]
+    else:
+        entry["box"] = dict(zip(("min", "max"), points.tolist(), strict=True))
+    if block.density is not None:
+        entry["density"] = number(block.density, f"density of {where}")
+    return entry
+
+
+BLOCK = Form(
+    _read_block,
+    _write_block,
+    {
+        "type": "object",
+        "properties": {
+            "id": {"type": "string", "minLength": 1},
+            "box": {
+                "type": "object",
+                "properties": {"min": POINT.schema, "max": POINT.schema},
+                "required": ["min", "max"],
+                "additionalProperties": False,
+            },
+            "vertices": VERTICES.schema,
+            "faces": FACES.schema,
+            "density": NUMBER.schema,
+        },
+        "required": ["id"],
+        "oneOf": [{"required": ["box"]}, {"required": ["vertices", "faces"]}],
+        "additionalProperties": False,
+    },
+)
+
+
+def _read_pair(value: object, where: str) -> tuple[str, str]:
+    names = [text(name, where) for name in items(value, where)]
+    if len(names) != 2:
+        raise InputError(f"{where} must be two block ids, got {shown(value)}")
+    return names[0], names[1]
+
+
+PAIR = plain(_read_pair, {"type": "array", "items": TEXT.schema, "minItems": 2, "maxItems": 2})
+BETWEEN = Form(
+    lambda value, *place: dict(zip("ab", PAIR.read(value, *place), strict=True)),
+    lambda tie, *place: list(PAIR.write((tie.a, tie.b), *place)),
+    PAIR.schema,
+)
+TIE = record(
+    Tie,
+    {
+        "between": Key(BETWEEN, "'between' in {owner}", is_needed=True, is_several=True),
+        "start": Key(POINT),
+        "end": Key(POINT),
+        "yield_force": Key(NUMBER),
+    },
+)
+
+
+def _read_contacts(value: object, where: str, _: str) -> JsonObject:
+    """Exceptions, as arguments of the scene."""
+    result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in PROPERTIES}
+    for i, item in enumerate(items(value, where)):
+        where = f"entry {i} of contacts"
+        entry = fields(item, where, ("between",), PROPERTIES)
+        first, second = _read_pair(entry["between"], f"'between' in {where}")
+        contact = f"contact {shown(first)}-{shown(second)}"
+        if first == second:
+            raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
+        given = [what for what in PROPERTIES if what in entry]
+        if not given:
+            raise InputError(f"{where} lacks {', '.join(PROPERTIES)}: give at least one")
+        for what in given:
+            own = result[f"contact_{what}"]
+            if (first, second) in own or (second, first) in own:
+                raise InputError(f"{what} of {contact} is given twice; keep one entry")
+            own[first, second] = number(entry[what], f"{what} of {contact}")
+    return dict(result)
+
+
+def _write_contacts(scene: Scene, *_: str) -> list[JsonObject] | None:
+    """One entry per pair of blocks with anything of its own."""
+    entries: dict[tuple[str, str], JsonObject] = {}
+    for what in PROPERTIES:
+        for pair, value in getattr(scene, f"contact_{what}").items():
+            if value == float("inf"):
+                raise InputError(
+                    f"{what} of contact {pair} is infinite, which a scene file cannot say for one "
+                    "contact: give a large number"
+                )
+            entry = entries.setdefault(pair, {"between": list(pair)})
+            entry[what] = number(value, f"{what} of contact {pair}")
+    return list(entries.values()) or None
+
+
+CONTACT_SCHEMA = {
+    "type": "object",
+    "properties": {"between": PAIR.schema, **dict.fromkeys(PROPERTIES, NUMBER.schema)},
+    "required": ["between"],
+    "minProperties": 2,
+    "additionalProperties": False,
+}
+CONTACTS = Form(_read_contacts, _write_contacts, {"type": "array", "items": CONTACT_SCHEMA})
+
+POINT_FORCE = record(
+    PointForce,
+    {"block": Key(TEXT), "at": Key(POINT, "'at' of {owner}"), "force": Key(POINT)},
+)
+PRESSURE = record(
+    Pressure,
+    {"block": Key(TEXT), "normal": Key(POINT), "pressure": Key(NUMBER, "value of {owner}")},
+)
+LOAD = record(
+    Load,
+    {
+        "gravity": Key(POINT),
+        "acceleration": Key(POINT),
+        "forces": Key(keyed(FORCE, "force of {owner} on block {key}")),
+        "weights": Key(keyed(POINT, "weight of {owner} on block {key}")),
+        "points": Key(listed(POINT_FORCE, "point load {i}", prefix="in {owner}, ")),
+        "pressures": Key(listed(PRESSURE, "pressure {i}", prefix="in {owner}, ")),
+    },
+    prefix="in {where}, ",
+)
+LOADS = record(
+    Scene, {case: Key(LOAD, f"the {case} load", is_needed=True) for case in ("dead", "live")}, dict
+)
+UNITS = record(
+    Units,
+    {what: Key(TEXT, f"{what} unit", is_needed=True) for what in ("length", "force")},
+)
+TOLERANCE = plain(
+    lambda value, where: positive(number(value, where), where),
+    {"type": "number", "exclusiveMinimum": 0},
+)
+
+
+def _scene(
+    *, blocks: tuple[BlockOf, ...], joint_tolerance: float | None = None, **given: Any
+) -> Scene:
+    made = tuple(block(joint_tolerance) for block in blocks)
+    for one, following in pairwise(sorted(block.id for block in made)):
+        if one == following:
+            raise InputError(f"block id {shown(one)} is used twice; ids must be unique")
+    return Scene(made, joint_tolerance=joint_tolerance, **given)
+
+
+SCENE = Document(
+    "scene",
+    record(
+        Scene,
+        {
+            "name": Key(TEXT, is_written=True),
+            "units": Key(UNITS, "{key}", is_written=True),
+            "blocks": Key(listed(BLOCK), "{key}"),
+            "supports": Key(listed(TEXT, "support {i}"), "{key}"),
+            **{what: Key(NUMBER, is_needed=what == "friction") for what in PROPERTIES},
+            "joint_tolerance": Key(TOLERANCE, "{key}"),
+            "ties": Key(listed(TIE), "{key}"),
+            "contacts": Key(CONTACTS, "{key}", is_needed=False, is_several=True),
+            "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),
+        },
+        _scene,
+        header=HEADER,
+    ),
+)
 
 
 def read_scene(path: Path) -> Scene:
@@ -75,8 +277,8 @@ def read_scene(path: Path) -> Scene:
     ...     read_scene(file).total_weight
     80.0
     """
-    with refusals(file_prefix(path)):
-        return scene_from_dict(read_document(path))
+    scene: Scene = SCENE.read(path)
+    return scene
 
 
 def write_scene(scene: Scene, path: Path) -> None:
@@ -94,9 +296,8 @@ def write_scene(scene: Scene, path: Path) -> None:
     -------
     See :func:`read_scene`.
     """
-    with refusals(file_prefix(path)):
-        data = encoded(scene_to_dict(scene))
-    write_file(path, data)
+    check_scene(scene)
+    SCENE.write(scene, path)
 
 
 def scene_to_dict(scene: Scene) -> JsonObject:
@@ -119,29 +320,7 @@ def scene_to_dict(scene: Scene) -> JsonObject:
     {'id': 'ground', 'box': {'min': [0.0, 0.0, -1.0], 'max': [1.0, 1.0, 0.0]}}
     """
     check_scene(scene)
-    with refusals():
-        document: JsonObject = {
-            "format": "cvxlimit-scene",
-            "version": 1,
-            "name": text(scene.name, "name of the scene"),
-            "units": {
-                "length": text(scene.units.length, "length unit"),
-                "force": text(scene.units.force, "force unit"),
-            },
-            "blocks": [_block_to_dict(block) for block in scene.blocks],
-            "supports": list(scene.supports),
-        }
-        document |= _joints_to_dict(scene)
-        if scene.joint_tolerance is not None:
-            document["joint_tolerance"] = number(scene.joint_tolerance, "joint_tolerance")
-        if scene.ties:
-            document["ties"] = [_tie_to_dict(tie) for tie in scene.ties]
-        own = _contacts_to_list(scene)
-        if own:
-            document["contacts"] = own
-        loads = (("dead", scene.dead), ("live", scene.live))
-        document["loads"] = {case: _load_to_dict(case, load) for case, load in loads}
-        return document
+    return SCENE.to_dict(scene)
 
 
 def scene_from_dict(document: object) -> Scene:
@@ -158,271 +337,5 @@ def scene_from_dict(document: object) -> Scene:
     Traceback (most recent call last):
     cvxlimit.errors.InputError: the scene has an unknown key 'blocs'; did you mean 'blocks'?
     """
-    with refusals():
-        check_header(document, "scene")
-        top = fields(document, "the scene", _REQUIRED, _OPTIONAL)
-        loads = fields(top["loads"], "loads", ("dead", "live"))
-        supports = items(top["supports"], "supports")
-        joint_tolerance = _joint_tolerance(top)
-        own: dict[str, Any] = dict(_by_contact(top.get("contacts", [])))
-        own |= {w: number(top[w], f"{w} of the scene") for w in PROPERTIES if w in top}
-        return Scene(
-            blocks=_blocks(top["blocks"], joint_tolerance),
-            supports=tuple(text(support, f"support {i}") for i, support in enumerate(supports)),
-            live=_load("live", loads["live"]),
-            dead=_load("dead", loads["dead"]),
-            **own,
-            units=_units(top["units"]) if "units" in top else Units(),
-            name=text(top.get("name", "scene"), "name of the scene"),
-            joint_tolerance=joint_tolerance,
-            ties=tuple(_tie(i, tie) for i, tie in enumerate(items(top.get("ties", []), "ties"))),
-        )
-
-
-def _block_to_dict(block: Block) -> JsonObject:
-    entry: JsonObject = {"id": text(block.id, "id of a block")}
-    if block.bounds is not None:
-        low, high = _rows(block.bounds, block.id)
-        entry["box"] = {"min": low, "max": high}
-    else:
-        entry["vertices"] = _rows(block.vertices, block.id)
-        entry["faces"] = [list(face) for face in block.faces]
-    if block.density is not None:
-        entry["density"] = number(block.density, f"density of block {shown(block.id)}")
-    return entry
-
-
-def _rows(points: NDArray[np.float64], id: str) -> list[list[float]]:
-    if not (np.abs(points) <= LARGEST).all():
-        raise InputError(
-            f"coordinates of block {shown(id)} must be finite and at most {LARGEST:g}; "
-            "choose other units"
-        )
-    rows: list[list[float]] = points.tolist()
-    return rows
-
-
-def _load_to_dict(case: str, load: Load) -> JsonObject:
-    entry: JsonObject = {}
-    for name, vector in (("gravity", load.gravity), ("acceleration", load.acceleration)):
-        if vector is not None:
-            entry[name] = list(numbers(vector, _AXES, f"{name} of the {case} load"))
-    if load.forces:
-        entry["forces"] = {
-            text(block, f"a block id of the {case} load"): list(
-                numbers(force, _FORCE, f"force of the {case} load on block {shown(block)}")
-            )
-            for block, force in load.forces.items()
-        }
-    if load.weights:
-        entry["weights"] = {
-            text(block, f"a block id of the {case} load"): list(
-                numbers(times, _AXES, f"weight of the {case} load on block {shown(block)}")
-            )
-            for block, times in load.weights.items()
-        }
-    if load.points:
-        entry["points"] = [_point_to_dict(case, point) for point in load.points]
-    if load.pressures:
-        entry["pressures"] = [_pressure_to_dict(case, pressure) for pressure in load.pressures]
-    return entry
-
-
-def _point_to_dict(case: str, point: PointForce) -> JsonObject:
-    where = f"of the {case} load on block {shown(point.block)}"
-    return {
-        "block": text(point.block, f"a block id of the {case} load"),
-        "at": list(numbers(point.at, _AXES, f"point {where}")),
-        "force": list(numbers(point.force, _AXES, f"point force {where}")),
-    }
-
-
-def _pressure_to_dict(case: str, load: Pressure) -> JsonObject:
-    where = f"of the {case} load on block {shown(load.block)}"
-    return {
-        "block": text(load.block, f"a block id of the {case} load"),
-        "normal": list(numbers(load.normal, _AXES, f"normal {where}")),
-        "pressure": number(load.pressure, f"pressure {where}"),
-    }
-
-
-def _units(value: object) -> Units:
-    units = fields(value, "units", ("length", "force"))
-    return Units(text(units["length"], "length unit"), text(units["force"], "force unit"))
-
-
-def _joint_tolerance(top: JsonObject) -> float | None:
-    if "joint_tolerance" not in top:
-        return None
-    return positive(number(top["joint_tolerance"], "joint_tolerance"), "joint_tolerance")
-
-
-def _blocks(value: object, joint_tolerance: float | None) -> tuple[Block, ...]:
-    blocks = tuple(
-        _block(i, entry, joint_tolerance) for i, entry in enumerate(items(value, "blocks"))
-    )
-    ids = sorted(block.id for block in blocks)
-    for one, following in pairwise(ids):
-        if one == following:
-            raise InputError(f"block id {shown(one)} is used twice; ids must be unique")
-    return blocks
-
-
-def _block(index: int, value: object, joint_tolerance: float | None) -> Block:
-    where = f"entry {index} of blocks"
-    if isinstance(value, dict) and "id" in value:
-        name = text(value["id"], f"id of {where}")
-        if not name:
-            raise InputError(f"id of {where} must not be empty; give every block a name")
-        where = f"block {shown(name)}"
-    entry = fields(value, where, ("id",), ("box", "vertices", "faces", "density"))
-    density = number(entry["density"], f"density of {where}") if "density" in entry else None
-    if "box" in entry:
-        return _box(name, where, entry, density)
-    if "vertices" not in entry or "faces" not in entry:
-        raise InputError(f"{where} has no shape; give it a box, or both vertices and faces")
-    vertices, faces = _vertices(entry["vertices"], where), _faces(entry["faces"], where)
-    return Block.polyhedron(name, vertices, faces, density, joint_tolerance)
-
-
-def _box(id: str, where: str, entry: JsonObject, density: float | None) -> Block:
-    if "vertices" in entry or "faces" in entry:
-        raise InputError(f"{where} has a box and vertices or faces; keep one of the two shapes")
-    box = fields(entry["box"], f"box of {where}", ("min", "max"))
-    low, high = (numbers(box[end], _AXES, f"box {end} of {where}") for end in ("min", "max"))
-    return Block.box(id, low, high, density)
-
-
-def _vertices(value: object, where: str) -> list[tuple[float, ...]]:
-    return [
-        numbers(vertex, _AXES, f"vertex {i} of {where}")
-        for i, vertex in enumerate(items(value, f"vertices of {where}"))
-    ]
-
-
-def _faces(value: object, where: str) -> list[tuple[int, ...]]:
-    return [
-        _indices(face, f"face {i} of {where}")
-        for i, face in enumerate(items(value, f"faces of {where}"))
-    ]
-
-
-def _indices(value: object, where: str) -> tuple[int, ...]:
-    return tuple(whole(index, f"a vertex index in {where}") for index in items(value, where))
-
-
-def _tie_to_dict(tie: Tie) -> JsonObject:
-    where = f"tie {shown(tie.a)}-{shown(tie.b)}"
-    return {
-        "between": [tie.a, tie.b],
-        "start": list(numbers(tie.start, _AXES, f"start of {where}")),
-        "end": list(numbers(tie.end, _AXES, f"end of {where}")),
-        "yield_force": number(tie.yield_force, f"yield_force of {where}"),
-    }
-
-
-def _tie(index: int, value: object) -> Tie:
-    where = f"entry {index} of ties"
-    entry = fields(value, where, ("between", "start", "end", "yield_force"))
-    first, second = _pair(entry["between"], f"'between' in {where}")
-    start, end = (numbers(entry[name], _AXES, f"{name} of {where}") for name in ("start", "end"))
-    return Tie(first, second, start, end, number(entry["yield_force"], f"yield_force of {where}"))
-
-
-def _joints_to_dict(scene: Scene) -> JsonObject:
-    """Friction, and what differs from its default."""
-    return {
-        what: number(value, f"{what} of the scene")
-        for what, each in PROPERTIES.items()
-        if (value := getattr(scene, what)) != each.default or what == "friction"
-    }
-
-
-def _contacts_to_list(scene: Scene) -> list[JsonObject]:
-    """One entry per pair of blocks with anything of its own."""
-    entries: dict[tuple[str, str], JsonObject] = {}
-    for what in PROPERTIES:
-        for pair, value in getattr(scene, f"contact_{what}").items():
-            if value == float("inf"):
-                raise InputError(
-                    f"{what} of contact {pair} is infinite, which a scene file cannot say for one "
-                    "contact: give a large number"
-                )
-            entry = entries.setdefault(pair, {"between": list(pair)})
-            entry[what] = number(value, f"{what} of contact {pair}")
-    return list(entries.values())
-
-
-def _by_contact(value: object) -> dict[str, dict[tuple[str, str], float]]:
-    """What contacts have of their own, as arguments of the scene."""
-    result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in PROPERTIES}
-    for i, item in enumerate(items(value, "contacts")):
-        where = f"entry {i} of contacts"
-        entry = fields(item, where, ("between",), PROPERTIES)
-        first, second = _pair(entry["between"], f"'between' in {where}")
-        contact = f"contact {shown(first)}-{shown(second)}"
-        if first == second:
-            raise InputError(f"{where} names block {shown(first)} twice; name two blocks")
-        given = [what for what in PROPERTIES if what in entry]
-        if not given:
-            raise InputError(f"{where} lacks {', '.join(PROPERTIES)}: give at least one")
-        for what in given:
-            own = result[f"contact_{what}"]
-            if (first, second) in own or (second, first) in own:
-                raise InputError(f"{what} of {contact} is given twice; keep one entry")
-            own[first, second] = number(entry[what], f"{what} of {contact}")
-    return result
-
-
-def _pair(value: object, where: str) -> tuple[str, str]:
-    names = [text(name, where) for name in items(value, where)]
-    if len(names) != 2:
-        raise InputError(f"{where} must be two block ids, got {shown(value)}")
-    return names[0], names[1]
-
-
-def _load(case: str, value: object) -> Load:
-    where = f"the {case} load"
-    entry = fields(value, where, (), _LOAD)
-    vectors = {
-        name: numbers(entry[name], _AXES, f"{name} of {where}")
-        for name in ("gravity", "acceleration")
-        if name in entry
-    }
-    forces = {
-        block: numbers(force, _FORCE, f"force of {where} on block {shown(block)}")
-        for block, force in mapping(entry.get("forces", {}), f"forces of {where}").items()
-    }
-    weights = {
-        block: numbers(times, _AXES, f"weight of {where} on block {shown(block)}")
-        for block, times in mapping(entry.get("weights", {}), f"weights of {where}").items()
-    }
-    points = enumerate(items(entry.get("points", []), f"points of {where}"))
-    pressures = enumerate(items(entry.get("pressures", []), f"pressures of {where}"))
-    with refusals(f"in {where}, "):
-        return Load(
-            vectors.get("gravity"),
-            vectors.get("acceleration"),
-            forces,
-            [_point(point, f"point load {i}") for i, point in points],
-            [_pressure(pressure, f"pressure {i}") for i, pressure in pressures],
-            weights,
-        )
-
-
-def _point(value: object, where: str) -> PointForce:
-    entry = fields(value, where, ("block", "at", "force"))
-    return PointForce(
-        text(entry["block"], f"block of {where}"),
-        numbers(entry["at"], _AXES, f"'at' of {where}"),
-        numbers(entry["force"], _AXES, f"force of {where}"),
-    )
-
-
-def _pressure(value: object, where: str) -> Pressure:
-    entry = fields(value, where, ("block", "normal", "pressure"))
-    return Pressure(
-        text(entry["block"], f"block of {where}"),
-        numbers(entry["normal"], _AXES, f"normal of {where}"),
-        number(entry["pressure"], f"value of {where}"),
-    )
+    scene: Scene = SCENE.from_dict(document)
+    return scene

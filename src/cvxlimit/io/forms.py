@@ -1,0 +1,272 @@
+"""The form of a file, said once: how each entry is read, checked, written and described.
+
+A :class:`Form` is of one value, a :func:`record` of a dataclass with a :class:`Key` for each field;
+a :class:`Document` is a record with a header, in a file of its own. What equals its default is left
+out in writing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.errors import InputError
+from cvxlimit.files import write_file
+from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
+from cvxlimit.io.fields import (
+    LARGEST,
+    JsonObject,
+    check_header,
+    fields,
+    items,
+    mapping,
+    number,
+    numbers,
+    refusals,
+    shown,
+    text,
+    whole,
+)
+
+Step = Callable[[Any, str, str], Any]
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a value stands in a JSON document.
+
+    Attributes
+    ----------
+    read, write : callable
+        From JSON and to it, given the value, where it stands ("start of entry 0 of ties") and in
+        what ("entry 0 of ties"), for refusals.
+    schema : mapping
+        The same in JSON Schema.
+    """
+
+    read: Step
+    write: Step
+    schema: JsonObject
+
+
+def plain(
+    read: Callable[[Any, str], Any],
+    schema: JsonObject,
+    write: Callable[[Any, str], Any] | None = None,
+) -> Form:
+    """A form whose refusals name where it stands and nothing else."""
+    back = write or read
+    return Form(lambda x, where, _: read(x, where), lambda x, where, _: back(x, where), schema)
+
+
+TEXT = plain(text, {"type": "string"})
+NUMBER = plain(number, {"type": "number"})
+WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(value))
+
+
+def row(names: Collection[str], largest: float = LARGEST) -> Form:
+    """Numbers in a list, one for each name."""
+    size = {"minItems": len(names), "maxItems": len(names)}
+    return plain(
+        lambda value, where: numbers(value, names, where, largest),
+        {"type": "array", "items": {"type": "number"}, **size, "description": ", ".join(names)},
+        lambda value, where: list(numbers(np.asarray(value).tolist(), names, where, largest)),
+    )
+
+
+def choice(words: Iterable[str]) -> Form:
+    """One of a few words, given as such or as an enumeration of texts."""
+    kind = {str(word): word for word in words}
+
+    def read(value: object, where: str) -> str:
+        if text(value, where) not in kind:
+            known = ", ".join(map(repr, kind))
+            raise InputError(f"{where} must be one of {known}, got {shown(value)}")
+        return kind[str(value)]
+
+    return plain(read, {"enum": [*kind]}, lambda value, _: str(value))
+
+
+def nullable(form: Form) -> Form:
+    """Null stands for None."""
+    return Form(
+        lambda value, *place: None if value is None else form.read(value, *place),
+        lambda value, *place: None if value is None else form.write(value, *place),
+        {"anyOf": [form.schema, {"type": "null"}]},
+    )
+
+
+def listed(
+    item: Form,
+    name: str = "entry {i} of {where}",
+    made: Callable[[list[Any]], Any] = tuple,
+    prefix: str = "",
+) -> Form:
+    """A list of anything; ``prefix`` leads whatever is said about an item."""
+
+    def place(i: int, where: str, owner: str) -> tuple[str, str]:
+        return name.format(i=i, where=where, owner=owner), where
+
+    def read(value: object, where: str, owner: str) -> Any:
+        entries = enumerate(items(value, where))
+        with refusals(prefix.format(owner=owner)):
+            return made([item.read(x, *place(i, where, owner)) for i, x in entries])
+
+    def write(value: Any, where: str, owner: str) -> list[Any]:
+        return [item.write(x, *place(i, where, owner)) for i, x in enumerate(value)]
+
+    return Form(read, write, {"type": "array", "items": item.schema})
+
+
+def keyed(item: Form, name: str) -> Form:
+    """An object with free keys."""
+
+    def read(value: object, where: str, owner: str) -> dict[str, Any]:
+        return {
+            key: item.read(x, name.format(key=shown(key), owner=owner), where)
+            for key, x in mapping(value, where).items()
+        }
+
+    def write(value: Mapping[str, Any], where: str, owner: str) -> JsonObject:
+        return {
+            key: item.write(x, name.format(key=shown(key), owner=owner), where)
+            for key, x in mapping(dict(value), where).items()
+        }
+
+    return Form(read, write, {"type": "object", "additionalProperties": item.schema})
+
+
+@dataclass(frozen=True)
+class Key:
+    """An entry of a record.
+
+    Attributes
+    ----------
+    form : Form
+    where : str
+        How refusals call it; ``{key}`` and ``{owner}``, the record, are put in.
+    is_needed : bool or None
+        False: it may be left out, then has the field's default, or is None if there is none, and
+        is not written where it equals that. None: needed if the field has no default.
+    is_written : bool
+        Even where it equals its default.
+    is_several : bool
+        It stands for several fields: read as a dict of them, written from the whole record, and
+        left out where that gives None.
+    """
+
+    form: Form
+    where: str = "{key} of {owner}"
+    is_needed: bool | None = None
+    is_written: bool = False
+    is_several: bool = False
+
+
+def record(
+    kind: type,
+    keys: Mapping[str, Key],
+    made: Callable[..., Any] | None = None,
+    prefix: str = "",
+    header: tuple[str, ...] = (),
+) -> Form:
+    """The fields of a dataclass as an object; ``made`` makes one of them, in place of ``kind``.
+
+    ``prefix`` leads what ``made`` says; entries of the ``header`` are somebody else's.
+    """
+    defaults = {each.name: _default(each) for each in dataclasses.fields(kind)}
+    needed, optional = list[str](), list[str]()
+    for key, each in keys.items():
+        has_none = defaults.get(key, MISSING) is MISSING
+        (needed if (has_none if each.is_needed is None else each.is_needed) else optional).append(
+            key
+        )
+
+    def read(value: object, where: str, _: str) -> Any:
+        entry, given = fields(value, where, (*header, *needed), optional), dict[str, Any]()
+        for key, each in keys.items():
+            if key in entry:
+                found = each.form.read(entry[key], each.where.format(key=key, owner=where), where)
+                given |= found if each.is_several else {key: found}
+            elif defaults.get(key) is MISSING and not each.is_several:
+                given[key] = None
+        with refusals(prefix.format(where=where)):
+            return (made or kind)(**given)
+
+    def write(value: Any, where: str, _: str) -> JsonObject:
+        result: JsonObject = {}
+        for key, each in keys.items():
+            found = value if each.is_several else getattr(value, key)
+            default = None if defaults.get(key) is MISSING else defaults.get(key)
+            if key in needed or each.is_written or found != default:
+                entry = each.form.write(found, each.where.format(key=key, owner=where), where)
+                if entry is not None or not each.is_several:
+                    result[key] = entry
+        return result
+
+    schema = {
+        "type": "object",
+        "properties": {key: each.form.schema for key, each in keys.items()},
+        "required": needed,
+        "additionalProperties": False,
+    }
+    return Form(read, write, schema)
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    return field.default if field.default_factory is MISSING else field.default_factory()
+
+
+HEADER = ("format", "version")
+
+
+@dataclass(frozen=True)
+class Document:
+    """A record in a file of its own, with a header that says what it is: scene or result."""
+
+    kind: str
+    form: Form
+
+    def from_dict(self, document: Any) -> Any:
+        """The object that a JSON document describes."""
+        with refusals():
+            check_header(document, self.kind)
+            entries = {key: x for key, x in document.items() if key != "$schema"}
+            return self.form.read(entries, f"the {self.kind}", "")
+
+    def to_dict(self, value: Any) -> JsonObject:
+        """The JSON document that describes an object."""
+        with refusals():
+            header = {"format": f"cvxlimit-{self.kind}", "version": 1}
+            return header | self.form.write(value, f"the {self.kind}", "")
+
+    def read(self, path: Path) -> Any:
+        """From a file."""
+        with refusals(file_prefix(path)):
+            return self.from_dict(read_document(path))
+
+    def write(self, value: Any, path: Path) -> None:
+        """To a file, which is complete or untouched."""
+        with refusals(file_prefix(path)):
+            data = encoded(self.to_dict(value))
+        write_file(path, data)
+
+    @property
+    def schema(self) -> JsonObject:
+        """JSON Schema of the document."""
+        header = {
+            "$schema": {"type": "string"},
+            "format": {"const": f"cvxlimit-{self.kind}"},
+            "version": {"const": 1},
+        }
+        body = self.form.schema
+        return {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": f"cvxlimit {self.kind}, version 1",
+            **body,
+            "properties": header | body["properties"],  # type: ignore[operator]
+            "required": ["format", "version", *body["required"]],  # type: ignore[misc]
+        }
