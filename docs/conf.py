@@ -24,14 +24,14 @@ version = release = __version__
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
+    "numpydoc",
     "sphinx_copybutton",
     "sphinx_design",
     "docstrings",
     "links",
     "mathml",
 ]
-exclude_patterns = ["_made/commands.md"]
+exclude_patterns = ["_made/commands.md", "_made/gallery.md"]
 
 html_theme = "furo"
 html_title = f"cvxlimit {version}"
@@ -50,16 +50,12 @@ nb_merge_streams = True
 copybutton_exclude = ".linenos, .gp, .go"
 
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {
     name: name
     for name in ("ArrayLike", "BoolArray", "Coefficient", "FloatArray", "IntArray", "LinearForm")
 }
 python_maximum_signature_line_length = 88
-napoleon_google_docstring = False
-napoleon_use_ivar = True
-napoleon_use_rtype = False
-napoleon_custom_sections = [("Example", "example")]
+numpydoc_show_class_members = False
 
 make_all(HERE.parent, HERE / "_made")

@@ -19,8 +19,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from cvxlimit import Block, Load, Scene, builtin_scene, plotting, solve
+from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.geometry.polygons import effective_region, torsion_arm
+from cvxlimit.plotting import PICTURES
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
 """Wong's colours, told apart by colour-blind readers too."""
@@ -215,22 +216,14 @@ def dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], 
 
 # --- gallery ------------------------------------------------------------------------------------
 
-GALLERY = {
-    "mechanism": "facade",
-    "cracks": "facade",
-    "utilisation": "facade",
-    "exploded": "facade",
-    "forces": "arch-on-piers",
-    "thrust": "arch-on-piers",
-}
-"""Kinds of pictures, and the built-in scene of each."""
+FRAMES = {"forces": "arch-on-piers", "thrust": "arch-on-piers"}
+"""Built-in scenes of pictures that are not of the front."""
 
 
 def gallery(folder: Path) -> None:
     """One picture of each kind."""
-    solutions = {name: solve(builtin_scene(name)) for name in set(GALLERY.values())}
-    for kind, name in GALLERY.items():
-        figure = getattr(plotting, kind)(solutions[name])
+    for kind in PICTURES.keys() - {"animation", "page"}:
+        figure = solve(builtin_scene(FRAMES.get(kind, "facade"))).plot(kind)
         figure.savefig(folder / f"{kind}.png", dpi=62)
 
 

@@ -1,21 +1,26 @@
-"""What the site shows and other tools write: the command line's help, and the notebooks."""
+"""What the site shows and other tools write: commands, pictures by name, and the notebooks."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from links import for_site
-from typer.main import get_command
 
-from cvxlimit.cli.main import app
+from cvxlimit.plotting import PICTURES
+
+FIGURES = Path(__file__).parent / "figures"
 
 
 def make_all(root: Path, made: Path) -> None:
     """Write everything into the folder ``made``, which is not kept with the sources."""
     (made / "notebooks").mkdir(parents=True, exist_ok=True)
     keep(made / "commands.md", commands())
+    keep(made / "gallery.md", gallery())
     for name in ("CONTRIBUTING.md", "CHANGELOG.md"):
         keep(made / name.lower(), for_site((root / name).read_text("utf-8"), "."))
     sources = sorted((root / "notebooks").glob("*.ipynb"))
@@ -47,39 +52,25 @@ def notebook(path: Path) -> str:
 
 
 def commands() -> str:
-    """One section per command, from what the command line knows of itself."""
-    group: Any = get_command(app)
-    sections = [section(name, command) for name, command in group.commands.items()]
-    return "\n".join(sections)
+    """What the command line knows of itself, by Typer's own command."""
+    asked = ["typer", "cvxlimit.cli.main", "utils", "docs", "--name", "cvxlimit"]
+    done = subprocess.run([sys.executable, "-m", *asked], capture_output=True, check=True)
+    return done.stdout.decode("utf-8")
 
 
-def section(name: str, command: Any) -> str:
-    """Title, usage, help, and what every argument and option does."""
-    arguments = [p.metavar for p in command.params if is_argument(p)]
-    options = ["[OPTIONS]"] if len(arguments) < len(command.params) else []
-    usage = " ".join(["cvxlimit", name, *arguments, *options])
-    parts = [f"# cvxlimit {name}", plain(command.help), f"```text\n{usage}\n```"]
-    parts += [definition(parameter) for parameter in command.params]
-    if command.epilog:
-        parts.append(plain(command.epilog))
-    return "\n\n".join(parts) + "\n"
+def gallery() -> str:
+    """Every picture of a solution: what its function says, and an example if there is one."""
+    return "\n".join(
+        [
+            "::::{grid} 1 1 2 2\n:gutter: 2\n",
+            *(card(kind, make) for kind, make in PICTURES.items()),
+            "::::\n",
+        ]
+    )
 
 
-def definition(parameter: Any) -> str:
-    """``--option VALUE`` and what it does, with its default."""
-    terms = [] if is_argument(parameter) else [", ".join(parameter.opts)]
-    terms += [parameter.metavar] if parameter.metavar else []
-    text = plain(parameter.help or "")
-    if parameter.show_default and isinstance(parameter.default, str):
-        text += f" Default: `{parameter.default}`."
-    return f"`{' '.join(terms)}`\n: {text}"
-
-
-def is_argument(parameter: Any) -> bool:
-    """True for what is given by its place, not by a name."""
-    return not parameter.opts[0].startswith("-")
-
-
-def plain(text: str) -> str:
-    """Help without the line breaks of its source."""
-    return " ".join(text.split())
+def card(kind: str, make: Callable[..., Any]) -> str:
+    """The first sentence of a picture's docstring over the picture."""
+    said = (make.__doc__ or "").split("\n\n")[0]
+    shown = f"![{kind}](/figures/{kind}.png)" if (FIGURES / f"{kind}.png").exists() else ""
+    return f":::{{grid-item}}\n`{kind}`: {said}\n\n{shown}\n:::"

@@ -6,7 +6,7 @@ Browsers draw MathML themselves; Sphinx offers MathJax from another server, or p
 from __future__ import annotations
 
 from docutils import nodes
-from latex2mathml.converter import convert
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
@@ -14,7 +14,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 def inline(writer: HTML5Translator, node: nodes.math) -> None:
     """An equation within a line."""
-    writer.body.append(mathml(node.astext(), "inline"))
+    writer.body.append(tex2mathml(node.astext()))
     raise nodes.SkipNode
 
 
@@ -23,15 +23,9 @@ def displayed(writer: HTML5Translator, node: nodes.math_block) -> None:
     writer.body.append(writer.starttag(node, "div", CLASS="math"))
     if node["number"]:
         writer.body.append(f'<span class="eqno">({get_node_equation_number(writer, node)})</span>')
-    writer.body.append(mathml(node.astext(), "block"))
+    writer.body.append(tex2mathml(node.astext(), as_block=True))
     writer.body.append("</div>\n")
     raise nodes.SkipNode
-
-
-def mathml(latex: str, display: str) -> str:
-    """The converter knows ``align*`` only, and bars of one side would stretch without the other."""
-    made = str(convert(latex.replace("{aligned}", "{align*}"), display=display))
-    return made.replace("<mo>&#x0007C;</mo>", '<mo stretchy="false">&#x0007C;</mo>')
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

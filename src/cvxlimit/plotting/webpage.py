@@ -32,7 +32,6 @@ from cvxlimit.plotting.look import (
 )  # fmt: skip
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
-from cvxlimit.plotting.registry import PICTURES
 from cvxlimit.plotting.suffixes import with_suffix
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -95,9 +94,6 @@ def page(scene: Scene, solution: Solution) -> Page:
         },
     }
     return _filled(data)
-
-
-PICTURES["page"] = lambda solution: page(solution.drawn_scene, solution)
 
 
 def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
