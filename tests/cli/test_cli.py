@@ -26,6 +26,7 @@ from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.methods.table import TABLE
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]
@@ -189,6 +190,42 @@ def test_the_result_is_of_what_was_asked_for(
     assert {name: getattr(result, name) for name in said} == said
     assert result.load_factor == pytest.approx(0.4, rel=2e-2)
     assert ("solve  load factor" in out) == (result.interaction != "none")  # an iteration's history
+
+
+@pytest.mark.parametrize(
+    ("options", "phrase"),
+    [
+        ("--moments signed", "moments does nothing for method 'convex', got 'signed'"),
+        ("--moments independent", "moments does nothing for method 'convex'"),
+        ("--method exact --moments paper", "moments does nothing for method 'exact'"),
+        ("--method gilbert --model least", "model 'least' does nothing for method 'gilbert'"),
+        ("--branching-seconds 3", "--branching-seconds and --workers go with --method certified"),
+        ("--workers 2", "--branching-seconds and --workers go with --method certified"),
+        ("--method certified --workers 2", "--workers 2 does nothing without branch and bound"),
+        ("--method certified --workers 2 --branching-seconds 0", "--workers 2 does nothing"),
+        ("--method certified --flow gilbert", "'certified' and 'gilbert' are two methods"),
+    ],
+)
+def test_options_without_effect_are_refused(run: Run, options: str, phrase: str) -> None:
+    assert_refused(run("solve", "single-block", *options.split()), phrase)
+
+
+FALLS = (
+    ("solve",),
+    *(("solve", "--method", name) for name in TABLE if name != "convex"),
+    ("settle", "--support", "ground", "--direction=0,0,-1"),
+    ("sweep", "--vary", "friction=0.5,0.6"),
+)
+
+
+@pytest.mark.parametrize("command", FALLS, ids=" ".join)
+def test_a_dead_load_that_cannot_stand_has_exit_code_3(run: Run, command: tuple[str, ...]) -> None:
+    """The tower's weight is beside its base: it falls by itself."""
+    write_scene(tower(shift=0.8), "tower.json")
+    code, _, err = run(command[0], "tower.json", *command[1:])
+    assert code == 3
+    assert "dead load cannot stand" in err
+    assert err.count("\n") == 1
 
 
 def test_scene_file_and_names_that_look_like_markup(run: Run) -> None:

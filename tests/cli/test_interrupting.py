@@ -101,7 +101,7 @@ COMMANDS = {
         ("solve", "reading the scene|finding contacts"),
         ("solve", "solving with"),
         ("settle", "reading the scene"),
-        ("sweep", "0 of 400"),
+        ("sweep", "reading the scene"),
     ],
 )
 def test_before_there_is_a_bound(command: str, phase: str) -> None:
@@ -200,7 +200,7 @@ def test_sweep(workers: str, tmp_path: Path) -> None:
     """Rows that are done are shown and kept, and the same command goes on from there."""
     arguments = ("sweep", "stack", "--vary", "friction=0.5:0.9:500", "--workers", workers)
     with cvxlimit(*arguments, "--output", "rows", folder=tmp_path) as program:
-        program.wait_for(r"[1-9]\d* of 500 variations")
+        program.wait_for(r"[1-9]\d* of 500")
         program.interrupt()
         code, out, shown = program.finish()
         assert_nothing_is_left(program)
@@ -212,7 +212,7 @@ def test_sweep(workers: str, tmp_path: Path) -> None:
     )
     assert number is not None, shown[-500:]
     with cvxlimit(*arguments, "--output", "rows", folder=tmp_path) as program:
-        program.wait_for(rf"{number[1]} of 500 variations: found")
+        program.wait_for(rf"{number[1]} of 500 found")
 
 
 def test_settlement_returns_the_bracket_reached() -> None:

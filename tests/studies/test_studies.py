@@ -221,8 +221,33 @@ class TestTable:
     @pytest.mark.parametrize(
         ("scenes", "grid", "options", "kind", "message"),
         [
-            (stone(), {"frction": [1]}, {}, InputError, "its parameters are friction, cohesion"),
-            (plain, {"mu": [1]}, {}, InputError, "plain cannot be called with mu.*are friction"),
+            (
+                stone(),
+                {"frction": [1]},
+                {},
+                InputError,
+                r"no parameter 'frction' \(did you mean friction\?\); its parameters are friction,",
+            ),
+            (plain, {"mu": [1]}, {}, InputError, "'plain' has no parameter 'mu'; .*are friction"),
+            (plain, {"surface": ["conic"]}, {}, InputError, "missing a required argument: 'frict"),
+            (
+                stone(),
+                {"friction": [0.5, "a"]},
+                {},
+                InputError,
+                "friction must be a number, got 'a'",
+            ),
+            (stone(), {"surface": ["octogon"]}, {}, ModelError, "surface must be .*'octogon'"),
+            (stone(), {"method": ["certifed"]}, {}, ModelError, "one of convex.*got 'certifed'"),
+            (stone(), {"flow": ["gilbrt"]}, {}, ModelError, "flow must be one of.*got 'gilbrt'"),
+            (
+                stone(),
+                {"ladder": ["MOSEC"]},
+                {},
+                ModelError,
+                "no solver 'MOSEC'; did you mean MOSEK",
+            ),
+            (stone(), {"tilt": [1]}, {"ladder": "MOSEC"}, ModelError, "did you mean MOSEK"),
             (stone(), {"friction": []}, {}, InputError, "'friction' has no values"),
             (stone(), {}, {}, InputError, "the grid has no variation"),
             (stone(), 5, {}, InputError, "grid must be a mapping"),
@@ -257,6 +282,18 @@ class TestStore:
         assert len(quiet(counted, larger, path=tmp_path / "s")) == 8
         assert calls[6:] == [(0.5, 1), (0.5, 2)]
         assert len(read_sweep(tmp_path / "s")) == 8
+
+    def test_pandas_reads_the_folder(self, tmp_path: Path) -> None:
+        table = quiet(stone(), {"friction": [0.2, 0.3]}, path=tmp_path / "s")
+        found = pd.read_parquet(tmp_path / "s").sort_values("friction", ignore_index=True)
+        assert found["load_factor"].equals(table["load_factor"])
+
+    def test_folders_of_older_versions_are_read_and_go_on(self, tmp_path: Path) -> None:
+        quiet(stone(), {"friction": [0.2]}, path=tmp_path / "s")
+        (tmp_path / "s" / "_sweep.json").rename(tmp_path / "s" / "sweep.json")
+        assert read_sweep(tmp_path / "s")["friction"].tolist() == [0.2]
+        assert len(quiet(stone(), {"friction": [0.2, 0.3]}, path=tmp_path / "s")) == 2
+        assert len(read_sweep(tmp_path / "s")) == 2
 
     def test_interrupted_it_keeps_what_was_done(self, tmp_path: Path) -> None:
         broken = [True]
@@ -539,7 +576,10 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--vary", "frition=0.5"], "its parameters are friction"),
+            (["--vary", "frction=1"], "no parameter 'frction' (did you mean friction?)"),
+            (["--vary", "friction=a,b"], "friction must be a number, got 'a'"),
+            (["--vary", "ladder=MOSEC"], "there is no solver 'MOSEC'; did you mean MOSEK"),
+            (["--vary", "surface=conic", "--surface", "octagon"], "--surface and --vary surface"),
             (["--vary", "friction"], "NAME=VALUES is meant"),
             (["--vary", "friction=0:1"], "FIRST:LAST:NUMBER is meant"),
             (["--vary", "tilt=1", "--vary", "tilt=2"], "'tilt' is varied already"),

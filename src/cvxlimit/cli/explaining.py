@@ -1,16 +1,15 @@
 """``cvxlimit explain``: how much model a scene gets, which solver, how long it will take."""
 
+# options are field() of dataclasses
+
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import Annotated
+from dataclasses import dataclass
 
-import typer
 from rich.text import Text
 
 from cvxlimit.cli.naming import scene_named
-from cvxlimit.cli.options import SceneName, SurfaceName
+from cvxlimit.cli.options import argument, option, surface_option, taking
 from cvxlimit.cli.outputs import ExitCode
 from cvxlimit.cli.report import show
 from cvxlimit.io.fields import one_line
@@ -18,18 +17,19 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.explaining import explain
 
 
-def explain_command(
-    scene: SceneName,
-    surface: SurfaceName = "conic",
-    model: Annotated[
-        str, typer.Option(metavar="|".join(MODELS), help="How much model, as for solve.")
-    ] = "auto",
-) -> Callable[[], int]:
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What ``cvxlimit explain`` is asked."""
+
+    scene: str = argument()
+    surface: str = surface_option()
+    model: str = option("|".join(MODELS), "How much model, as for solve.", "auto")
+
+
+@taking(Question)
+def explain_command(asked: Question) -> ExitCode:
     """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
-    return partial(_explain_job, scene, surface, model)
-
-
-def _explain_job(scene: str, surface: str, model: str) -> ExitCode:
-    title, *lines = str(explain(scene_named(scene), surface, model=model)).splitlines()
+    found = explain(scene_named(asked.scene), asked.surface, model=asked.model)
+    title, *lines = str(found).splitlines()
     show(Text("\n".join([one_line(title), *lines])))
     return ExitCode.SOLVED

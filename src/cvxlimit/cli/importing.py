@@ -1,162 +1,131 @@
 """``cvxlimit import``: geometry files in, a scene file out, and what was found and repaired."""
 
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
 import numpy as np
-import typer
 
+from cvxlimit.cli.options import argument, option, taking, vector
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
 from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
-from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry import LOWEST, sketch
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Scene
-
-Job = Callable[[], int]
-
-_DEFAULT_FORCE = "kN"
 
 _NAMED = 8
 """Supports named in the summary; the scene file has all."""
 
 
-def import_command(
-    geometry: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="GEOMETRY...",
-            help="Files or folders: .obj, .stl, .ply, .glb, .gltf, COMPAS .json, or .csv with a "
-            "box per row (id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).",
-            show_default=False,
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="SCENE.json", help="Scene file to write."),
-    ] = None,
-    length_unit: Annotated[
-        str | None,
-        typer.Option(metavar="m|mm|...", help="Unit of the coordinates; nothing is converted."),
-    ] = None,
-    up: Annotated[
-        str | None, typer.Option(metavar="x|y|z", help="Axis that points up; nothing is turned.")
-    ] = None,
-    density: Annotated[
-        float | None,
-        typer.Option(metavar="G", help="Weight per volume of all blocks, in place of the files'."),
-    ] = None,
-    density_factor: Annotated[
-        float | None,
-        typer.Option(
-            metavar="F",
-            help="Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665.",
-        ),
-    ] = None,
-    friction: Annotated[
-        float | None, typer.Option(metavar="MU", help="Coulomb coefficient of all contacts.")
-    ] = None,
-    supports: Annotated[
-        str | None,
-        typer.Option(
-            metavar="lowest|ID,ID",
-            help="Fixed blocks, in place of those that the files mark: the lowest ones (within 1 % "
-            "of the height), or ids with commas between them.",
-        ),
-    ] = None,
-    live: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,Z", help="Live load: multiples of every block's weight, along the axes."
-        ),
-    ] = None,
-    joint_tolerance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="L",
-            help="Gaps, overlaps and warps up to this length are joints; relative to block size "
-            "unless given.",
-        ),
-    ] = None,
-    force_unit: Annotated[
-        str, typer.Option(metavar="kN|N|...", help="Unit of forces, for labels.")
-    ] = _DEFAULT_FORCE,
-    name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of the scene; the file's unless given.")
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT.png|.html",
-            help="Draw the scene, or what is wrong with it if it is refused.",
-        ),
-    ] = None,
-) -> Job:
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """What ``cvxlimit import`` is to make a scene of, and with what."""
+
+    geometry: list[str] = argument(
+        "Files or folders: .obj, .stl, .ply, .glb, .gltf, COMPAS .json, or .csv with a box per row "
+        "(id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).",
+        "GEOMETRY...",
+    )
+    output: Path | None = option("SCENE.json", "Scene file to write.", None, "--output", "-o")
+    length_unit: str | None = option("m|mm|...", "Unit of the coordinates; nothing is converted.")
+    up: str | None = option("x|y|z", "Axis that points up; nothing is turned.")
+    density: float | None = option("G", "Weight per volume of all blocks, in place of the files'.")
+    density_factor: float | None = option(
+        "F", "Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665."
+    )
+    friction: float | None = option("MU", "Coulomb coefficient of all contacts.")
+    supports: str | None = option(
+        "lowest|ID,ID",
+        "Fixed blocks, in place of those that the files mark: the lowest ones (within 1 % of the "
+        "height), or ids with commas between them.",
+    )
+    live: str | None = option(
+        "X,Y,Z", "Live load: multiples of every block's weight, along the axes."
+    )
+    joint_tolerance: float | None = option(
+        "L",
+        "Gaps, overlaps and warps up to this length are joints; relative to block size unless "
+        "given.",
+    )
+    force_unit: str = option("kN|N|...", "Unit of forces, for labels.", "kN")
+    name: str | None = option("NAME", "Of the scene; the file's unless given.")
+    plot: Path | None = option(
+        "OUT.png|.html", "Draw the scene, or what is wrong with it if it is refused."
+    )
+
+    def imported(self) -> Imported:
+        """The scene, from files that were read."""
+        supports: Any = self.supports
+        if self.supports not in (None, LOWEST):
+            supports = [name.strip() for name in supports.split(",")]
+        names = ("density", "density_factor", "friction", "joint_tolerance", "length_unit", "up",
+                 "force_unit", "name")  # fmt: skip
+        given: dict[str, Any] = {name: getattr(self, name) for name in names}
+        live = vector("--live", self.live or "", "0,1,0")
+        return import_geometry(self.geometry, supports=supports, live=live, **given)
+
+
+_NEEDED = {
+    "output": "SCENE.json, the scene file to write",
+    "length_unit": "m, mm ...: what the coordinates are in",
+    "up": "x, y or z: the axis that points up",
+    "friction": "the Coulomb coefficient of the joints",
+    "live": "X,Y,Z: the live load in multiples of every block's weight",
+}
+"""What files do not say."""
+
+
+@taking(Geometry)
+def import_command(asked: Geometry) -> ExitCode:
     """Make a scene from geometry files, and say what was found and repaired."""
-    asked = {
-        "--output": (output, "SCENE.json, the scene file to write"),
-        "--length-unit": (length_unit, "m, mm ...: what the coordinates are in"),
-        "--up": (up, "x, y or z: the axis that points up"),
-        "--friction": (friction, "the Coulomb coefficient of the joints"),
-        "--live": (live, "X,Y,Z: the live load in multiples of every block's weight"),
-    }
-    for option, (value, meaning) in asked.items():
-        if value is None:
-            raise typer.BadParameter(
-                f"give {option} {meaning}; files do not say and none is guessed"
-            )
-    make = partial(
-        import_geometry, geometry,
-        length_unit=length_unit or "", up=up or "", friction=friction or 0.0,
-        density=density, density_factor=density_factor, supports=_supports(supports),
-        live=_vector(live or ""), force_unit=force_unit, joint_tolerance=joint_tolerance, name=name,
-    )  # fmt: skip
-    return partial(_import_job, geometry, output or Path(), plot, make)
-
-
-def _import_job(
-    geometry: list[str], output: Path, plot: Path | None, make: Callable[[], Imported]
-) -> ExitCode:
-    inputs = dict.fromkeys(geometry, "the geometry")
-    check_outputs({"--output": output, "--plot": plot}, inputs)
+    for name, meaning in _NEEDED.items():
+        if getattr(asked, name) is None:
+            spelt = f"--{name.replace('_', '-')}"
+            raise InputError(f"give {spelt} {meaning}; files do not say and none is guessed")
+    output, plot = asked.output or Path(), asked.plot
+    vector("--live", asked.live or "", "0,1,0")
+    check_outputs(
+        {"--output": output, "--plot": plot}, dict.fromkeys(asked.geometry, "the geometry")
+    )
     if plot is not None:
         check_picture(plot, SCENE_PICTURES)
     started = time.perf_counter()
-    try:
-        found = make()
-    except GeometryError as error:
-        if plot is not None and (culprit := sketch(error)) is not None:
-            plot_scene(culprit, plot, error)
-        raise
-    scene = found.scene
-    try:
-        contacts = len(scene.contacts)
-    except InputError as error:
-        if plot is not None:
-            plot_scene(scene, plot, error)
-        raise
+    found, contacts = _drawn_if_refused(asked, plot)
     seconds = time.perf_counter() - started
     written = [str(output)]
-    write_scene(scene, output)
+    write_scene(found.scene, output)
     if plot is not None:
-        written += [str(path) for path in plot_scene(scene, plot)]
+        written += [str(path) for path in plot_scene(found.scene, plot)]
     show(facts(_found(found, contacts, seconds, written)))
-    warn_of_near_misses(scene)
+    warn_of_near_misses(found.scene)
     return ExitCode.SOLVED
+
+
+def _drawn_if_refused(asked: Geometry, plot: Path | None) -> tuple[Imported, int]:
+    """The scene and the number of its contacts; what is wrong with it is drawn."""
+    scene: Scene | None = None
+    try:
+        found = asked.imported()
+        scene = found.scene
+        return found, len(scene.contacts)
+    except InputError as error:
+        culprit = scene if scene or not isinstance(error, GeometryError) else sketch(error)
+        if plot is not None and culprit is not None:
+            plot_scene(culprit, plot, error)
+        raise
 
 
 def _found(
     found: Imported, contacts: int, seconds: float, written: list[str]
 ) -> list[tuple[str, str]]:
-    """What was found and repaired, in rows of a name and a fact."""
     scene = found.scene
     blocks = scene.blocks
     low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
@@ -166,7 +135,7 @@ def _found(
     notched = sum(not block.is_convex for block in blocks)
     supports = ", ".join(scene.supports[:_NAMED])
     more = f" and {len(scene.supports) - _NAMED} more" if len(scene.supports) > _NAMED else ""
-    rows = [
+    return [
         ("scene", f"{scene.name} ({count(len(found.files), 'file')})"),
         ("size", f"{size} {unit}, weight {scene.total_weight:.6g} {scene.units.force}"),
         ("blocks", f"{len(blocks)}, {notched} of them not convex" if notched else f"{len(blocks)}"),
@@ -179,7 +148,6 @@ def _found(
         ("time in s", f"{seconds:.3f}"),
         *(("written", file) for file in written),
     ]
-    return [(name, one_line(fact)) for name, fact in rows]
 
 
 def _repairs(scene: Scene) -> str:
@@ -192,19 +160,3 @@ def _repairs(scene: Scene) -> str:
     if not times:
         return "none"
     return ", ".join(f"{times[kind]} {kind} (in {count(blocks[kind], 'block')})" for kind in times)
-
-
-def _supports(text: str | None) -> str | list[str] | None:
-    if text is None or text == LOWEST:
-        return text
-    return [name.strip() for name in text.split(",")]
-
-
-def _vector(text: str) -> tuple[float, ...]:
-    try:
-        vector = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        vector = ()
-    if len(vector) != 3:
-        raise typer.BadParameter(f"--live must be three numbers X,Y,Z, got {text!r}")
-    return vector

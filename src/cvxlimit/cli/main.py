@@ -12,7 +12,7 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from multiprocessing import active_children
 from typing import Annotated, Any, NoReturn
@@ -22,18 +22,17 @@ from rich.text import Text
 
 from cvxlimit.cli.explaining import explain_command
 from cvxlimit.cli.importing import import_command
+from cvxlimit.cli.options import Job
 from cvxlimit.cli.outputs import ExitCode, refuse
 from cvxlimit.cli.report import listing, show
 from cvxlimit.cli.settling import settle_command
 from cvxlimit.cli.showing import show_command
 from cvxlimit.cli.solving import EXIT_CODES, solve_command
-from cvxlimit.cli.sweeping import sweep_command
+from cvxlimit.cli.sweeping import SWEEP_CODES, sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.versions import __version__
-
-Job = Callable[[], int]
 
 app = typer.Typer(
     add_completion=False,
@@ -61,17 +60,6 @@ def _options(
     """Options of ``cvxlimit`` itself; Typer shows the help of ``app``."""
 
 
-app.command("solve", epilog=EXIT_CODES)(solve_command)
-app.command("explain")(explain_command)
-app.command("import")(import_command)
-app.command("show")(show_command)
-app.command("settle")(settle_command)
-app.command(
-    "sweep",
-    epilog="Exit code: 0 all variations solved; 2 bad input; 4 some are not, which are rows too.",
-)(sweep_command)
-
-
 @app.command("scenes")
 def _scenes_command(
     schema: Annotated[
@@ -80,6 +68,17 @@ def _scenes_command(
 ) -> Job:
     """List the built-in scenes."""
     return _schema_job if schema else _scenes_job
+
+
+for _name, _command, _epilog in (
+    ("solve", solve_command, EXIT_CODES),
+    ("explain", explain_command, None),
+    ("import", import_command, None),
+    ("show", show_command, None),
+    ("settle", settle_command, None),
+    ("sweep", sweep_command, SWEEP_CODES),
+):
+    app.command(_name, epilog=_epilog)(_command)
 
 
 def main() -> NoReturn:
@@ -132,7 +131,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    known = ("solve", "explain", "scenes", "import", "show", "settle", "sweep")
+    known = [command.name for command in app.registered_commands]
     return f"{arguments[0]} " if arguments[0] in known else ""
 
 

@@ -1,23 +1,75 @@
-"""What several commands are asked for, as Typer takes it."""
+"""Commands as records: the fields of a dataclass are what a command takes."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Callable
+from dataclasses import MISSING, field, fields
+from functools import partial
+from inspect import Parameter, Signature
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-SceneName = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
-    ),
-]
+from cvxlimit.errors import InputError
 
-SurfaceName = Annotated[
-    str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
-]
+R = TypeVar("R")
+Job = Callable[[], int]
 
-ResultFile = Annotated[
-    Path | None, typer.Option(metavar="OUT", help="Write the result to this JSON file.")
-]
+SCENE = "Scene file, or name of a built-in scene."
+
+
+def argument(help: str = SCENE, metavar: str = "SCENE") -> Any:
+    """A field that is given by its place."""
+    return field(metadata={"typer": typer.Argument(metavar=metavar, help=help, show_default=False)})
+
+
+def option(metavar: str, help: str, default: Any = None, *names: str, **more: Any) -> Any:
+    """A field that is given by its name; required where the default is ``...``."""
+    shown = isinstance(default, (str, int))
+    made = typer.Option(*names, metavar=metavar, help=help, show_default=shown, **more)
+    return field(default=MISSING if default is ... else default, metadata={"typer": made})
+
+
+def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
+    """Make a function of a record a command, which parses its fields and returns the work."""
+    hints = get_type_hints(record)
+    parameters = [
+        Parameter(
+            each.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if each.default is MISSING else each.default,
+            annotation=Annotated[hints[each.name], each.metadata["typer"]],
+        )
+        for each in fields(record)  # type: ignore[arg-type]
+    ]
+
+    def made(work: Callable[[R], int]) -> Callable[..., Job]:
+        def command(**given: Any) -> Job:
+            return partial(work, record(**given))
+
+        command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+        command.__doc__ = work.__doc__
+        return command
+
+    return made
+
+
+def surface_option() -> Any:
+    """The yield surface, for commands that explain it no further."""
+    return option("conic|octagon|K-gon", "Yield surface, as for solve.", "conic")
+
+
+def result_option() -> Any:
+    """The result file."""
+    return option("OUT", "Write the result to this JSON file.")
+
+
+def vector(name: str, text: str, example: str) -> tuple[float, ...]:
+    """Three numbers with commas between them, as in the example."""
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(
+            f"{name} must be three numbers X,Y,Z, as in {example}, got {text!r}"
+        ) from error
+    return x, y, z

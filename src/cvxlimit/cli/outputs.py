@@ -32,10 +32,15 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
-def refuse(code: ExitCode, message: str) -> ExitCode:
-    """One line on stderr that says why; the code again."""
+def complain(message: str) -> None:
+    """One line on stderr, if there is one."""
     if sys.stderr is not None:
         sys.stderr.write(f"cvxlimit: {one_line(message)}\n")
+
+
+def refuse(code: ExitCode, message: str) -> ExitCode:
+    """One line on stderr that says why; the code again."""
+    complain(message)
     return code
 
 

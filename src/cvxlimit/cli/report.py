@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
+from cvxlimit.cli.outputs import complain
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
@@ -36,45 +37,42 @@ def summary(
     solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
 ) -> Table:
     """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
-    facts: list[tuple[str, str | Text]] = [
-        ("scene", one_line(f"{solution.scene} ({origin})")),
-        (
-            "size",
-            f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
-        ),
-        ("model", f"reduced: {', '.join(map(one_line, solution.model))}" if solution.model else ""),
-        ("surface", one_line(solution.surface)),
-        ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
-        ("flow", "" if solution.flow == "associated" else solution.flow),
-        ("interaction", _interaction(solution)),
-        (one_line(solution.quantity), Text(_load_factor(solution), style="bold")),
-        ("bracket", _bracket(solution, tolerance)),
-        ("basis", "" if solution.note == advice(solution) else one_line(solution.note)),
-        ("status", Text(str(solution.status), style=_style(solution.status))),
-        ("solver", _solvers(solution.history)),
-        ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
-        *(("written", one_line(file)) for file in files),
-    ]
-    table = _columns()
-    for name, fact in facts:
-        if fact:
-            table.add_row(name, fact)
-    return table
+    return facts(
+        [
+            ("scene", f"{solution.scene} ({origin})"),
+            (
+                "size",
+                f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
+            ),
+            ("model", f"reduced: {', '.join(solution.model)}" if solution.model else ""),
+            ("surface", solution.surface),
+            ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
+            ("flow", "" if solution.flow == "associated" else solution.flow),
+            ("interaction", _interaction(solution)),
+            (solution.quantity, Text(_load_factor(solution), style="bold")),
+            ("bracket", _bracket(solution, tolerance)),
+            ("basis", "" if solution.note == advice(solution) else solution.note),
+            ("status", Text(str(solution.status), style=_style(solution.status))),
+            ("solver", _solvers(solution.history)),
+            ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
+            *(("written", file) for file in files),
+        ]
+    )
 
 
-def facts(rows: Sequence[tuple[str, str]]) -> Table:
+def facts(rows: Sequence[tuple[str, str | Text]]) -> Table:
     """One column of facts with their names; empty ones are left out."""
     table = _columns()
     for name, fact in rows:
         if fact:
-            table.add_row(name, fact)
+            table.add_row(one_line(name), one_line(fact) if isinstance(fact, str) else fact)
     return table
 
 
 def warn_of_near_misses(scene: Scene) -> None:
     """One line on stderr where joints are nearly there: how many, and the worst."""
-    if scene.near_misses and sys.stderr is not None:
-        sys.stderr.write(f"cvxlimit: {one_line(scene.near_miss_note)}\n")
+    if scene.near_misses:
+        complain(scene.near_miss_note)
 
 
 def advice(solution: Solution) -> str:

@@ -1,18 +1,15 @@
 """``cvxlimit solve``: the collapse load factor of a scene."""
 
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
-from cvxlimit.cli.options import ResultFile
+from cvxlimit.cli.options import SCENE, argument, option, result_option, taking
 from cvxlimit.cli.outputs import ExitCode
 from cvxlimit.cli.solutions import Files, deliver
 from cvxlimit.errors import ModelError
@@ -24,8 +21,6 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-Job = Callable[[], int]
-
 EXIT_CODES = (
     "Exit code: 0 solved; 2 bad input; 3 no answer exists (the dead load cannot stand, or the "
     "live load does no harm); 4 not converged, or not certified to the tolerance."
@@ -33,174 +28,100 @@ EXIT_CODES = (
 """Shown below the command's help."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str
-    surface: str
-    method: str | None
-    interaction: str | None
-    moments: str | None
-    torsion_shear: str | None
-    flow: str | None
-    tolerance: float | None
-    files: Files
-    model: str
-    branching_seconds: float | None = None
-    workers: int = 1
+    scene: str = argument(
+        f"{SCENE} A built-in name wins over a file of that name: write ./NAME for the file."
+    )
+    surface: str = option(
+        "conic|parabolic|octagon|K-gon",
+        "Yield surface: the exact cone; torsion and shear on a parabola nearer the exact limit, at "
+        "the same price; the paper's 8 facets, or any K, as in 16-gon. Facets are on the unsafe "
+        "side; octagon-inscribed or 16-gon-inscribed on the safe one.",
+        "conic",
+    )
+    method: str | None = option(
+        "|".join(TABLE),
+        "; ".join(f"{name}: {row.line}" for name, row in TABLE.items()) + ". Unless given: convex.",
+    )
+    interaction: str | None = option(
+        "|".join(words("interaction")),
+        "Older spelling of --method fixed-point and --method certified.",
+    )
+    moments: str | None = option(
+        "|".join(MOMENTS),
+        "How the interaction adds moments: every sign on its own, the safe reading; static torsion "
+        "about the pressure centre, without or with the paper's Eq. 27; or the paper's own "
+        "reading, which depends on the contacts' axes. For methods with interaction only; unless "
+        "given: independent.",
+    )
+    torsion_shear: str | None = option(
+        "|".join(words("torsion_shear")),
+        "Older spelling of --surface parabolic and --method exact.",
+    )
+    flow: str | None = option(
+        "|".join(words("flow")), "Older spelling of --method zero-dilatancy and --method gilbert."
+    )
+    json: Path | None = result_option()
+    plot: Path | None = option(
+        "OUT.png|.html|.vtu",
+        "Draw the mechanism: a picture, an interactive page, or files for ParaView.",
+    )
+    export: Path | None = option(
+        "OUT.csv|.obj|.glb",
+        "Write the contacts with their forces (CSV), or the blocks, for other programs.",
+    )
+    tolerance: float | None = option(
+        "WIDTH",
+        "Asked width of the bracket, relative to its larger bound; the fixed point stops at a "
+        "change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed point, "
+        "1e-3 for exact torsion-shear; the certified method goes as far as it can, and 0.05 counts "
+        "as good.",
+    )
+    model: str = option(
+        "|".join(MODELS),
+        "How much model: no more than the scene needs, all of it, or the least that is valid "
+        "whether it pays or not. The bounds are those of the full scene in any case; cvxlimit "
+        "explain SCENE says what is left out.",
+        "auto",
+    )
+    branching_seconds: float | None = option(
+        "S",
+        "Time for branch and bound, which narrows the certified interaction's bracket. Unless "
+        "given: 60 where a tolerance is asked for, or a scene has few contacts.",
+    )
+    workers: int = option("N", "Processes that branch and bound uses.", 1)
 
-    @property
-    def rule(self) -> str | Certified | None:
-        """The method by name, or with what was asked for it."""
+    def settings(self) -> dict[str, str | float | Certified | None]:
+        """Options of :func:`cvxlimit.solve`; refuses those of branch and bound without it."""
+        names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model")
+        given = {name: getattr(self, name) for name in names}
         if self.branching_seconds is None and self.workers == 1:
-            return self.method
+            return given
         if Certified.name not in (self.method, self.interaction):
             raise ModelError("--branching-seconds and --workers go with --method certified")
-        return Certified(branching_seconds=self.branching_seconds, workers=self.workers)
+        never = self.branching_seconds == 0.0 or self.branching_seconds is self.tolerance is None
+        if self.workers > 1 and never:
+            raise ModelError(
+                f"--workers {self.workers} does nothing without branch and bound: give "
+                "--branching-seconds S above 0, or --tolerance WIDTH"
+            )
+        asked = Certified(branching_seconds=self.branching_seconds, workers=self.workers)
+        return {**given, "method": asked, "interaction": None}
 
-    @property
-    def older(self) -> str | None:
-        """The interaction, unless :attr:`rule` says it."""
-        return self.interaction if isinstance(self.rule, str | None) else None
 
-
-def solve_command(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            help="Scene file, or name of a built-in scene. A built-in name wins over a file of "
-            "that name: write ./NAME for the file.",
-            show_default=False,
-        ),
-    ],
-    surface: Annotated[
-        str,
-        typer.Option(
-            metavar="conic|parabolic|octagon|K-gon",
-            help="Yield surface: the exact cone; torsion and shear on a parabola nearer the exact "
-            "limit, at the same price; the paper's 8 facets, or any K, as in 16-gon. "
-            "Facets are on the unsafe side; octagon-inscribed or 16-gon-inscribed on the safe one.",
-        ),
-    ] = "conic",
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(TABLE),
-            help="; ".join(f"{name}: {row.line}" for name, row in TABLE.items())
-            + ". Unless given: convex.",
-            show_default=False,
-        ),
-    ] = None,
-    interaction: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(words("interaction")),
-            help="Older spelling of --method fixed-point and --method certified.",
-            show_default=False,
-        ),
-    ] = None,
-    moments: Annotated[
-        str | None,
-        typer.Option(
-            show_default=False,
-            metavar="|".join(MOMENTS),
-            help="How the interaction adds moments: every sign on its own, the safe reading; "
-            "static torsion about the pressure centre, without or with the paper's Eq. 27; or the "
-            "paper's own reading, which depends on the contacts' axes. For methods with "
-            "interaction only; unless given: independent.",
-        ),
-    ] = None,
-    torsion_shear: Annotated[
-        str | None,
-        typer.Option(
-            "--torsion-shear",
-            metavar="|".join(words("torsion_shear")),
-            help="Older spelling of --surface parabolic and --method exact.",
-            show_default=False,
-        ),
-    ] = None,
-    flow: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(words("flow")),
-            help="Older spelling of --method zero-dilatancy and --method gilbert.",
-            show_default=False,
-        ),
-    ] = None,
-    json: ResultFile = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT.png|.html|.vtu",
-            help="Draw the mechanism: a picture, an interactive page, or files for ParaView.",
-        ),
-    ] = None,
-    export: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT.csv|.obj|.glb",
-            help="Write the contacts with their forces (CSV), or the blocks, for other programs.",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="WIDTH",
-            help="Asked width of the bracket, relative to its larger bound; the fixed point stops "
-            "at a change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed "
-            "point, 1e-3 for exact torsion-shear; the certified method goes as far as it can, and "
-            "0.05 counts as good.",
-            show_default=False,
-        ),
-    ] = None,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="|".join(MODELS),
-            help="How much model: no more than the scene needs, all of it, or the least that is "
-            "valid whether it pays or not. The bounds are those of the full scene in any case; "
-            "cvxlimit explain SCENE says what is left out.",
-        ),
-    ] = "auto",
-    branching_seconds: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            help="Time for branch and bound, which narrows the certified interaction's bracket. "
-            "Unless given: 60 where a tolerance is asked for, or a scene has few contacts.",
-            show_default=False,
-        ),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(metavar="N", help="Processes that branch and bound uses.")
-    ] = 1,
-) -> Job:
+@taking(Order)
+def solve_command(order: Order) -> ExitCode:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    order = Order(
-        scene, surface, method, interaction, moments, torsion_shear, flow, tolerance,
-        Files(json, plot, export), model, branching_seconds, workers,
-    )  # fmt: skip
-    return partial(_solve_job, order)
+    files = Files(order.json, order.plot, order.export)
+    files.check(order.scene)
+    settings = order.settings()
 
+    def solved(tell: Tell) -> tuple[Scene, Solution]:
+        scene = scene_named(order.scene)
+        return scene, solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
 
-def _solve_job(order: Order) -> ExitCode:
-    order.files.check(order.scene)
-    scene, solution = interruptible(lambda tell: _solved(scene_named(order.scene), order, tell))
-    return deliver(scene, order.scene, solution, order.files, order.tolerance)
-
-
-def _solved(scene: Scene, order: Order, tell: Tell) -> tuple[Scene, Solution]:
-    return scene, solve(
-        scene,
-        order.surface,
-        method=order.rule,
-        interaction=order.older,
-        moments=order.moments,
-        torsion_shear=order.torsion_shear,
-        flow=order.flow,
-        tolerance=order.tolerance,
-        progress=tell,
-        model=order.model,
-    )
+    scene, solution = interruptible(solved)
+    return deliver(scene, order.scene, solution, files, order.tolerance)

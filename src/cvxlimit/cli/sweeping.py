@@ -1,14 +1,15 @@
 """``cvxlimit sweep``: all variations of a scene, over processes, stored as they come."""
 
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import typer
 from rich.table import Table
 from rich.text import Text
 
@@ -16,78 +17,79 @@ from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.checks import count as whole_number
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
+from cvxlimit.cli.options import argument, option, taking
 from cvxlimit.cli.outputs import ExitCode, refuse
 from cvxlimit.cli.report import count, show
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
+from cvxlimit.methods.driver import Told
 from cvxlimit.methods.interaction.branching.search import processes
 from cvxlimit.solution import Status
-from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies import sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Job = Callable[[], int]
+SWEEP_CODES = (
+    "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not solved, "
+    "which are rows too."
+)
+"""Shown below the command's help."""
 
 _SHOWN = 40
 """Rows that are printed; all are in the folder."""
 
 
-def sweep_command(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="Scene file, or name of a built-in scene.", show_default=False
-        ),
-    ],
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            metavar="NAME=VALUES",
-            help=f"What is varied, once or more, all combinations: {', '.join(PROPERTIES)}, "
-            "density, size, tilt, direction (degrees), or an option of solve such as surface. "
-            "VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
-            show_default=False,
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Store rows there as they come (Parquet). The same command again goes on where "
-            "the last one ended.",
-        ),
-    ] = None,
-    surface: Annotated[
-        str, typer.Option(metavar="conic|octagon|K-gon", help="Yield surface, as for solve.")
-    ] = "conic",
-    workers: Annotated[int, typer.Option(metavar="N", help="Processes that solve.")] = 1,
-) -> Job:
+@dataclass(frozen=True, kw_only=True)
+class Variations:
+    """What ``cvxlimit sweep`` is asked."""
+
+    scene: str = argument()
+    vary: list[str] = option(
+        "NAME=VALUES",
+        "What is varied, once or more, all combinations: friction, cohesion, density, size, tilt, "
+        "direction (degrees), compressive_strength, tensile_strength, or an option of solve such "
+        "as surface. VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
+        ...,
+    )
+    output: Path | None = option(
+        "FOLDER",
+        "Store rows there as they come (Parquet). The same command again goes on where the last "
+        "one ended.",
+    )
+    surface: str | None = option(
+        "conic|octagon|K-gon", "Yield surface, as for solve. Unless given: conic."
+    )
+    workers: int = option("N", "Processes that solve.", 1)
+
+
+@taking(Variations)
+def sweep_command(asked: Variations) -> ExitCode:
     """Solve all variations of a scene; each has a bracket of its own, failures are rows."""
-    return partial(_sweep_job, scene, vary, output, surface, workers)
-
-
-def _sweep_job(
-    name: str, vary: Sequence[str], output: Path | None, surface: str, workers: int
-) -> ExitCode:
-    grid = _grid(vary)
-    options: dict[str, Any] = {} if "surface" in grid else {"surface": surface}
-    number = whole_number(workers, 1, "--workers")
+    grid = _grid(asked.vary)
+    if asked.surface is not None and "surface" in grid:
+        raise InputError("--surface and --vary surface=... exclude each other: leave one out")
+    number = whole_number(asked.workers, 1, "--workers")
 
     def swept(tell: Tell) -> DataFrame:
+        def told(line: str) -> None:
+            row_is_done = Told(line)
+            row_is_done.has_bracket = True
+            tell(row_is_done)
+
+        scene = scene_named(asked.scene)
+        options: dict[str, Any] = {} if "surface" in grid else {"surface": asked.surface or "conic"}
         with processes(number) as pool:
-            return sweep(
-                scene_named(name), grid, executor=pool, path=output, progress=tell, **options
-            )
+            return sweep(scene, grid, executor=pool, path=asked.output, progress=told, **options)
 
     table = interruptible(swept)
     if table.empty:  # only Ctrl-C leaves none
         raise KeyboardInterrupt
-    show(_printed(table, list(grid)), Text(_counted(table, output)))
+    show(_printed(table, list(grid)), Text(_counted(table, asked.output)))
     if table.attrs["is_interrupted"]:
         done = f"{len(table)} of {table.attrs['variations']} variations"
-        cure = "run it with --output FOLDER" if output is None else "the same command goes on there"
+        goes_on = "the same command goes on there"
+        cure = goes_on if asked.output else "run it with --output FOLDER to go on"
         return refuse(ExitCode.NOT_GOOD_ENOUGH, f"interrupted after {done}: {cure}")
     return _verdict(table, list(grid))
 
@@ -105,7 +107,6 @@ def _grid(vary: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _values(given: str, text: str) -> list[Any]:
-    """Numbers or words between commas, or FIRST:LAST:NUMBER evenly spaced ones."""
     if ":" not in text:
         return [_value(part.strip()) for part in text.split(",")]
     try:
@@ -143,14 +144,15 @@ def _counted(table: DataFrame, output: Path | None) -> str:
 
 def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:
     """Solved if every row is; one line on stderr about the first that is not."""
-    good = [not row.error and Status(row.status).is_good for row in table.itertuples()]
-    if all(good):
+    statuses = [None if row.error else Status(row.status) for row in table.itertuples()]
+    bad = [i for i, status in enumerate(statuses) if status is None or not status.is_good]
+    if not bad:
         return ExitCode.SOLVED
-    row = table.iloc[good.index(False)]
+    row = table.iloc[bad[0]]
     where = ", ".join(f"{name} {row[name]}" for name in parameters)
-    reason = row["error"] or row["status"]
+    none_can = all(status is not None and not status.has_answer for status in statuses)
     return refuse(
-        ExitCode.NOT_GOOD_ENOUGH,
-        f"{good.count(False)} of {len(good)} variations have no certified answer; the first is "
-        f"{where}: {reason}",
+        ExitCode.NO_ANSWER if none_can else ExitCode.NOT_GOOD_ENOUGH,
+        f"{len(bad)} of {len(table)} variations have no certified answer; the first is {where}: "
+        f"{row['error'] or row['status']}",
     )

@@ -115,5 +115,7 @@ def solve(
         scene, surface, formulation=formulation, ladder=ladder, progress=progress, model=model
     )
     if asked.name in TABLE:  # a loop of one's own takes all
+        if model == "least" and not TABLE[asked.name].reduces:
+            raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")
         check(f"method {asked.name!r}", run, TABLE[asked.name].scenes)
     return drive(asked, run)

@@ -39,12 +39,15 @@ class Row:
         Kinds of surfaces: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
     scenes : tuple of str
         What it takes besides dry contacts: keys of :data:`EXTRAS`.
+    reduces : bool
+        Whether it takes less than all of the scene where that is enough.
     """
 
     method: Method
     line: str
     surfaces: tuple[str, ...]
     scenes: tuple[str, ...] = ()
+    reduces: bool = False
 
     @property
     def has_moments(self) -> bool:
@@ -85,6 +88,7 @@ TABLE: Mapping[str, Row] = MappingProxyType(
                 "the load factor without interaction: one convex problem, its bracket closed",
                 _EVERY,
                 tuple(EXTRAS),
+                reduces=True,
             ),
             Row(
                 ExactFriction(),
@@ -101,6 +105,7 @@ TABLE: Mapping[str, Row] = MappingProxyType(
                 Certified(),
                 "interaction with bending (Eq. 26-32), proved from below and from above",
                 ("conic",),
+                reduces=True,
             ),
             Row(
                 ZeroDilatancy(),

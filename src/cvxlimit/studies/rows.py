@@ -6,22 +6,29 @@ import pickle
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from inspect import Signature, signature
+from difflib import get_close_matches
+from inspect import Parameter, Signature, signature
 from typing import Any
 
-import cloudpickle
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from cvxlimit.checks import is_number, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
+from cvxlimit.extras import needed
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
+from cvxlimit.methods.table import TABLE, USUAL, check_choice, words
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solvers import ladder_of
 from cvxlimit.studies.variations import varied
+from cvxlimit.surfaces.presets import surfaces_of
 
 Row = dict[str, Any]
 
@@ -30,8 +37,25 @@ TEXTS = ("status", "note", "error", "solver")
 RESULTS = (*FIGURES, *TEXTS, "seconds")
 """Columns of a sweep besides its parameters."""
 
+_LOADS = ("live", "dead")
+"""Parameters of :func:`varied` that are no numbers."""
+
 OPTIONS = tuple(name for name in signature(solve).parameters if name not in ("scene", "progress"))
 """Options of :func:`cvxlimit.solve`, which may be parameters of a sweep as well."""
+
+_CHECKS: dict[str, Callable[[Any], object]] = {
+    "surface": surfaces_of,
+    "moments": parse_moments,
+    "ladder": ladder_of,
+    "tolerance": lambda value: ratio(value, "tolerance"),
+    "method": lambda value: check_choice("method", value, TABLE),
+    "model": lambda value: check_choice("model", value, MODELS),
+    **{
+        axis: lambda value, axis=axis: check_choice(axis, value, words(axis))  # type: ignore[misc]
+        for axis in USUAL
+    },
+}
+"""What refuses the name of an option's value that does not exist."""
 
 _STRUCTURES = 4
 """Geometries whose mechanics are kept: parameters that change the geometry come in random order,
@@ -42,16 +66,7 @@ _STUDIES = 2
 
 
 class Structures:
-    """Contacts and mechanics of the geometries seen last.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> known = Structures()
-    >>> first, second = (known.mechanics(builtin_scene("stack")) for _ in range(2))
-    >>> first.balance is second.balance
-    True
-    """
+    """Contacts and mechanics of the geometries seen last."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
@@ -75,59 +90,83 @@ class Structures:
         return known.like(scene.sharing_contacts_of(known.scene))
 
 
+def _near(name: str, known: Collection[str]) -> str:
+    close = get_close_matches(name, known, 1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+def _check_option(name: str, value: object) -> None:
+    """Refuse an option that :func:`cvxlimit.solve` does not have, and a name as its value."""
+    if name not in OPTIONS:
+        raise ModelError(
+            f"solve has no option {name!r}{_near(name, OPTIONS)}: it has {', '.join(OPTIONS)}; "
+            "parameters of the scene go into the grid"
+        )
+    if name in _CHECKS and isinstance(value, (str, float, int)):
+        _CHECKS[name](value)
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is done with every variation.
-
-    Attributes
-    ----------
-    scenes : callable or Scene
-        From parameters to a scene; a scene is varied by :func:`varied`.
-    options : mapping
-        Of :func:`cvxlimit.solve`.
-    measure : callable or None
-        From a solution to further columns, by name.
-    """
+    """What is done with every variation: scenes are made, solved and measured."""
 
     scenes: Callable[..., Scene] | Scene
     options: Mapping[str, Any] = field(default_factory=dict)
     measure: Callable[[Solution], Mapping[str, Any]] | None = None
 
-    @property
-    def factory(self) -> Callable[..., Scene]:
-        """From parameters to a scene."""
-        given = self.scenes
-        if isinstance(given, Scene):
-            return lambda **parameters: varied(given, **parameters)
-        return given
+    def __post_init__(self) -> None:
+        if not (isinstance(self.scenes, Scene) or callable(self.scenes)):
+            raise InputError(
+                f"scenes must be a Scene or a function that returns one, got {self.scenes!r:.60}"
+            )
+        for name, value in self.options.items():
+            _check_option(name, value)
+        if self.measure is not None and not callable(self.measure):
+            raise ModelError(f"measure must be a function of a solution, got {self.measure!r:.60}")
 
     @property
-    def _called(self) -> Signature:
-        return signature(varied) if isinstance(self.scenes, Scene) else signature(self.scenes)
+    def _parameters(self) -> dict[str, Parameter]:
+        """Those of the factory; a scene is varied by :func:`varied`."""
+        if not isinstance(self.scenes, Scene):
+            return dict(signature(self.scenes).parameters)
+        return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
 
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
         """The factory's parameters and those of :func:`cvxlimit.solve`."""
-        own = self._called.parameters
+        own = self._parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
 
-    def check(self, variation: Mapping[str, Any]) -> None:
-        """Refuse parameters that the factory does not have, before anything is solved.
+    def check(self, variations: Sequence[Mapping[str, Any]]) -> None:
+        """Refuse what cannot be varied, and values of no use, before anything is solved.
 
-        Raises
-        ------
-        InputError
+        Values out of their range are rows with an error: others may be good.
         """
-        parameters, _ = self.split(variation)
-        is_scene, called = isinstance(self.scenes, Scene), self._called
+        self._check_names(self.split(variations[0])[0])
+        for variation in variations:
+            parameters, for_solve = self.split(variation)
+            for name, value in for_solve.items():
+                _check_option(name, value)
+            for name, value in parameters.items() if isinstance(self.scenes, Scene) else ():
+                if name not in _LOADS and not (value is None or is_number(value)):
+                    raise InputError(f"{name} must be a number, got {value!r:.60}")
+
+    def _check_names(self, given: Mapping[str, Any]) -> None:
+        own, scenes = self._parameters, self.scenes
         try:
-            called.bind(*([self.scenes] if is_scene else []), **parameters)
+            Signature(list(own.values())).bind(**given)
         except TypeError as error:
-            name = "varied" if is_scene else getattr(self.scenes, "__name__", "the factory")
-            known = [k for k in called.parameters if not (is_scene and k == "scene")]
+            if isinstance(scenes, Scene):
+                who = f"scene {scenes.name!r}"
+            else:
+                who = f"function {getattr(scenes, '__name__', 'of scenes')!r}"
+            why = f"cannot be called: {error}"
+            for name in given:
+                if name not in own:
+                    why = f"has no parameter {name!r}{_near(name, [*own, *OPTIONS])}"
             raise InputError(
-                f"{name} cannot be called with {', '.join(parameters) or 'no parameter'}: {error}; "
-                f"its parameters are {', '.join(known)}"
+                f"{who} {why}; its parameters are {', '.join(own)}, and options of solve may be "
+                "varied as well"
             ) from error
 
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
@@ -144,7 +183,8 @@ class Study:
 
     def _solved(self, variation: Mapping[str, Any], known: Structures) -> Row:
         parameters, options = self.split(variation)
-        scene = self.factory(**parameters)
+        given = self.scenes
+        scene = varied(given, **parameters) if isinstance(given, Scene) else given(**parameters)
         check_scene(scene)
         solution = solve(known.mechanics(scene), **{**self.options, **options})
         if solution.status is Status.INTERRUPTED:
@@ -162,15 +202,10 @@ class Study:
 
 
 def packed(study: Study) -> bytes:
-    """The study for other processes; functions of a script or notebook go along by value.
-
-    Raises
-    ------
-    ModelError
-        If a part of it cannot be sent.
-    """
+    """The study for other processes; functions of a script or notebook go along by value."""
+    pickler = needed("cloudpickle", "frames", "sweeps over processes")
     try:
-        result: bytes = cloudpickle.dumps(study)
+        result: bytes = pickler.dumps(study)
     except Exception as error:  # pickling asks the objects, which may raise what they like
         raise ModelError(
             "the factory, the options or the measure cannot be sent to another process: "

@@ -7,7 +7,7 @@ import io
 import json
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,19 +21,15 @@ if TYPE_CHECKING:
 KEY = "variation"
 """Column that names a variation: a digest of its parameters."""
 
-_ABOUT = "sweep.json"
+_ABOUT, _OLD_ABOUT = "_sweep.json", "sweep.json"
+"""What the sweep is of; readers of Parquet folders leave out names that begin with _."""
+
 _SECONDS = 1.0
 """Rows wait this long at most before they are written: a file takes 5 ms."""
 
 
 def key_of(variation: Mapping[str, Any]) -> str:
-    """A short name of a variation, the same wherever and whenever it is asked for.
-
-    Raises
-    ------
-    InputError
-        If a parameter is neither a number nor a text.
-    """
+    """A short name of a variation, the same wherever and whenever it is asked for."""
     try:
         text = json.dumps({k: _plain(v) for k, v in variation.items()}, sort_keys=True)
     except TypeError as error:
@@ -51,22 +47,7 @@ def _plain(value: Any) -> Any:
 
 
 class Store:
-    """A folder with the rows of one sweep.
-
-    Parameters
-    ----------
-    path : path
-        Made if it does not exist.
-    about : mapping
-        What the sweep is; a folder that was made for another one is refused.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or holds another sweep.
-    ModelError
-        If pandas or pyarrow is not installed.
-    """
+    """A folder with the rows of one sweep; ``about`` says of which, and another's is refused."""
 
     def __init__(self, path: str | os.PathLike[str], about: Mapping[str, str]) -> None:
         needed("pyarrow", "frames", "Parquet files")
@@ -80,11 +61,11 @@ class Store:
         self._check(about)
 
     def _check(self, about: Mapping[str, str]) -> None:
-        note = self.folder / _ABOUT
-        if not note.exists():
+        note = _note(self.folder)
+        if note is None:
             if any(self.folder.iterdir()):
                 raise InputError(f"{self.folder}: the folder holds something else than a sweep")
-            write_file(note, json.dumps(dict(about), indent=1).encode())
+            write_file(self.folder / _ABOUT, json.dumps(dict(about), indent=1).encode())
             return
         found = json.loads(note.read_text("utf-8"))
         for what, value in about.items():
@@ -94,13 +75,14 @@ class Store:
                     f"place of {value!r:.60}): take another folder, or delete this one"
                 )
 
-    def rows(self) -> DataFrame:
-        """All rows that are stored, each variation once."""
-        return read_sweep(self.folder)
+    def known(self, names: set[str]) -> dict[str, dict[str, Any]]:
+        """Rows that are stored of the variations of these names."""
+        rows = read_sweep(self.folder).to_dict("records")
+        return {row[KEY]: row for row in rows if row[KEY] in names}
 
-    def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Take rows; they are on disk a second later, or when :meth:`flush` is called."""
-        self._waiting.extend(rows)
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Take a row; it is on disk a second later, or when :meth:`flush` is called."""
+        self._waiting.append(row)
         if time.monotonic() - self._written > _SECONDS:
             self.flush()
 
@@ -120,6 +102,9 @@ class Store:
 def read_sweep(path: str | os.PathLike[str]) -> DataFrame:
     """The rows that a sweep has stored in a folder so far, each variation once.
 
+    ``pandas.read_parquet`` reads the folder as well, with a variation twice that two processes
+    happened to store.
+
     Raises
     ------
     InputError
@@ -130,7 +115,7 @@ def read_sweep(path: str | os.PathLike[str]) -> DataFrame:
     pandas = needed("pandas", "frames", "sweeps")
     needed("pyarrow", "frames", "Parquet files")
     folder = Path(path)
-    if not (folder / _ABOUT).exists():
+    if _note(folder) is None:
         raise InputError(f"{path}: holds no sweep: sweep(..., path={str(path)!r}) makes one")
     parts = [pandas.read_parquet(part) for part in sorted(folder.glob("part-*.parquet"))]
     if not parts:
@@ -138,3 +123,9 @@ def read_sweep(path: str | os.PathLike[str]) -> DataFrame:
     joined = pandas.concat(parts, ignore_index=True)
     result: DataFrame = joined.drop_duplicates(KEY, ignore_index=True)
     return result
+
+
+def _note(folder: Path) -> Path | None:
+    """The file that says what a sweep is of, by its present name or that of older folders."""
+    notes = (folder / name for name in (_ABOUT, _OLD_ABOUT))
+    return next((note for note in notes if note.exists()), None)

@@ -9,17 +9,22 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.io.scenes import scene_to_dict
-from cvxlimit.methods.driver import Told
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.studies.rows import OPTIONS, RESULTS, Row, Structures, Study, packed, work
+from cvxlimit.studies.rows import (
+    RESULTS,
+    Row,
+    Structures,
+    Study,
+    packed,
+    work,
+)  # fmt: skip
 from cvxlimit.studies.store import KEY, Store, key_of
 from cvxlimit.studies.variations import Grid, variations_of
 from cvxlimit.versions import __version__
@@ -99,68 +104,53 @@ def sweep(
     >>> table["load_factor"].round(3).tolist()
     [0.4, 0.311, 0.22]
     """
-    _check(scenes, options, measure)
     pandas = needed("pandas", "frames", "sweeps")
     study, table = Study(scenes, options, measure), variations_of(grid)
     clash = sorted(set(table.columns) & {*RESULTS, KEY})
     if clash:
         raise InputError(f"a parameter must not be called {clash[0]!r}: a result is called so")
     records: list[Row] = table.to_dict("records")
-    study.check(records[0])
+    study.check(records)
     store = None if path is None else Store(path, _about(study))
     names = [str(i) if store is None else key_of(row) for i, row in enumerate(records)]
-    done: dict[str, Row] = {}
-    if store is not None:
-        done = {row[KEY]: row for row in store.rows().to_dict("records") if row[KEY] in set(names)}
-    todo = {name: row for name, row in zip(names, records, strict=True) if name not in done}
-    is_interrupted, asked = False, len(set(names))
-    with _reporting(progress, asked, len(done)) as advance:
-        try:
-            for name, row in _solved(study, todo, executor):
-                done[name] = row
-                if store is not None:
-                    store.add([{KEY: name, **todo[name], **row}])
-                advance(row["error"] or f"{row['load_factor']:.6g}")
-        except KeyboardInterrupt:
-            is_interrupted = True
-        finally:
-            if store is not None:
-                store.flush()
+    variations = dict(zip(names, records, strict=True))
+    done = {} if store is None else store.known(set(names))
+    with progress_bar("sweep", len(variations), progress, len(done)) as advance:
+        is_interrupted = _fill(done, study, variations, executor, store, advance)
     kept = [i for i, name in enumerate(names) if name in done]
     found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
     result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
     result.attrs = {
         **_about(study),
         "version": __version__,
-        "variations": asked,
+        "variations": len(variations),
         "is_interrupted": is_interrupted,
     }
     return result
 
 
-@contextmanager
-def _reporting(
-    progress: bool | Callable[[str], None], asked: int, found: int
-) -> Iterator[Callable[[str], None]]:
-    """What is called after every row: a bar, or the user's own function."""
-    if not callable(progress):
-        with progress_bar("sweep", asked, progress, found) as advance:
-            yield advance
-        return
-    number = found
-
-    def say(what: str) -> None:
-        line = Told(f"{number} of {asked} variations: {what:.60}")
-        line.has_bracket = number > 0
-        progress(line)
-
-    def advance_one(what: str) -> None:
-        nonlocal number
-        number += 1
-        say(what)
-
-    say("found" if found else "under way")
-    yield advance_one
+def _fill(
+    done: dict[str, Row],
+    study: Study,
+    variations: Mapping[str, Row],
+    executor: Any,
+    store: Store | None,
+    advance: Callable[[str], None],
+) -> bool:
+    """Solve what is not done yet; True if that was interrupted."""
+    todo = {name: row for name, row in variations.items() if name not in done}
+    try:
+        for name, row in _solved(study, todo, executor):
+            done[name] = row
+            if store is not None:
+                store.add({KEY: name, **todo[name], **row})
+            advance(row["error"] or f"{row['load_factor']:.6g}")
+    except KeyboardInterrupt:
+        return True
+    finally:
+        if store is not None:
+            store.flush()
+    return False
 
 
 def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
@@ -168,21 +158,6 @@ def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
     others = [name for row in done.values() for name in row]
     measured = dict.fromkeys(o for o in others if o not in {*RESULTS, *table.columns, KEY})
     return [*RESULTS, *measured]
-
-
-def _check(scenes: Any, options: Mapping[str, Any], measure: Any) -> None:
-    if not (isinstance(scenes, Scene) or callable(scenes)):
-        raise InputError(
-            f"scenes must be a Scene or a function that returns one, got {scenes!r:.60}"
-        )
-    for name in options:
-        if name not in OPTIONS:
-            raise ModelError(
-                f"solve has no option {name!r}: it has {', '.join(OPTIONS)}; parameters of the "
-                "scene go into the grid"
-            )
-    if measure is not None and not callable(measure):
-        raise ModelError(f"measure must be a function of a solution, got {measure!r:.60}")
 
 
 def _about(study: Study) -> dict[str, str]:
@@ -200,8 +175,6 @@ def _about(study: Study) -> dict[str, str]:
 
 def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
     """Rows by name as they come."""
-    if not todo:
-        return
     if executor is None:
         known = Structures()
         for name, variation in todo.items():

@@ -99,7 +99,6 @@ def _resized(scene: Scene, size: float) -> Scene:
 
 
 def _turned(live: Load, degrees: float) -> Load:
-    """The live load turned about the vertical."""
     if live.acceleration is None:
         raise InputError(
             "direction turns the live load's acceleration, but it has none: vary live itself"
@@ -112,7 +111,6 @@ def _turned(live: Load, degrees: float) -> Load:
 
 
 def _tilted(scene: Scene, degrees: float) -> Load:
-    """The dead load with its gravity leaning towards the live load."""
     angle = np.radians(finite_vector([degrees], 1, "tilt")[0])
     down, push = scene.dead.gravity, scene.live.acceleration
     level = np.zeros(3)
@@ -129,20 +127,7 @@ def _tilted(scene: Scene, degrees: float) -> Load:
 
 
 def variations_of(grid: Grid) -> DataFrame:
-    """A row per variation: all combinations of a mapping's values, or the rows that are given.
-
-    Raises
-    ------
-    InputError
-        If there are none, or rows do not have the same parameters.
-    ModelError
-        If pandas is not installed.
-
-    Example
-    -------
-    >>> len(variations_of({"friction": [0.5, 0.6, 0.7], "tilt": [0, 5]}))
-    6
-    """
+    """A row per variation: all combinations of a mapping's values, or the rows that are given."""
     pandas = needed("pandas", "frames", "sweeps")
     if isinstance(grid, pandas.DataFrame):
         table = grid.reset_index(drop=True)
@@ -172,7 +157,6 @@ def variations_of(grid: Grid) -> DataFrame:
 
 
 def _values(name: str, given: Any) -> list[Any]:
-    """A parameter's values; one that stands alone counts as a list of one."""
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
         return [given]
     values = list(given)
