@@ -205,13 +205,15 @@ def run(experiment: Experiment, seconds: float) -> Result:
         if process_time() - started > seconds:
             raise KeyboardInterrupt
 
-    rules = {
-        "certified": Certified(),
+    moments = READINGS.get(experiment.moments, "independent")
+    methods = {
+        "certified": Certified(moments=moments),
         "fixed-point": FixedPoint(
             experiment.weight,
             max_iterations=experiment.most,
             epsilon=experiment.epsilon,
             regularisation=experiment.regularisation,
+            moments=moments,
         ),
         FIRST: None,
     }
@@ -220,8 +222,7 @@ def run(experiment: Experiment, seconds: float) -> Result:
         solution = solve(
             scene,
             experiment.surface,
-            interaction=rules[experiment.kind],
-            moments=READINGS.get(experiment.moments, "independent"),
+            method=methods[experiment.kind],
             ladder=_ladder(experiment.solver),
             progress=progress,
         )

@@ -50,21 +50,19 @@ VERIFIED = 1e-5
 
 @dataclass(frozen=True)
 class Model:
-    """A model: how it is asked, and the surface and torsion-shear of its certificate, if plain."""
+    """A model: how it is asked, and the surface of its certificate, if plain."""
 
     name: str
     asks: Callable[[Scene], Solution]
-    plain: tuple[str, str] | None = None
+    plain: str | None = None
 
 
-def _surface(name: str, torsion_shear: str = "linear") -> Model:
-    asks = partial(solve, surface=name, torsion_shear=torsion_shear)
-    shown = name if torsion_shear == "linear" else torsion_shear
-    return Model(shown, asks, (name, torsion_shear))
+def _surface(name: str) -> Model:
+    return Model(name, partial(solve, surface=name), name)
 
 
 def _reading(name: str) -> Model:
-    return Model(f"certified, {name}", partial(solve, interaction=SHORT, moments=name))
+    return Model(f"certified, {name}", partial(solve, method=replace(SHORT, moments=name)))
 
 
 def _with(strength: str, share: float) -> Callable[[Scene], Solution]:
@@ -86,19 +84,19 @@ def _with(strength: str, share: float) -> Callable[[Scene], Solution]:
 MODELS = (
     _surface("conic"),
     *(_surface(f"{k}-gon{kind}") for k in (4, 8, 16) for kind in ("-inscribed", "")),
-    _surface("conic", "parabolic"),
-    Model("exact", partial(solve, torsion_shear="exact")),
-    Model("resultants", partial(solve, formulation=resultants), ("conic", "linear")),
+    _surface("parabolic"),
+    Model("exact", partial(solve, method="exact")),
+    Model("resultants", partial(solve, formulation=resultants), "conic"),
     Model("vertex forces", lambda s: solve(s, [Rocking()], formulation=vertex_forces)),
-    Model("full model", partial(solve, model="full"), ("conic", "linear")),
-    Model("least model", partial(solve, model="least"), ("conic", "linear")),
+    Model("full model", partial(solve, model="full"), "conic"),
+    Model("least model", partial(solve, model="least"), "conic"),
     Model("strong stone", _with("compressive_strength", STRONG)),
     Model("weak stone", _with("compressive_strength", WEAK)),
     Model("little cohesion", _with("cohesion", LITTLE)),
     Model("little tension", _with("tensile_strength", LITTLE)),
     *map(_reading, ("independent", "paper", "signed-torsion-bending", "signed")),
-    Model("zero dilatancy", partial(solve, interaction=MEMBERS)),
-    Model("Gilbert", partial(solve, flow="gilbert")),
+    Model("zero dilatancy", partial(solve, method=MEMBERS)),
+    Model("Gilbert", partial(solve, method="gilbert")),
 )
 
 _EQUAL, _NEARLY = 1e-4, 1e-2
@@ -223,7 +221,7 @@ def contradictions(found: dict[str, Record], scene: Scene) -> dict[str, str]:
 def _refuted(model: Model, made: Sample, solution: Solution) -> str:
     """Why its own certificate, or its own members, refute it."""
     if model.plain is not None and solution.status.has_answer:
-        known = reference_of(made, solution, surfaces_of(*model.plain)[0])
+        known = reference_of(made, solution, surfaces_of(model.plain)[0])
         if known.lower > known.upper + ROUNDING * known.unit:
             return f"a fresh certificate contradicts {solution.bracket}"
     for member in solution.members:

@@ -226,12 +226,10 @@ def test_brackets_around_blocks_without_weight_are_proved(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [44, 66, 72, 89])
 def test_densities_far_apart_are_certified(seed: int) -> None:
-    """1e6 to 1e9 apart: static bounds were 1e-5 to 2e-3 off until a rung solved once more in units
-    of its own answer."""
+    """1e6 to 1e9 apart: static bounds were 1e-5 to 2e-3 off, and open, until problems were solved
+    once more in units of their own answers."""
     made = sample("densities", seed)
-    solution = solve(made.scene)
-    assert_certified(solution, made.scene)
-    assert any("rescaled" in str(iterate.solver) for iterate in solution.history)
+    assert_certified(solve(made.scene), made.scene)
 
 
 def test_friction_next_to_none_is_certified() -> None:

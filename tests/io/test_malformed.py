@@ -259,7 +259,7 @@ CALLS: dict[str, tuple[Callable[[], object], str]] = {
     "torsion-shear": (lambda: solve(TOWER, torsion_shear="round"), "'round'"),
     "flow": (lambda: solve(TOWER, flow="none"), "'none'"),
     "flow-and-interaction": (
-        lambda: solve(TOWER, flow="zero-dilatancy", interaction="certified"), "interaction"
+        lambda: solve(TOWER, flow="zero-dilatancy", interaction="certified"), "two methods"
     ),
     "model": (lambda: solve(TOWER, model="half"), "'half'"),
     "tolerance-negative": (lambda: solve(TOWER, tolerance=-1.0), "tolerance"),

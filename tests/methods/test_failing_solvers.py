@@ -81,7 +81,7 @@ def test_a_failure_on_the_way_keeps_its_name(monkeypatch: pytest.MonkeyPatch) ->
     solution = solve(builtin_scene("tuff-wall"), method=FixedPoint(moments="signed"))
     assert solution.status is Status.SOLVER_FAILED
     assert f"solver CLARABEL: {NOWHERE}" in solution.note
-    assert sum(iterate.load_factor is not None for iterate in solution.history) == 3
+    assert any(iterate.load_factor is not None for iterate in solution.history)
 
 
 @pytest.mark.parametrize("push", [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)], ids=["down", "up"])
