@@ -13,8 +13,12 @@ SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},
+<<<<<<< HEAD
     {"checks", "extras", "files", "bracket", "versions", "progressbar"},
     {"strengths"},
+=======
+    {"arrays", "checks", "extras", "files", "bracket", "versions", "progressbar"},
+>>>>>>> 10ea513 (Hulls of contacts by GEOS on a grid where it is exact, one clip and one distance integral; slivers of rounding are no part of a contact)
     {"geometry"},
     {"loads", "ties"},
     {"scene", "solvers"},
@@ -33,8 +37,8 @@ LAYERS = (
 """Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
 
 OUTSIDE = {
-    "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks", "extras",
-    "files", "strengths",
+    "arrays", "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks",
+    "extras", "files", "strengths",
 }  # fmt: skip
 """All that input, output and plotting may see besides themselves."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from cvxlimit.arrays import ReadOnlyArrays
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets
@@ -25,7 +26,6 @@ from cvxlimit.geometry.polyhedra import (
     default_tolerance,
     vertices_of,
 )
-from cvxlimit.geometry.readonly import ReadOnlyArrays
 
 FloatArray = NDArray[np.float64]
 

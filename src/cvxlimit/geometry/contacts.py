@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import InputError
+from cvxlimit.arrays import ReadOnlyArrays, read_only
+from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
-from cvxlimit.geometry.readonly import ReadOnlyArrays, read_only
 from cvxlimit.strengths import PROPERTIES, JointValues, Pair
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +23,11 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 """Contact force components (Eq. 1), in the column order of every force array."""
 
 COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
+
+
+_ROUNDING = 1e-7
+"""Share of its size by which a piece may stick out of its contact's hull: corners are dropped
+within 1e-9 (:data:`~cvxlimit.geometry.polygons.SAME`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +98,26 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             if each.name in PROPERTIES and np.ndim(value) == 0:
                 value = np.full(len(self.names), float(value))
             object.__setattr__(self, each.name, read_only(value))
+        if self.pieces:
+            self._check_hulls()
+
+    def _check_hulls(self) -> None:
+        """Refuse a contact whose hull leaves out a corner of its pieces: no bracket would see it,
+        as every proof starts from the hull."""
+        points = np.concatenate([p for parts in self.pieces.values() for p in parts])
+        owner = np.repeat(list(self.pieces), [sum(map(len, x)) for x in self.pieces.values()])
+        place, edge = members_of(self.corner_start[:-1], len(self.corner_xy), owner)
+        _, inward, offset = self.edges
+        depth = np.einsum("ek,ek->e", inward[edge], points[place]) + offset[edge]
+        size = np.abs(points).max(axis=1)[place]
+        if not (depth >= -_ROUNDING * size).all():
+            worst = int(np.argmin(depth))
+            name = self.names[int(owner[place[worst]])]
+            raise GeometryError(
+                f"contact {name!r}: the hull of its corners leaves out a corner of its pieces by "
+                f"{-depth[worst]:.3g}, so that no answer would be right; please report this scene",
+                blocks=tuple(self.block_ids[x[int(owner[place[worst]])]] for x in (self.a, self.b)),
+            )
 
     def __len__(self) -> int:
         return len(self.names)

@@ -33,6 +33,10 @@ _STEEPEST = 0.1
 said to act along both normals to a tenth, however small the facets and the gap between them."""
 
 
+_SIDE = 1e-6
+"""Sides shorter than this share of a facet's longest say nothing about how it is turned."""
+
+
 @dataclass(frozen=True, eq=False)
 class Detection:
     """What was found between the blocks of a scene: contacts, and joints that are nearly there."""
@@ -228,9 +232,11 @@ def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArra
     base = lower.corners[:, 0]
     below = -_height(base, lower, normal)
     above = -_height(base, upper, normal)
-    t1 = lower.corners[:, 1] - base
-    t1 = t1 - np.einsum("pc,pc->p", t1, normal)[:, None] * normal
-    t1 = _canonical(_unit(t1))
+    along = np.roll(lower.corners, -1, axis=1) - lower.corners
+    along -= np.einsum("pkc,pc->pk", along, normal)[:, :, None] * normal[:, None]
+    length = np.linalg.norm(along, axis=2)
+    first = (length > _SIDE * length.max(axis=1)[:, None]).argmax(axis=1)
+    t1 = _canonical(_unit(along[np.arange(len(along)), first]))
     axes = np.stack([t1, np.cross(normal, t1), normal], axis=1)
     return axes, base + 0.5 * (below + above)[:, None] * normal
 

@@ -105,7 +105,8 @@ class _Surface:
         """Unit normal and a point of the mean plane of some faces."""
         normal = self.vectors[group].sum(axis=0)
         weight = self.area[group]
-        return normal / np.linalg.norm(normal), weight @ self.middle[group] / weight.sum()
+        length = float(np.linalg.norm(normal)) or 1.0  # none for faces all around a body
+        return normal / length, weight @ self.middle[group] / weight.sum()
 
     def off(self, group: IntArray, normal: FloatArray, point: FloatArray) -> FloatArray:
         """Largest distance of the corners of each face from a plane."""

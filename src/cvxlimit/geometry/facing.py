@@ -183,7 +183,9 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
         for piece, area in zip(members.tolist(), _vectors(corners).transpose(1, 0, 2), strict=True):
             vectors[:, owner[piece]] += area
         normals[size] = corners, members
-    normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
+    length = np.linalg.norm(vectors, axis=2)
+    result &= (length > 0.0).all(axis=1)  # another shape whose faces are named alike
+    normal = vectors / np.where(length > 0.0, length, 1.0)[:, :, None]
     for corners, members in normals.values():
         along = np.roll(corners, -1, axis=2) - corners
         ahead = np.roll(along, -1, axis=2)

@@ -95,7 +95,8 @@ def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
         outline, surface, centroid = united(parts)
         perimeter = float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum())
         local, extent, rotation = _along_own_sides(outline - centroid)
-        is_whole = len(parts) == 1 or area_and_centroid(outline)[0] - surface <= _WHOLE * surface
+        extra = area_and_centroid(outline)[0] - surface
+        is_whole = len(parts) == 1 or abs(extra) <= _WHOLE * surface
         pieces = None if is_whole else tuple((p - centroid) @ rotation.T for p in parts)
         wide = max([2.0 * surface / perimeter, *map(_width, parts if pieces else [])])
         sides = extent if is_whole else np.full(2, np.nan)

@@ -1,18 +1,28 @@
-"""Plane geometry of contacts: torsion arms, polygon integrals, overlaps, effective regions."""
+"""Plane geometry of contacts: torsion arms, polygon integrals, hulls, overlaps, effective regions.
+
+Corners go round counter-clockwise. Many polygons at once are arrays (p, k, 2) of which the first
+``count`` (p,) corners of each are meant.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import shapely
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 
 _SLENDER = 1e-3
 """Below this side ratio the gradient of c_T is taken at the ratio itself: its log term's slope
 is unbounded at zero, and a wrong slope there does not change c_T by more than 1e-6."""
+
+SAME = 1e-9
+"""Corners nearer to each other, or to the line between their neighbours, than this share of the
+polygon's size are one, or straight; polygons that are not wider have no area. Rounding of
+coordinates is 1e-13 of a contact's size for a scene a thousand times as large."""
 
 
 def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
@@ -59,25 +69,52 @@ def _slope(a: FloatArray, b: FloatArray) -> FloatArray:
 def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
     """Area and centroid (2,) of a simple polygon with counter-clockwise ``corners`` (k, 2)."""
     points = np.asarray(corners, dtype=float)
-    spokes, ahead, doubled = _triangles(points)
-    area = float(doubled.sum()) / 2.0
-    centroid = points[0] + (doubled[:, None] * (spokes + ahead)).sum(axis=0) / (6.0 * area)
-    return area, centroid
-
-
-def _triangles(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Two sides (k, 2) and twice the area (k,) of the triangles at a polygon's first corner."""
     spokes = points - points[0]
     ahead = np.roll(spokes, -1, axis=0)
-    return spokes, ahead, spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
+    doubled = spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
+    whole = float(doubled.sum())
+    return whole / 2.0, points[0] + doubled @ (spokes + ahead) / (3.0 * whole)
+
+
+def distance_integral(height: FloatArray, end: FloatArray) -> FloatArray:
+    """Integral of the distance from a point along a straight line, from the point's foot on it.
+
+    The line passes the point at distance ``height`` (of any sign) and ends at ``end`` beyond the
+    foot: 1/2 (s sqrt(h2 + s2) + h2 asinh(s / abs(h))). Any common shape; lengths squared.
+    """
+    tall = np.where(height != 0.0, np.abs(height), 1.0)
+    log_term = np.where(height != 0.0, height**2 * np.arcsinh(end / tall), 0.0)
+    result: FloatArray = 0.5 * (end * np.hypot(height, end) + log_term)
+    return result
+
+
+def mean_distance_on_segment(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Mean distance (...) from the origin along segments between points (..., 2).
+
+    >>> float(mean_distance_on_segment(np.array([-1.0, 0.0]), np.array([1.0, 0.0])))
+    0.5
+    """
+    along = end - start
+    length = np.linalg.norm(along, axis=-1)
+    safe = np.where(length > 0.0, length, 1.0)
+    begin = (start * along).sum(axis=-1) / safe
+    height = (start[..., 0] * along[..., 1] - start[..., 1] * along[..., 0]) / safe
+    whole = distance_integral(height, begin + length) - distance_integral(height, begin)
+    ends = np.linalg.norm(start, axis=-1) + np.linalg.norm(end, axis=-1)
+    simpson = (ends + 4.0 * np.linalg.norm(0.5 * (start + end), axis=-1)) / 6.0
+    return np.where(length > _SHORT * ends, whole / safe, simpson)
+
+
+_SHORT = 1e-3
+"""Segments shorter than this share of their distance are integrated by Simpson's rule, to 1e-13;
+the difference of the integral's ends would lose as many digits as they are short."""
 
 
 def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     """Mean distance of a polygon's points from ``point``: c_T of a general contact.
 
-    Exact: over the triangle between the point and an edge at distance h, with s along the edge,
-    the integral of r is (h s sqrt(h2 + s2) + h3 asinh(s / abs(h))) / 6 between the edge's ends;
-    h is negative for edges seen from outside.
+    Exact: the integral over the triangle between the point and an edge at distance h is h / 3 times
+    that along the edge; h is negative for edges seen from outside.
     ``corners`` (k, 2) counter-clockwise; a degenerate polygon is treated as its longest segment.
 
     >>> square = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
@@ -90,40 +127,27 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     extent = float(np.ptp(points, axis=0).max())
     area = area_and_centroid(points)[0] if len(points) > 2 else 0.0
     if area <= 1e-12 * extent**2:
-        return _mean_distance_on_segment(points)
-    ends = np.roll(points, -1, axis=0)
-    along = ends - points
+        ends = _ends(points, 0.0)
+        return float(mean_distance_on_segment(ends[0], ends[-1]))
+    along = np.roll(points, -1, axis=0) - points
     length = np.linalg.norm(along, axis=1)
     kept = length > 0.0
     unit = along[kept] / length[kept, None]
     start = (points[kept] * unit).sum(axis=1)
     height = points[kept, 0] * unit[:, 1] - points[kept, 1] * unit[:, 0]
-    integral = _edge_integral(height, start + length[kept]) - _edge_integral(height, start)
-    return float(integral.sum() / area)
+    on_edges = distance_integral(height, start + length[kept]) - distance_integral(height, start)
+    return float(height @ on_edges / (3.0 * area))
 
 
-def _edge_integral(h: FloatArray, s: FloatArray) -> FloatArray:
-    safe = np.where(h != 0.0, h, 1.0)
-    log_term = np.where(h != 0.0, h**3 * np.arcsinh(s / np.abs(safe)), 0.0)
-    result: FloatArray = (h * s * np.hypot(h, s) + log_term) / 6.0
-    return result
+def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
+    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact.
 
-
-def _mean_distance_on_segment(points: FloatArray) -> float:
-    gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
-    i, j = np.unravel_index(int(gaps.argmax()), gaps.shape)
-    length = gaps[i, j]
-    if length == 0.0:
-        return float(np.linalg.norm(points[0]))
-    unit = (points[j] - points[i]) / length
-    start = float(points[i] @ unit)
-    height = abs(float(points[i, 0] * unit[1] - points[i, 1] * unit[0]))
-
-    def primitive(s: float) -> float:
-        log_term = height**2 * np.arcsinh(s / height) if height > 0.0 else 0.0
-        return float(0.5 * (s * np.hypot(s, height) + log_term))
-
-    return (primitive(start + length) - primitive(start)) / float(length)
+    >>> half = np.array([[0.0, -0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.5]])
+    >>> round(mean_distance_over([half, -half], (0.0, 0.0)), 6)
+    0.382598
+    """
+    areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
+    return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
 def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArray:
@@ -142,7 +166,8 @@ def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[F
     centres = np.asarray(pressure_centres, dtype=float)
     reach = np.abs(points - centres[:, None]).max(axis=(1, 2))
     both = np.broadcast_to(points, (len(centres), *points.shape))
-    regions = _overlaps(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
+    found, count = _common(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
+    regions = [region[:n] for region, n in zip(found, count.tolist(), strict=True)]
     return [_region(region, float(r)) for region, r in zip(regions, reach, strict=True)]
 
 
@@ -161,19 +186,6 @@ def _ends(points: FloatArray, tolerance: float) -> FloatArray:
     return points[list(np.unravel_index(int(gaps.argmax()), gaps.shape))]
 
 
-def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
-    """Pairwise overlaps of convex polygons; arrays (p, k, 2) and (p, m, 2), corners repeated
-    where polygons have fewer. Returns p counter-clockwise corner lists, empty where the overlap
-    has no area.
-
-    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
-    >>> [overlap] = convex_overlap(square, square + 0.5)
-    >>> area_and_centroid(overlap)[0]
-    0.25
-    """
-    return [_without_straight_corners(corners) for corners in _overlaps(first, second)]
-
-
 def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]:
     """Hull (k, 2) of polygons that do not overlap, their whole area and its centroid (2,).
 
@@ -190,104 +202,135 @@ def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]
     return convex_hull(np.concatenate(pieces)), area, centroid
 
 
-def convex_hull(points: FloatArray) -> FloatArray:
+def convex_hull(points: ArrayLike) -> FloatArray:
     """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise, no straight ones.
 
-    Andrew's monotone chain; Qhull refuses the slivers that overlaps of rounded facets can be.
+    GEOS, on a grid of 2^-45 of the size, where its turns are exact: on coordinates as they are it
+    loses whole corners at times (``tests/geometry/test_plane_geometry.py`` has 17 points of which
+    it keeps half the area), manifold3d does so more often, and Qhull refuses slivers. Empty (0, 2)
+    where the points lie on a line.
+
+    >>> convex_hull([[0.0, 0.0], [1.0, 0.0], [0.5, 0.2], [1.0, 1.0], [1.0, 1e-17]]).tolist()
+    [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
     """
-    size = float(np.ptp(points, axis=0).max())
-    order = sorted(map(tuple, points.tolist()))
-    chains = []
-    for run in (order, order[::-1]):
-        chain: list[tuple[float, ...]] = []
-        for p in run:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 1e-15 * size**2:
-                chain.pop()
-            chain.append(p)
-        chains.append(chain[:-1])
-    return _without_straight_corners(np.array(chains[0] + chains[1]))
+    cloud = np.asarray(points, dtype=float)
+    low, size = cloud.min(axis=0), np.ptp(cloud, axis=0).max(keepdims=True)
+    unit = 2.0 ** (np.ceil(np.log2(np.maximum(size, 1e-300))) - 45.0)
+    hull = shapely.convex_hull(shapely.multipoints(np.round((cloud - low) / unit)))
+    if hull.geom_type != "Polygon":
+        return np.empty((0, 2))
+    ring = low + unit * shapely.get_coordinates(hull)[:0:-1]  # GEOS goes round clockwise
+    ring = np.roll(ring, -int(np.lexsort(ring.T[::-1])[0]), axis=0)
+    return simplified(ring[None], np.array([len(ring)]), size)[0]
 
 
-def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
+    """Pairwise overlaps of convex polygons; arrays (p, k, 2) and (p, m, 2), corners repeated
+    where polygons have fewer. Returns p counter-clockwise corner lists, empty where the overlap
+    has no area.
 
-
-def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
-    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact.
-
-    >>> half = np.array([[0.0, -0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.5]])
-    >>> round(mean_distance_over([half, -half], (0.0, 0.0)), 6)
-    0.382598
+    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+    >>> [overlap] = convex_overlap(square, square + 0.5)
+    >>> area_and_centroid(overlap)[0]
+    0.25
     """
-    areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
-    return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
+    extents = [np.ptp(polygons, axis=1).max(axis=1) for polygons in (first, second)]
+    return simplified(*_common(first, second), np.minimum(*extents))
 
 
-def _overlaps(
+def _common(
     first: FloatArray, second: FloatArray, tolerance: FloatArray | float = 0.0
-) -> list[FloatArray]:
+) -> tuple[FloatArray, IntArray]:
     """Sutherland and Hodgman's clipping, all pairs at once; points within the tolerance stay.
 
     Not GEOS: it loses overlaps of polygons that share a corner and have nearly parallel edges
     (one of 250 random triangles against the same with one corner moved by rounding).
     """
-    corners, clip = _counter_clockwise(first), _counter_clockwise(second)
+    corners, border = _counter_clockwise(first), _counter_clockwise(second)
     count = np.full(len(corners), corners.shape[1])
-    for k in range(clip.shape[1]):
-        start, edge = clip[:, k], clip[:, (k + 1) % clip.shape[1]] - clip[:, k]
-        corners, count = _clipped(corners, count, start, edge, tolerance)
-    return [polygon[:n] for polygon, n in zip(corners, count.tolist(), strict=True)]
+    edges = np.roll(border, -1, axis=1) - border
+    slack = np.reshape(tolerance, (-1, 1)) * np.linalg.norm(edges, axis=2)
+    for k in range(border.shape[1]):
+        edge, offset = edges[:, k, None], corners - border[:, k, None]
+        inside = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
+        corners, count = clipped(corners, count, inside + slack[:, k, None])
+    return corners, count
 
 
-def _clipped(
-    corners: FloatArray,
-    count: IntArray,
-    start: FloatArray,
-    edge: FloatArray,
-    tolerance: FloatArray | float,
+def clipped(
+    corners: FloatArray, count: IntArray, height: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Polygons (p, k, 2), the first ``count`` of their corners, left of lines (p, 2)."""
-    pairs, width = corners.shape[:2]
-    offset = corners - start[:, None]
-    side = edge[:, None, 0] * offset[:, :, 1] - edge[:, None, 1] * offset[:, :, 0]
-    side += (tolerance * np.linalg.norm(edge, axis=1))[:, None]
-    place = np.arange(width)
-    following = np.where(place + 1 < count[:, None], place + 1, 0)
-    ahead = np.take_along_axis(corners, following[:, :, None], axis=1)
-    ahead_side = np.take_along_axis(side, following, axis=1)
-    inside, there = side >= 0.0, place < count[:, None]
-    crosses = inside != (ahead_side >= 0.0)
-    share = np.where(crosses, side / np.where(crosses, side - ahead_side, 1.0), 0.0)
+    """Parts of convex polygons where a height that is linear over each is not negative.
+
+    ``corners`` (p, k, d) of which the first ``count`` (p,) are meant, in the plane or in space,
+    and the ``height`` (p, k) at each; returns corners (p, m, d) and how many are meant. Corners on
+    the line stay, and no corner is dropped for being straight.
+
+    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+    >>> left, count = clipped(square, np.array([4]), 0.5 - square[:, :, 0])
+    >>> left[0, : count[0]].tolist()
+    [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]]
+    """
+    pairs, width, dimension = corners.shape
+    ahead = _neighbour(corners, count, 1)
+    height_ahead = _neighbour(height[:, :, None], count, 1)[:, :, 0]
+    inside, there = height >= 0.0, _meant(corners, count)
+    crosses = inside != (height_ahead >= 0.0)
+    share = np.where(crosses, height / np.where(crosses, height - height_ahead, 1.0), 0.0)
     crossing = corners + share[:, :, None] * (ahead - corners)
-    points = np.stack([corners, crossing], axis=2).reshape(pairs, 2 * width, 2)
+    points = np.stack([corners, crossing], axis=2).reshape(pairs, 2 * width, dimension)
     kept = np.stack([inside & there, crosses & there], axis=2).reshape(pairs, 2 * width)
+    return _kept(points, kept)
+
+
+def _kept(corners: FloatArray, kept: BoolArray) -> tuple[FloatArray, IntArray]:
+    """Some of the corners of each polygon, in their order, and how many they are."""
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, : max(int(count.max(initial=0)), 1)]
-    return np.take_along_axis(points, order[:, :, None], axis=1), count
+    return np.take_along_axis(corners, order[:, :, None], axis=1), count
 
 
 def _counter_clockwise(polygons: FloatArray) -> FloatArray:
-    spokes = polygons - polygons[:, :1]
-    ahead = np.roll(spokes, -1, axis=1)
-    doubled = spokes[:, :, 0] * ahead[:, :, 1] - spokes[:, :, 1] * ahead[:, :, 0]
-    return np.where(doubled.sum(axis=1)[:, None, None] < 0.0, polygons[:, ::-1], polygons)
+    return np.where(_doubled(polygons)[:, None, None] < 0.0, polygons[:, ::-1], polygons)
 
 
-def _without_straight_corners(corners: FloatArray) -> FloatArray:
-    """Drop corners that lie on the line between their neighbours, within 1e-9 of the size."""
-    if len(corners) < 3:
-        return np.empty((0, 2))
-    tolerance = 1e-9 * float(np.ptp(corners, axis=0).max())
-    before = corners - np.roll(corners, 1, axis=0)
-    corners = corners[np.linalg.norm(before, axis=1) > tolerance]
-    while len(corners) > 3:
-        back, ahead = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
-        chord = ahead - back
-        offset = corners - back
-        distance = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0])
-        straight = distance <= tolerance * np.linalg.norm(chord, axis=1)
+def _doubled(polygons: FloatArray) -> FloatArray:
+    """Twice the areas (p,) of polygons (p, k, 2), corners repeated where they have fewer."""
+    spokes = polygons[:, 1:] - polygons[:, :1]
+    turns = spokes[:, :-1, 0] * spokes[:, 1:, 1] - spokes[:, :-1, 1] * spokes[:, 1:, 0]
+    return np.asarray(turns.sum(axis=1))
+
+
+def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[FloatArray]:
+    """Convex polygons without corners that coincide or are straight, within :data:`SAME`.
+
+    ``corners`` (p, k, 2) of which the first ``count`` (p,) are meant; ``size`` (p,) of what they
+    were made from. Empty where nothing is left that is wider than that. Of neighbours that are
+    straight every other one goes first, so that many of them cannot carry the outline away.
+    """
+    tolerance = SAME * size[:, None]
+    apart = np.linalg.norm(corners - _neighbour(corners, count, -1), axis=2) > tolerance
+    corners, count = _kept(corners, apart & _meant(corners, count))
+    for parity in cycle((0, 1)):
+        before, ahead = (_neighbour(corners, count, step) for step in (-1, 1))
+        chord, offset = ahead - before, corners - before
+        away = np.abs(chord[..., 0] * offset[..., 1] - chord[..., 1] * offset[..., 0])
+        straight = away <= tolerance * np.linalg.norm(chord, axis=2)
+        meant = _meant(corners, count)
+        straight &= meant & (count > 3)[:, None]
         if not straight.any():
             break
-        corners = np.delete(corners, int(np.flatnonzero(straight)[0]), axis=0)
-    has_area = len(corners) > 2 and _triangles(corners)[2].sum() > 0.0
-    return corners if has_area else np.empty((0, 2))
+        straight[:, 1 - parity :: 2] = False
+        corners, count = _kept(corners, meant & ~straight)
+    corners = np.where(_meant(corners, count)[:, :, None], corners, corners[:, :1])
+    wide = _doubled(corners) > tolerance[:, 0] * np.ptp(corners, axis=1).max(axis=1)
+    return [x[:n] for x, n in zip(corners, np.where(wide, count, 0).tolist(), strict=True)]
+
+
+def _meant(corners: FloatArray, count: IntArray) -> BoolArray:
+    return np.arange(corners.shape[1]) < count[:, None]
+
+
+def _neighbour(corners: FloatArray, count: IntArray, step: int) -> FloatArray:
+    place = (np.arange(corners.shape[1]) + step) % np.maximum(count, 1)[:, None]
+    return np.take_along_axis(corners, place[:, :, None], axis=1)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.polygons import distance_integral
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -93,7 +94,7 @@ class Edges:
         length = self.length.reshape(t1.shape)
         h = offset[..., 0] * t2 - offset[..., 1] * t1
         s = offset[..., 0] * t1 + offset[..., 1] * t2
-        return h, _along_edge(h, s + length) - _along_edge(h, s)
+        return h, distance_integral(h, s + length) - distance_integral(h, s)
 
     def mean_distance(self, centre: FloatArray) -> FloatArray:
         """Mean of abs(r - c) (n, ...) over each contact, for centres (n, ..., 2)."""
@@ -135,13 +136,6 @@ def _second_moments(start: FloatArray, end: FloatArray) -> FloatArray:
     corners = (start, end, start + end)
     squares = sum((p[:, :, None] * p[:, None, :] for p in corners), np.zeros((len(start), 2, 2)))
     return np.asarray(doubled[:, None, None] * squares / 24.0)
-
-
-def _along_edge(h: FloatArray, s: FloatArray) -> FloatArray:
-    safe = np.where(h != 0.0, h, 1.0)
-    log_term = np.where(h != 0.0, h**2 * np.arcsinh(s / np.abs(safe)), 0.0)
-    result: FloatArray = 0.5 * (s * np.hypot(h, s) + log_term)
-    return result
 
 
 def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:

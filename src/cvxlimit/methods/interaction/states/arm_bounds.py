@@ -28,7 +28,12 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.geometry.polygons import area_and_centroid, effective_regions, mean_distance
+from cvxlimit.geometry.polygons import (
+    area_and_centroid,
+    effective_regions,
+    mean_distance,
+    mean_distance_on_segment,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -41,10 +46,6 @@ _ROUNDING = 1e-9
 
 _THIN = 1e-9
 """Area of an effective region, over the square of the polygon's size, below which it is no e0."""
-
-_SHORT = 1e-3
-"""Segments shorter than this share of their distance are integrated by Simpson's rule, to 1e-13;
-the difference of the integral's ends would lose as many digits as they are short."""
 
 _TRIPLES = np.array(list(combinations_with_replacement(range(3), 3)))
 """Bernstein coefficients of a cubic over a triangle, as triples of corners."""
@@ -184,33 +185,12 @@ class ArmBounds:
         middle = 0.5 * (corners + ahead)
         slab = np.abs(np.abs(middle @ self.normals.T) - widths).argmin(axis=1)
         doubled = np.abs(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0])
-        return slab, doubled / 3.0 * _mean_on_segment(corners, ahead)
+        return slab, doubled / 3.0 * mean_distance_on_segment(corners, ahead)
 
 
 def _parallelogram_arm(first: FloatArray, second: FloatArray) -> FloatArray:
     """Mean distance from the centre of parallelograms with half sides (..., 2): their diagonals
     cut them into triangles of one area, each of whose mean is 2/3 of that on its outer side."""
     p, q = first + second, second - first
-    result: FloatArray = (_mean_on_segment(p, q) + _mean_on_segment(q, -p)) / 3.0
-    return result
-
-
-def _mean_on_segment(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Mean distance (...) from the origin along segments from p to q (..., 2)."""
-    along = q - p
-    length = np.linalg.norm(along, axis=-1)
-    safe = np.where(length > 0.0, length, 1.0)
-    start = (p * along).sum(axis=-1) / safe
-    height = np.abs(p[..., 0] * along[..., 1] - p[..., 1] * along[..., 0]) / safe
-    tall = np.where(height > 0.0, height, 1.0)
-
-    def primitive(s: FloatArray) -> FloatArray:
-        log_term = np.where(height > 0.0, height**2 * np.arcsinh(s / tall), 0.0)
-        result: FloatArray = 0.5 * (s * np.hypot(s, height) + log_term)
-        return result
-
-    mean = (primitive(start + length) - primitive(start)) / safe
-    ends = np.linalg.norm(p, axis=-1) + np.linalg.norm(q, axis=-1)
-    simpson = (ends + 4.0 * np.linalg.norm(0.5 * (p + q), axis=-1)) / 6.0
-    result: FloatArray = np.where(length > _SHORT * ends, mean, simpson)
+    result: FloatArray = (mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0
     return result

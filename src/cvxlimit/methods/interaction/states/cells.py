@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.polygons import clipped
 from cvxlimit.methods.interaction.states.arm_bounds import ArmBounds
 from cvxlimit.methods.interaction.states.support import half_extent, shear_support
 
@@ -142,33 +143,20 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
     if (high < low - least).any():
         return []
     high = np.maximum(high, low + 1e3 * least)  # a range without width still has states
-    grids = [_ticks(a, b) for a, b in zip(low, high, strict=True)]
-    parts = [
-        _between(_between(polygon, 0, x0, x1), 1, y0, y1)
-        for x0, x1 in pairwise(grids[0])
-        for y0, y1 in pairwise(grids[1])
-    ]
-    return [part for part in parts if len(part) > 2]
+    steps = [_ticks(a, b) for a, b in zip(low, high, strict=True)]
+    boxes = np.array(list(product(*(pairwise(along) for along in steps))))  # (b, axis, end)
+    parts = np.broadcast_to(polygon, (len(boxes), *polygon.shape))
+    count = np.full(len(boxes), len(polygon))
+    for axis, end in product(range(2), range(2)):
+        limit = boxes[:, axis, end, None]
+        inside = parts[:, :, axis] - limit
+        parts, count = clipped(parts, count, inside if end == 0 else -inside)
+        # exactly in the box: a state beyond it would belong to no cell
+        reach = parts[:, :, axis]
+        parts[:, :, axis] = np.maximum(reach, limit) if end == 0 else np.minimum(reach, limit)
+    return [part[:n] for part, n in zip(parts, count.tolist(), strict=True) if n > 2]
 
 
 def _ticks(low: float, high: float) -> FloatArray:
     ticks = np.linspace(low, high, _PARTS + 1)
     return np.union1d(ticks, [0.0]) if low < 0.0 < high else ticks
-
-
-def _between(corners: FloatArray, axis: int, low: float, high: float) -> FloatArray:
-    """The part of a convex polygon (k, 2) with low <= x <= high; without dropping flat corners,
-    which would lose states."""
-    for sign, limit in ((1.0, low), (-1.0, -high)):
-        side = sign * corners[:, axis] - limit
-        kept: list[FloatArray] = []
-        for k in range(len(corners)):
-            here, there = side[k - 1], side[k]
-            if (here >= 0.0) != (there >= 0.0):
-                crossing = corners[k - 1] + here / (here - there) * (corners[k] - corners[k - 1])
-                crossing[axis] = sign * limit
-                kept.append(crossing)
-            if there >= 0.0:
-                kept.append(corners[k])
-        corners = np.array(kept).reshape(-1, 2)
-    return corners

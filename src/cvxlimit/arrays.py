@@ -1,4 +1,4 @@
-"""Arrays that nobody can write to, in copies and after pickling as well."""
+"""Types of arrays, and records of arrays that nobody can write to."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 def read_only(value: Any) -> Any:
