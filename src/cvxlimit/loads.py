@@ -10,10 +10,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvxlimit.arrays import RemadeFromFields
 from cvxlimit.checks import finite_vector, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.readonly import RemadeFromFields
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvxlimit.arrays import RemadeFromFields
 from cvxlimit.checks import of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
-from cvxlimit.geometry.readonly import RemadeFromFields
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
 from cvxlimit.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.ties import Tie, with_ties

@@ -13,12 +13,8 @@ SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors"},
-<<<<<<< HEAD
-    {"checks", "extras", "files", "bracket", "versions", "progressbar"},
-    {"strengths"},
-=======
     {"arrays", "checks", "extras", "files", "bracket", "versions", "progressbar"},
->>>>>>> 10ea513 (Hulls of contacts by GEOS on a grid where it is exact, one clip and one distance integral; slivers of rounding are no part of a contact)
+    {"strengths"},
     {"geometry"},
     {"loads", "ties"},
     {"scene", "solvers"},

@@ -171,7 +171,7 @@ def _tried(
 
 def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray) -> BoolArray:
     """Which bodies (n, v, 3) have flat facets of this shape, with convex pieces, no two nearly
-    looking the same way."""
+    looking the same way from nearly one plane."""
     vectors = np.zeros((len(points), len(shape.faces), 3))
     normals = {}
     result = np.ones(len(points), dtype=bool)
@@ -192,13 +192,18 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
         turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, owner[members]])
         scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
         result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
+    middle = np.zeros(normal.shape)
     for number, group in enumerate(shape.faces):
         held = points[:, sorted({i for face in group for i in faces[face]})]
-        spokes = held - held.mean(axis=1)[:, None]
+        middle[:, number] = held.mean(axis=1)
+        spokes = held - middle[:, number, None]
         off = np.abs(np.einsum("nvc,nc->nv", spokes, normal[:, number])).max(axis=1)
         result &= off <= tolerance
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
-    return result & (cosine.max(axis=(1, 2)) <= -_FACING)
+    level = np.einsum("nfc,ngc->nfg", normal, middle)
+    apart = np.abs(level - np.einsum("nff->nf", level)[:, :, None]) > 2.0 * tolerance[:, None, None]
+    steps = apart & (cosine > 1.0 - _ROUNDING)  # of a notch: parallel, not in one plane
+    return np.asarray(result & ((cosine <= -_FACING) | steps).all(axis=(1, 2)))
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:

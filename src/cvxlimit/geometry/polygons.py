@@ -316,11 +316,14 @@ def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[F
         chord, offset = ahead - before, corners - before
         away = np.abs(chord[..., 0] * offset[..., 1] - chord[..., 1] * offset[..., 0])
         straight = away <= tolerance * np.linalg.norm(chord, axis=2)
+        straight &= (offset * (ahead - corners)).sum(axis=2) >= 0.0  # no tip of a needle
         meant = _meant(corners, count)
         straight &= meant & (count > 3)[:, None]
         if not straight.any():
             break
         straight[:, 1 - parity :: 2] = False
+        last = np.arange(corners.shape[1]) == count[:, None] - 1
+        straight &= ~(last & straight[:, :1])  # the first one's neighbour
         corners, count = _kept(corners, meant & ~straight)
     corners = np.where(_meant(corners, count)[:, :, None], corners, corners[:, :1])
     wide = _doubled(corners) > tolerance[:, 0] * np.ptp(corners, axis=1).max(axis=1)
