@@ -20,7 +20,7 @@ from cvxlimit.masonry import running_bond, wall
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 HEAD = (
     "| contacts | variables, full | planar | without equations | coefficients, planar | "

@@ -56,6 +56,7 @@ class TestByHand:
         expected = min(0.5 + 2.0 * force / 20.0, 0.9 + force / 20.0)
         assert solution.load_factor == pytest.approx(expected, rel=1e-5)
         assert solution.forces[-1, 2] == pytest.approx(-force, rel=1e-5)
+        assert solution.is_proved
 
     def test_files_keep_ties(self, tmp_path: Path) -> None:
         scene = tied_block(4.0)
@@ -75,6 +76,7 @@ class TestByHand:
         solution = solve(leaning_arch(force))
         assert solution.status is Status.CERTIFIED
         assert solution.load_factor == pytest.approx(force * 1.0 + 10.0 * 0.5, rel=1e-5)
+        assert solution.is_proved
 
     def test_hangs_on_a_tie(self) -> None:
         """From a mast beside it: pulled down until the tie yields, and with none it falls."""
@@ -89,6 +91,18 @@ class TestByHand:
         assert solve(hung).load_factor == pytest.approx(2.0, rel=1e-5)
         loose = Scene(blocks, fixed, down, friction=0.0)
         assert solve(loose).status is Status.DEAD_LOAD_UNSTABLE
+
+
+def test_ice_is_proved_too() -> None:
+    """A block of weight 5 and length 1 turned over on ice: no state is strictly inside a condition
+    without resistance, and none has to be."""
+    ground = Block.box("ground", (-1, -1, -1), (3, 2, 0))
+    block = Block.box("b1", (0, 0, 0), (1, 1, 0.5), density=10.0)
+    turn = Load(forces={"b1": (0, 0, 0, 0, 1, 0)})
+    solution = solve(Scene([ground, block], ["ground"], turn, friction=0.0))
+    assert solution.status is Status.CERTIFIED
+    assert solution.is_proved, solution.note
+    assert solution.load_factor == pytest.approx(5.0 * 0.5, rel=1e-5)
 
 
 @given(turn=rotations())

@@ -15,10 +15,9 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.strength import Strength
-from cvxlimit.proof.witnesses import Witnesses
+from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 
 FloatArray = NDArray[np.float64]
 

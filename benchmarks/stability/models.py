@@ -29,7 +29,7 @@ from cvxlimit.model.formulations import resultants, vertex_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import Rocking
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 SHORT = Certified(solves=4, branching_seconds=0.5)
 """Of the certified method: four readings on every scene, so a second each has to do."""

@@ -17,7 +17,7 @@ from benchmarks.stability.truths import closed_form
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import Solution, Status
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 
 RIGHT, WRONG = 1e-5, 1e-3
 """Relative distance from the certified bracket up to which a claimed value is right, and beyond

@@ -32,7 +32,7 @@ from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.named import MOMENTS, parse_moments
 from cvxlimit.solution import Status
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, linear_load_factor
 
 GROUND = Block.box("ground", (-5, -5, -1), (5, 5, 0))

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from cvxlimit import FixedPoint, Solution, solve
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.strength import Strength
-from cvxlimit.proof.witnesses import Witnesses
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.proof.slater import Strength, Witnesses
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 
 Exact = list[Fraction]
 

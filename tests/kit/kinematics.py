@@ -18,7 +18,7 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, needed_surfaces
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -21,7 +21,7 @@ from cvxlimit.model.point_friction import PointFriction, at_centroids, at_corner
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.crushing import crushed_zones
 from cvxlimit.surfaces import Condition, Norm, ParabolicTorsionShear, Rocking, YieldSurface
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, regular, renumbered, rotations
 
 FloatArray = NDArray[np.float64]

@@ -14,7 +14,7 @@ from cvxlimit.masonry import single_block
 from cvxlimit.model.formulations import corner_compressions, resultants
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import (
     assert_certified,
     linear_load_factor,

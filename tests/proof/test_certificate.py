@@ -22,7 +22,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Facets, Rocking, TorsionShear
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import (
     assert_certified,
     hand_equilibrium,

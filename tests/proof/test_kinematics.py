@@ -11,8 +11,7 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
-from cvxlimit.surfaces.coulomb import Rocking
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import Rocking, surfaces_of
 from exhaustive import mostly_slow
 from helpers import missing_opening, rotations, scenes
 from kinematics import KinematicProblem

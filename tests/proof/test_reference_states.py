@@ -12,7 +12,7 @@ from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.methods.bearing import borne
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
-from cvxlimit.proof.strength import Strength
+from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking, Torsion, TorsionShear

@@ -20,7 +20,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions import choice, planar
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import assert_certified, hand_equilibrium, yield_excess
 
 SAME = 1e-6

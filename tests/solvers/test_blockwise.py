@@ -21,7 +21,7 @@ from cvxlimit.solvers import Blockwise, Shape, SolverSettings, default_ladder, l
 from cvxlimit.solvers.blockwise.cones import Cones, Scaling
 from cvxlimit.solvers.blockwise.elimination import NewtonSystem
 from cvxlimit.solvers.sparse import BACKENDS
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import assert_certified, named_scene, scenes
 from kinematics import KinematicProblem
 

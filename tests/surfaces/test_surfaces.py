@@ -32,7 +32,7 @@ from cvxlimit.surfaces import (
     YieldSurface,
     parse_cone,
 )
-from cvxlimit.surfaces.presets import needed_surfaces, surfaces_of
+from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
 from helpers import (
     Core,
     Ellipse,

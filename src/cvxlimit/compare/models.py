@@ -27,7 +27,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, SolverSettings, check_installed, settings_for
 from cvxlimit.surfaces import Cone, YieldSurface, parse_cone
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 PHASES = ("detect", "compile", "reparametrise", "solve", "certify")
 """What is timed apart: contact detection, building and canonicalising the problem, the same again

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
-from cvxlimit.proof.strength import Strength
+from cvxlimit.proof.slater import Strength
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

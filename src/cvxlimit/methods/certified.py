@@ -338,7 +338,7 @@ class _Proof:
         run = self.run
         if not np.any(run.scene.dead_forces):
             return False
-        alone = run.aside(run.assemblage.alone(run.scene.dead))
+        alone = run.aside(run.assemblage.alone(run.assemblage.statics.dead))
         UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
             rates = alone.best.mechanism
@@ -359,7 +359,7 @@ class _Proof:
         run = self.run
         if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
             return
-        forces = carrying_forces(run, run.scene.dead, self._outer_ladder())
+        forces = carrying_forces(run, run.assemblage.statics.dead, self._outer_ladder())
         if forces is None:
             self._say(_MAY_FALL)
         else:
@@ -371,7 +371,7 @@ class _Proof:
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
         run = self.run
-        forces = carrying_forces(run, run.scene.live, self._outer_ladder())
+        forces = carrying_forces(run, run.assemblage.statics.live, self._outer_ladder())
         if forces is None:
             self._say(_OPEN)
             return False

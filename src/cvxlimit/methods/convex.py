@@ -16,13 +16,12 @@ from cvxlimit.methods.driver import Method, Run, Steps, fallen
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Reduction
 from cvxlimit.proof.certificate import Certificate, Certifier
-from cvxlimit.proof.strength import Strength
+from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.scene import Load
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import YieldSurface
-from cvxlimit.surfaces.presets import needed_surfaces
+from cvxlimit.surfaces.coulomb import needed_surfaces
 
 FloatArray = NDArray[np.float64]
 
@@ -232,8 +231,8 @@ class Inquiry:
         in the conditions it is 1 if the dead load stands and 0 if not, so an upper bound below
         1 / 2 is a proof; with them only one below 1 is.
         """
-        dead = self.run.scene.dead
-        if not np.any(self.run.scene.dead_forces):
+        dead = self.run.assemblage.statics.dead
+        if not np.any(dead):
             return None, np.inf
         self.run.tell("checking that the dead load can stand")
         enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
@@ -270,13 +269,11 @@ class Inquiry:
         """True if forces carry the live load alone, hence any multiple of it; asked once."""
         if not self._is_new("live load"):
             return False
-        run, scene = self.run, self.run.scene
+        run, live = self.run, self.run.assemblage.statics.live
         run.tell("checking whether the live load does any harm")
         surfaces, formulation = self.certifier.strength.recession()
-        loaded = self.reductions.assemblage.under(scene.with_dead(scene.live))
-        for state, certificate in self._shares(
-            scene.live, "live load alone", surfaces, formulation
-        ):
+        loaded = self.reductions.assemblage.under(live, live)
+        for state, certificate in self._shares(live, "live load alone", surfaces, formulation):
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
@@ -293,7 +290,11 @@ class Inquiry:
         return False
 
     def _shares(
-        self, load: Load, what: str, surfaces: Sequence[YieldSurface], formulation: Formulation
+        self,
+        load: FloatArray,
+        what: str,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation,
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Which share <= 1 of a load alone is carried, by the first rungs.
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NoReturn, Self
+from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.presets import surfaces_of, words_of
+from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -177,7 +177,7 @@ class Run:
         self.reductions: tuple[str, ...] = ()
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
-        self.tell = progress or (lambda message: None)
+        self.progress = progress
         self.clock = Clock()
         self.history: list[Iterate] = []
         self.solvers: set[str] = set()
@@ -209,6 +209,10 @@ class Run:
         """The cone of the surface asked for, for methods that bring their own surfaces."""
         return self.surfaces[-1].cone
 
+    def original(self, forces: FloatArray | None) -> Any:
+        """Contact forces (n, 6) of the scene that was given."""
+        return forces if self.mortar is None else self.mortar.original(forces)
+
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
         """One run of one solver, on the clock.
 
@@ -238,17 +242,24 @@ class Run:
                 break
         return state, settings
 
+    def tell(self, message: str) -> None:
+        """Say what is being done, to whoever asked for that."""
+        if self.progress is not None:
+            self.progress(message)
+
     def note(self, state: LimitState, solver: object, **figures: float | None) -> None:
         """A line of the history; ``figures`` are those of :class:`Iterate`."""
-        outcome = state.outcome
+        outcome, factor = state.outcome, state.load_factor
         seconds = outcome.compile_seconds + outcome.solve_seconds
-        entry = Iterate(state.load_factor, seconds, str(solver), outcome.status, **figures)
-        self.history.append(entry)
-        factor = "" if state.load_factor is None else f"load factor {rounded(state.load_factor)}"
-        inside = f"load factor in {self.best.bracket}" if self.best.bracket.has_any else factor
+        self.history.append(Iterate(factor, seconds, str(solver), outcome.status, **figures))
+        if self.progress is None:
+            return
+        has_bracket = self.best.bracket.has_any
+        found = "" if factor is None else f"load factor {rounded(factor)}"
+        inside = f"load factor in {self.best.bracket}" if has_bracket else found
         line = Told(f"solve {len(self.history)}, {solver}: {inside or outcome.status}")
-        line.has_bracket = self.best.bracket.has_any
-        self.tell(line)
+        line.has_bracket = has_bracket
+        self.progress(line)
 
     @property
     def has_only_failures(self) -> bool:
@@ -378,11 +389,11 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         status=status,
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
-        forces=run.mortar.original(best.forces),
+        forces=run.original(best.forces),
         mechanism=by_block(run.scene, best.mechanism),
         note=_note(method, run, status),
         versions=versions(run.solvers),
-        members=tuple(_in_original(member, run.mortar) for member in best.members),
+        members=tuple(replace(m, forces=run.original(m.forces)) for m in best.members),
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
@@ -409,20 +420,13 @@ def __getattr__(name: str) -> NoReturn:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def _in_original(member: Member, mortar: Mortar) -> Member:
-    """With the contact forces of the scene that was given."""
-    forces = mortar.original(member.forces)
-    return member if forces is None else replace(member, forces=forces)
-
-
-def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar]:
+def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar | None]:
     """The scene's mechanics; mortar that bears tension becomes a dead load."""
     given = Assemblage.of(scene) if isinstance(scene, Scene) else scene
+    if not np.any(given.contacts.tensile_strength):
+        return given, None
     mortar = Mortar.of(given.scene)
-    if mortar.scene is given.scene:
-        return given, mortar
-    scaling = None if isinstance(scene, Scene) else given.scaling
-    return Assemblage.of(mortar.scene, scaling), mortar
+    return Assemblage.of(mortar.scene, None if isinstance(scene, Scene) else given.scaling), mortar
 
 
 def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:

@@ -20,7 +20,7 @@ from cvxlimit.methods.gilbert import Gilbert
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.presets import PARABOLIC
+from cvxlimit.surfaces.coulomb import PARABOLIC
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
 
@@ -68,7 +68,7 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "strength": (
             lambda run: (
-                np.isfinite(run.contacts.compressive_strength).any() or np.any(run.mortar.pull)
+                np.isfinite(run.contacts.compressive_strength).any() or run.mortar is not None
             ),
             "knows no strength of stone or mortar: leave compressive_strength and "
             "tensile_strength out of the scene",

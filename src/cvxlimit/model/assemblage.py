@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
-from cvxlimit.loads import Load
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
@@ -27,7 +26,7 @@ class Assemblage:
     """Blocks and contacts of a scene as equilibrium sees them, under its loads.
 
     Everything that analyses share is here and computed once: problems, certificates and bounds
-    take an assemblage, and :meth:`under` gives the same under other loads.
+    take an assemblage, and :meth:`under` gives the same under other loads than the scene's.
 
     Attributes
     ----------
@@ -64,14 +63,15 @@ class Assemblage:
         balance = Balance(statics, corner_compressions(statics.contacts))
         return cls(scene, statics, scaling or Scaling.of(scene), balance)
 
-    def under(self, scene: Scene) -> Assemblage:
-        """The same blocks and contacts under the loads of ``scene``."""
-        dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
-        return Assemblage(scene, self.statics.under(dead, live), Scaling.of(scene), self.balance)
+    def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
+        """The same blocks and contacts under other loads (6 free blocks,)."""
+        loads = dead.reshape(-1, DOF), live.reshape(-1, DOF)
+        scaling = Scaling.under(self.scaling.length, *loads)
+        return Assemblage(self.scene, self.statics.under(dead, live), scaling, self.balance)
 
-    def alone(self, load: Load) -> Assemblage:
+    def alone(self, load: FloatArray) -> Assemblage:
         """The same with ``load`` as the live one, and no other: which share of it is carried?"""
-        return self.under(self.scene.with_live(load).with_dead(Load()))
+        return self.under(np.zeros_like(load), load)
 
     def like(self, scene: Scene) -> Assemblage:
         """The mechanics of a scene of the same geometry: other strengths, densities and loads.
@@ -98,6 +98,11 @@ class Assemblage:
         return self.statics.contacts
 
 
+_IDLE = 1e-11
+"""Stiffness, over the largest, against motions that nothing resists: a step leaves as much of the
+residual, and balances take two."""
+
+
 @dataclass(frozen=True, eq=False)
 class Balance:
     """Least changes of internal forces that restore equilibrium: one sparse factorisation.
@@ -111,11 +116,14 @@ class Balance:
     rates : (r free blocks, 6 free blocks) sparse array or None
         The ways in which each block may move, r of them, where loads and internal forces do no
         work on any others, as in a plane; None is all six.
+    held : (p,) array of bool or None
+        Internal forces that do not change: those that nothing resists.
     """
 
     statics: Statics
     model: ForceModel
     rates: sp.csr_array | None = None
+    held: NDArray[np.bool_] | None = None
 
     @cached_property
     def matrix(self) -> sp.csr_array:
@@ -136,7 +144,8 @@ class Balance:
     def weights(self) -> FloatArray:
         """How willingly each internal force changes, (p,)."""
         arm = np.asarray(self.statics.contacts.torsion_arm)[self.model.contact]
-        return np.where(self.model.is_moment, arm**2, 1.0)
+        weights = np.where(self.model.is_moment, arm**2, 1.0)
+        return weights if self.held is None else np.where(self.held, 0.0, weights)
 
     @cached_property
     def is_supported(self) -> bool:
@@ -157,6 +166,9 @@ class Balance:
         if self.statics.guides:  # rates that guides prevent: any value will do
             idle = sp.eye_array(len(order)) - self.statics.guided
             square = square + idle.tocsr()[order][:, order]
+        if self.held is not None:  # ways to move that nothing resists; no load does work on them
+            idle = _IDLE * float(square.diagonal().max())
+            square = square + idle * sp.eye_array(len(order))
         solve = factorised(square.tocsc())
 
         def unordered(right: FloatArray) -> FloatArray:

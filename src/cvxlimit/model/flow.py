@@ -165,8 +165,32 @@ class FlowRule:
             _Rows.of(condition, cone, self.model)
             for _, condition, cone in self.model.strength(surfaces)
         ]
+        every, width = self._rows, self.model.meaning.shape[1]
+        normed = [(rows, norm) for rows in every for norm in rows.norms]
         self._free = np.flatnonzero(~self.model.nonneg)
         self._pressed = np.flatnonzero(self.model.nonneg)
+        normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
+        self._compression = np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
+        self._resistance = _stacked([rows.resistance for rows in every], width)
+        self._constant = _joined([rows.constant for rows in every])
+        # resistances of conditions without norms, empty rows for the others
+        self._linear = _stacked([rows.resistance * float(not rows.norms) for rows in every], width)
+        self._norm_rows = _stacked([matrix for _, norm in normed for matrix in norm], width)
+        self._norm_constants = _joined([c for rows in every for n in rows.constants for c in n])
+        # Norm rows of conditions whose resistance grows with forces of any sign. Their multipliers
+        # change rates that must agree exactly, so their flows are left as proposed and the others
+        # make up for them.
+        self._is_coupled = _joined(
+            [
+                np.full(rows.count * len(norm), rows.resistance[:, self._free].nnz > 0.0)
+                for rows, norm in normed
+            ]
+        ).astype(bool)
+        kept = sp.diags_array((~self._is_coupled).astype(float), shape=(len(self._is_coupled),) * 2)
+        self._loose_rows = (kept @ self._norm_rows).tocsr()[:, self._free]
+        is_linear = any(not rows.norms for rows in every) or self._is_coupled.any()
+        self._is_unique = not is_linear and self._norm_rows.shape[0] <= len(self._free)
+        self._nothing = np.zeros(self._norm_rows.shape[0]), np.zeros(len(self._constant))
 
     def symbolic(self, rates: cp.Expression) -> SymbolicFlow:
         """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation."""
@@ -211,7 +235,7 @@ class FlowRule:
 
         ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
         """
-        matrix, norms = self._norm_rows, self._loose_rows[:, self._free]
+        matrix, norms = self._norm_rows, self._loose_rows
         held = np.where(self._is_coupled, flows, 0.0)
         taken = self._linear.T @ multipliers - matrix.T @ held
         taken = taken + self._resistance.T @ self._multipliers(held)
@@ -230,12 +254,6 @@ class FlowRule:
         at = self.model.contact[self._pressed]
         np.maximum.at(result, at, -opening[self._pressed] / self._compression)
         return result
-
-    @cached_property
-    def _compression(self) -> FloatArray:
-        """N per unit of each compression."""
-        normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
-        return np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
 
     @cached_property
     def _reach(self) -> FloatArray:
@@ -258,69 +276,12 @@ class FlowRule:
         return np.concatenate(result)
 
     @cached_property
-    def _norm_rows(self) -> sp.csr_array:
-        """Rows of all norms, (rows, p)."""
-        found = [matrix for rows in self._rows for norm in rows.norms for matrix in norm]
-        return _stacked(found, self.model.meaning.shape[1])
-
-    @cached_property
-    def _is_coupled(self) -> NDArray[np.bool_]:
-        """True for norm rows (rows,) of conditions whose resistance grows with forces of any sign.
-
-        Their multipliers change rates that must agree exactly, so their flows are left as proposed
-        and the others make up for them.
-        """
-        found = [
-            np.full(rows.count * len(norm), rows.resistance[:, self._free].nnz > 0)
-            for rows in self._rows
-            for norm in rows.norms
-        ]
-        return np.concatenate([np.zeros(0, dtype=bool), *found])
-
-    @cached_property
-    def _loose_rows(self) -> sp.csr_array:
-        """Norm rows (rows, p) without the coupled ones."""
-        kept = sp.diags_array((~self._is_coupled).astype(float))
-        return (kept @ self._norm_rows).tocsr() if len(self._is_coupled) else self._norm_rows
-
-    @cached_property
-    def _norm_constants(self) -> FloatArray:
-        found = [c for rows in self._rows for norm in rows.constants for c in norm]
-        return np.concatenate([np.zeros(0), *found])
-
-    @cached_property
-    def _resistance(self) -> sp.csr_array:
-        """Resistances of all conditions, (rows, p)."""
-        return _stacked([rows.resistance for rows in self._rows], self.model.meaning.shape[1])
-
-    @cached_property
-    def _constant(self) -> FloatArray:
-        return np.concatenate([np.zeros(0), *(rows.constant for rows in self._rows)])
-
-    @cached_property
-    def _linear(self) -> sp.csr_array:
-        """Resistances of conditions without norms; empty rows for the others."""
-        found = [rows.resistance if not rows.norms else 0.0 * rows.resistance
-                 for rows in self._rows]  # fmt: skip
-        return _stacked(found, self.model.meaning.shape[1])
-
-    @cached_property
     def _normal(self):  # type: ignore[no-untyped-def]
         """Solver of G' G for loose norm rows G on the free rates; nothing where nobody resists."""
-        norms = self._loose_rows[:, self._free]
-        square = (norms.T @ norms).tocsc()
+        square = (self._loose_rows.T @ self._loose_rows).tocsc()
         idle = square.diagonal() == 0.0
         solve = splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
         return lambda right: np.where(idle, 0.0, solve(right))
-
-    @cached_property
-    def _nothing(self) -> tuple[FloatArray, FloatArray]:
-        return np.zeros(self._norm_rows.shape[0]), np.zeros(len(self._constant))
-
-    @cached_property
-    def _is_unique(self) -> bool:
-        linear = any(not rows.norms for rows in self._rows) or self._is_coupled.any()
-        return not linear and self._norm_rows.shape[0] <= len(self._free)
 
     def _proposal(self, rates: FloatArray, goal: _Goal) -> tuple[FloatArray, FloatArray]:
         """Flows that are best for a goal where the conditions leave a choice, else zero; and the
@@ -349,8 +310,8 @@ class FlowRule:
             for flow in found.flows
         ]
         return (
-            scale * np.concatenate([np.zeros(0), *parts]),
-            scale * np.concatenate([np.zeros(0), *linear]),
+            scale * _joined(parts),
+            scale * _joined(linear),
         )
 
     def _most_open(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
@@ -390,3 +351,7 @@ def _stacked(matrices: list[sp.csr_array], width: int) -> sp.csr_array:
     if not matrices:
         return sp.csr_array((0, width))
     return sp.vstack(matrices, format="csr")
+
+
+def _joined(arrays: list[FloatArray]) -> FloatArray:
+    return np.concatenate([np.zeros(0), *arrays])

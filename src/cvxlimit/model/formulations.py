@@ -98,6 +98,10 @@ class ForceModel:
         Names of surfaces whose conditions its forces satisfy by construction.
     cone : Cone
         For norms in ``conditions``.
+    start : mapping of str to slice
+        Where each part stands in s.
+    nonneg, is_moment : (p,) array of bool, contact : (p,) int array
+        Of every internal force.
 
     Raises
     ------
@@ -110,6 +114,10 @@ class ForceModel:
     conditions: Sequence[Condition] = ()
     holds: frozenset[str] = frozenset({"rocking"})
     cone: Cone = field(default_factory=Conic)
+    start: Mapping[str, slice] = field(init=False)
+    nonneg: NDArray[np.bool_] = field(init=False)
+    is_moment: NDArray[np.bool_] = field(init=False)
+    contact: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]
@@ -124,36 +132,22 @@ class ForceModel:
                 )
         for condition in self.conditions:
             check_condition(condition, "the formulation", len(self.contacts), names)
+        sizes = [len(part.contact) for part in self.parts]
+        ends = np.cumsum(sizes).tolist()
+        found = {
+            "start": dict(zip(names, map(slice, [0, *ends], ends), strict=False)),
+            "nonneg": np.repeat([part.nonneg for part in self.parts], sizes),
+            "is_moment": np.repeat([part.is_moment for part in self.parts], sizes),
+            "contact": np.concatenate([part.contact for part in self.parts]),
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
 
     @cached_property
     def meaning(self) -> sp.csr_array:
         """Contact forces (6 n, p) per unit of the internal ones."""
         blocks = [part.meaning(len(self.contacts)) for part in self.parts]
         return sp.hstack(blocks, format="csr")
-
-    @cached_property
-    def start(self) -> Mapping[str, slice]:
-        """Where each part stands in s."""
-        ends = np.cumsum([len(part.contact) for part in self.parts])
-        return {
-            part.name: slice(int(end) - len(part.contact), int(end))
-            for part, end in zip(self.parts, ends, strict=True)
-        }
-
-    @cached_property
-    def nonneg(self) -> NDArray[np.bool_]:
-        """True (p,) for compressions."""
-        return np.concatenate([np.full(len(p.contact), p.nonneg) for p in self.parts])
-
-    @cached_property
-    def is_moment(self) -> NDArray[np.bool_]:
-        """True (p,) for moments."""
-        return np.concatenate([np.full(len(p.contact), p.is_moment) for p in self.parts])
-
-    @cached_property
-    def contact(self) -> IntArray:
-        """Contact (p,) of every internal force."""
-        return np.concatenate([part.contact for part in self.parts])
 
     def values(self, internal: FloatArray) -> dict[str, FloatArray]:
         """Internal forces (p,) by part, and the contacts' components (n,)."""

@@ -24,7 +24,7 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES, needed_surfaces
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, needed_surfaces
 
 FloatArray = NDArray[np.float64]
 

@@ -194,20 +194,21 @@ class Scaling:
             If a load is so small that its square is lost in rounding.
         """
         length = float(np.median(np.sqrt(scene.contacts.area)))
-        live = _total(scene.live_forces, length)
-        dead = _total(scene.dead_forces, length)
-        for what, total, forces in (
-            ("live", live, scene.live_forces),
-            ("dead", dead, scene.dead_forces),
-        ):
-            if np.any(forces) and not total > _SMALLEST:
+        for what, forces in (("live", scene.live_forces), ("dead", scene.dead_forces)):
+            if np.any(forces) and not _total(forces, length) > _SMALLEST:
                 raise InputError(
                     f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
                     "choose smaller units of force or a larger density"
                 )
-        force = dead if dead > 0.0 else live
-        loaded = _total(scene.dead_forces[np.any(scene.live_forces, axis=1)], length)
-        return cls(force, length, live, (loaded or force) / live if live > 0.0 else 1.0)
+        return cls.under(length, scene.dead_forces, scene.live_forces)
+
+    @classmethod
+    def under(cls, length: float, dead: FloatArray, live: FloatArray) -> Scaling:
+        """For loads (free blocks, 6), with a unit of length."""
+        total, push = _total(dead, length), _total(live, length)
+        force = total if total > 0.0 else push
+        loaded = _total(dead[np.any(live, axis=1)], length)
+        return cls(force, length, push, (loaded or force) / push if push > 0.0 else 1.0)
 
     def apply(self, statics: Statics) -> Statics:
         """The scaled copy; forces, lengths and load factor of order one."""

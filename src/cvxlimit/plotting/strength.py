@@ -22,7 +22,7 @@ from cvxlimit.surfaces import (
     YieldSurface,
     utilisation,
 )
-from cvxlimit.surfaces.presets import surfaces_named
+from cvxlimit.surfaces.coulomb import surfaces_named
 
 FloatArray = NDArray[np.float64]
 

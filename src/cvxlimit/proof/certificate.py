@@ -20,8 +20,7 @@ from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.gluing import glued, without_idle
 from cvxlimit.model.statics import DOF, block_sizes
-from cvxlimit.proof.strength import Flow, Strength, finite
-from cvxlimit.proof.witnesses import Witnesses
+from cvxlimit.proof.slater import NOTHING, Flow, Strength, Witnesses, finite
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
@@ -201,7 +200,8 @@ class Certifier:
 
     def _reserve(self, forces: FloatArray) -> float:
         """Least distance from yield, as a force; negative outside."""
-        return -max(float(y.max()) for y in self.strength.excess(forces))
+        found = np.concatenate(self.strength.excess(forces))
+        return -float(found.max(initial=-np.inf, where=found != -NOTHING))
 
     def certificate(
         self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None

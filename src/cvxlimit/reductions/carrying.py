@@ -49,7 +49,7 @@ def is_carried(
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> contacts, turned = builtin_scene("stack").contacts, np.eye(6)
     >>> turned[:2, :2] = [[0.8, 0.6], [-0.6, 0.8]]
     >>> each, Q = np.arange(len(contacts)), np.tile(turned, (len(contacts), 1, 1))

@@ -1,4 +1,10 @@
-"""How much model a scene gets: which reductions are valid, and what they make of it together."""
+"""How much model a scene gets: which reductions are valid, and what they make of it together.
+
+Planar scenes and those with a mirror plane have modules of their own. Besides, supports part a
+scene: blocks that are linked through contacts with free blocks only stand or fall together,
+whatever the others do. A part without live load carries its dead load at every load factor in the
+same way; it must stand, and that is all. One without any load needs no forces.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -15,7 +22,6 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import Reduction
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import Mirror, find_mirror
-from cvxlimit.reductions.parts import contacts_of, loaded_blocks
 from cvxlimit.reductions.planar import Plane, find_plane
 from cvxlimit.surfaces.base import YieldSurface
 
@@ -27,6 +33,11 @@ MODELS = ("auto", "full", "least")
 _LEAST_MIRRORED = 150
 """Contacts from which one half of a symmetric scene pays: finding it and lifting its forces costs
 1 to 2 ms, a twentieth of all on a barrel vault of 103 contacts; a dome of 192 gains as much."""
+
+
+_FLAT = 1e-12
+"""Squares of components across a plane, over those within, up to which a scene may be planar: far
+above rounding, which :func:`find_plane` judges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +58,7 @@ class Reductions:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> for name in ("arch", "dome", "tuff-wall"):
     ...     scene = builtin_scene(name)
     ...     found = Reductions.of(Assemblage.of(scene), surfaces_of("conic")[0])
@@ -83,7 +94,7 @@ class Reductions:
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         statics = assemblage.statics
-        plane = find_plane(statics, surfaces)
+        plane = find_plane(statics, surfaces) if _may_be_planar(statics) else None
         mirror = None
         if model == "least" or len(statics.contacts) >= _LEAST_MIRRORED:
             mirror = find_mirror(statics, surfaces, None if plane is None else plane.normal)
@@ -148,6 +159,15 @@ class Reductions:
         )
 
 
+def _may_be_planar(statics: Statics) -> bool:
+    """True if normals of contacts and forces span no more than a plane: quicker than to find it."""
+    loads = (load.reshape(-1, DOF)[:, :3] for load in (statics.dead, statics.live))
+    vectors = (statics.contacts.axes[:, 2], *loads)
+    spread = sum(v.T @ v / (v**2).max(initial=1e-300) for v in vectors)
+    least, _, most = np.linalg.eigvalsh(spread)
+    return bool(least <= _FLAT * most)
+
+
 def _forces(statics: Statics, mirror: Mirror | None, kept: NDArray[np.bool_]) -> sp.csr_array:
     """Forces of all contacts (6 n, 6 k) per forces of those kept."""
     width = len(COMPONENTS)
@@ -192,3 +212,31 @@ def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
         return ways
     out = 0 if mirror is None else 1
     return ways[[i for i in range(3) if i != out] + [3 + out]]
+
+
+def loaded_blocks(statics: Statics) -> NDArray[np.bool_]:
+    """True (free blocks,) for those in a part with live load.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> bool(loaded_blocks(Statics.of(builtin_scene("stack"))).all())
+    True
+    """
+    is_live = np.any(statics.live.reshape(-1, DOF), axis=1)
+    if is_live.all():
+        return is_live
+    number = statics.row_of_block
+    a, b = number[statics.contacts.a], number[statics.contacts.b]
+    linked = (a >= 0) & (b >= 0)
+    shape = (len(is_live), len(is_live))
+    graph = sp.coo_array((np.ones(linked.sum()), (a[linked], b[linked])), shape=shape)
+    part = connected_components(graph, directed=False)[1]
+    return np.asarray(np.isin(part, part[is_live]))
+
+
+def contacts_of(statics: Statics, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """True (n,) for contacts of the given free blocks."""
+    member = np.append(blocks, False)
+    number, contacts = statics.row_of_block, statics.contacts
+    return np.asarray(member[number[contacts.a]] | member[number[contacts.b]])

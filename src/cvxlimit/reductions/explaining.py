@@ -19,7 +19,7 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solvers import SOLVERS, Shape
 from cvxlimit.solvers.ladders import inequalities
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.presets import needed_surfaces, surfaces_of
+from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
 
 MEANING: Mapping[str, str] = MappingProxyType(
     {

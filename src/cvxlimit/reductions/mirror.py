@@ -95,7 +95,7 @@ def find_mirror(
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> found = find_mirror(Statics.of(builtin_scene("dome")), surfaces_of("conic")[0])
     >>> np.abs(found.normal.round(9)).tolist()
     [0.0, 1.0, 0.0]

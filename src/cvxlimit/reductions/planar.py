@@ -193,7 +193,7 @@ def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | No
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> found = find_plane(Statics.of(builtin_scene("arch")), surfaces_of("conic")[0])
     >>> np.abs(found.normal.round(9)).tolist()
     [0.0, 1.0, 0.0]

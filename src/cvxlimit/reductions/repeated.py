@@ -104,7 +104,7 @@ class Repeats:
     Attributes
     ----------
     states : dict
-        Of :class:`~cvxlimit.proof.witnesses.Witnesses`, by the loads and strengths they are for.
+        Of :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are for.
     """
 
     def __init__(self) -> None:

@@ -165,6 +165,52 @@ class Facets(Cone):
             )
 
 
+class Parabola(Cone):
+    """Gauge of vectors (v1, v2, m) whose unit ball is abs(m) <= 1 - v1^2 - v2^2.
+
+    abs(m)/2 + norm(v1, v2, m/2): one second-order cone.
+
+    >>> v = [np.array([0.6]), np.array([0.0]), np.array([0.64])]
+    >>> Parabola().gauge(v).tolist()
+    [1.0]
+    """
+
+    def __str__(self) -> str:
+        return "parabola"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Parabola)
+
+    def __hash__(self) -> int:
+        return hash(Parabola)
+
+    def _gauge(self, rows: FloatArray) -> FloatArray:
+        v1, v2, m = rows
+        return np.asarray(np.abs(m) / 2.0 + np.hypot(np.hypot(v1, v2), m / 2.0))
+
+    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
+        """Largest s v + t (1 - v^2) for 0 <= v <= 1, with slip s and twist t."""
+        slip, twist = np.hypot(rows[0], rows[1]), np.abs(rows[2])
+        safe = np.where(twist > 0.0, twist, 1.0)
+        turning = twist + slip**2 / (4.0 * safe)
+        return np.where(slip < 2.0 * twist, turning, slip)
+
+    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+        v1, v2, m = rows
+        half = cp.Variable(bound.shape)
+        cone = cp.SOC(bound - half, cp.vstack([v1, v2, 0.5 * m]), axis=0)
+        return [cone, 0.5 * m <= half, -0.5 * m <= half]
+
+    def _polar_epigraph(
+        self, bound: cp.Expression, rows: Sequence[cp.Expression]
+    ) -> list[cp.Constraint]:
+        """The polar of a sum: the twist is shared between the two gauges."""
+        slip_1, slip_2, twist = rows
+        share = cp.Variable(bound.shape)
+        cone = cp.SOC(bound, cp.vstack([slip_1, slip_2, 2.0 * share]), axis=0)
+        return [cone, 2.0 * (twist - share) <= bound, 2.0 * (share - twist) <= bound]
+
+
 def _weighted(weights: FloatArray, rows: Sequence[cp.Expression]) -> cp.Expression:
     terms = [float(w) * row for w, row in zip(weights, rows, strict=True) if w != 0.0]
     return sum(terms[1:], start=terms[0])

@@ -1,11 +1,13 @@
-"""The paper's surfaces without interaction with bending: rocking, sliding, torsion."""
+"""Surfaces without interaction with bending (rocking, sliding, torsion), and sets of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.surfaces.base import (
     CONSTANT,
@@ -15,6 +17,8 @@ from cvxlimit.surfaces.base import (
     Norm,
     YieldSurface,
 )
+from cvxlimit.surfaces.cones import Cone, Parabola, parse_cone
+from cvxlimit.surfaces.exact_torsion import parabola_arm
 
 
 class Rocking(YieldSurface):
@@ -68,3 +72,132 @@ class TorsionShear(YieldSurface):
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
         return [Condition(norms, slip_resistance(contacts))]
+
+
+class ParabolicTorsionShear(YieldSurface):
+    """abs(MT) / c <= R - abs(V)^2 / R with R = mu N, and c A added with cohesion.
+
+    For rectangles c is c_T (Eq. 16): the parabola lies between the paper's line (Eq. 24) and the
+    exact limit of Eq. 18-21, at the price of the line. For other polygons c is the largest safe
+    arm, c_T or less, see :func:`~cvxlimit.surfaces.exact_torsion.parabola_arm`.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> from cvxlimit.surfaces import Rocking
+    >>> scene = builtin_scene("tuff-wall")
+    >>> round(solve(scene, [Rocking(), ParabolicTorsionShear()]).load_factor, 5)
+    0.42308
+    """
+
+    name = "parabolic torsion-shear"
+    implies = frozenset({"sliding", "torsion"})
+
+    def __init__(self) -> None:
+        super().__init__(Parabola())
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / parabola_arm(contacts)})
+        return [Condition([size], slip_resistance(contacts))]
+
+
+PARABOLIC = "parabolic"
+"""Torsion and shear on a parabola between the paper's line (Eq. 24) and the exact limit."""
+
+_BUILT_IN = {
+    kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
+}
+
+_NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
+    {PARABOLIC: (Rocking(), ParabolicTorsionShear()), "exact": (Rocking(),)}
+)
+
+DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
+
+
+def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
+    """Surfaces whose rows may be needed: those implied by another go.
+
+    A surface is implied by another of the same cone only: facets around a circle do not imply
+    the circle, nor does the circle imply facets inside it.
+    """
+    names = [surface.name for surface in surfaces]
+    if Rocking.name not in names:
+        raise ModelError(
+            f"surfaces {names} lack rocking, so contacts would carry tension: add Rocking()"
+        )
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise ModelError(f"surface {twice[0]!r} is given twice; remove one")
+    own = [s for s in surfaces if s.name == Rocking.name and type(s) is not Rocking]
+    if own:
+        raise ModelError(
+            f"{type(own[0]).__name__} is named 'rocking', which the formulation replaces by its "
+            "own: give it another name and add Rocking()"
+        )
+    implied = {(name, surface.cone) for surface in surfaces for name in surface.implies}
+    return tuple(s for s in surfaces if (s.name, s.cone) not in implied)
+
+
+def surfaces_of(
+    surface: str | Cone | Sequence[YieldSurface],
+) -> tuple[tuple[YieldSurface, ...], str]:
+    """Surfaces and their name from ``"octagon"``, ``"parabolic"`` ..., a cone, or surfaces.
+
+    Raises
+    ------
+    ModelError
+        For anything else.
+
+    Example
+    -------
+    >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
+    ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
+    """
+    if surface == PARABOLIC:
+        return _NAMED[PARABOLIC], PARABOLIC
+    cone = parse_cone(surface) if isinstance(surface, str) else surface
+    if isinstance(cone, Cone):
+        return (Rocking(), TorsionShear(cone)), str(cone)
+    surfaces = tuple(cone) if isinstance(cone, Iterable) else (cone,)
+    if not all(isinstance(s, YieldSurface) for s in surfaces):
+        raise ModelError(
+            "surface must be a name like 'octagon', a Cone, or a list of YieldSurface objects, "
+            f"got {surface!r}"
+        )
+    return surfaces, "+".join(map(_said, surfaces))
+
+
+def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurface, ...] | None:
+    """The surfaces whose name :func:`surfaces_of` made; None if one of them is not built in.
+
+    >>> [str(surface.cone) for surface in surfaces_named("rocking(conic)+sliding(octagon)")]
+    ['conic', 'octagon']
+    >>> surfaces_named("rocking(conic)+a surface of one's own(conic)")
+    """
+    try:
+        if not name.endswith(")"):
+            return _NAMED.get(torsion_shear) or surfaces_of(name)[0]
+        parts = [part.removesuffix(")").split("(") for part in name.split("+")]
+        made = [_BUILT_IN[own](*_cones(own, cone)) for own, cone in parts]
+    except (KeyError, ValueError, ModelError):
+        return None
+    return tuple(made)
+
+
+def _cones(name: str, cone: str) -> list[Cone]:
+    return [] if name == ParabolicTorsionShear.name else [parse_cone(cone)]
+
+
+def _said(surface: YieldSurface) -> str:
+    """Name and cone; one's own surface with the name of a built-in one is told from it."""
+    kind = _BUILT_IN.get(surface.name)
+    own = "" if kind in (None, type(surface)) else " of one's own"
+    return f"{surface.name}{own}({surface.cone})"
+
+
+def words_of(name: str) -> dict[str, str]:
+    """How solutions and result files say a surface of that name."""
+    if name == PARABOLIC:
+        return {"surface": "conic", "torsion_shear": PARABOLIC}
+    return {"surface": name, "torsion_shear": "linear"}

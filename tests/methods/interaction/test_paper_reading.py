@@ -488,7 +488,8 @@ class TestRecognition:
         scene = random_wall(22)
         found = solve(scene, interaction=Certified(branching_seconds=0.0))
         assert 0.0 < found.lower <= found.upper < np.inf
-        assert carrying_forces(Run(scene), scene.live, default_ladder()) is None
+        run = Run(scene)
+        assert carrying_forces(run, run.assemblage.statics.live, default_ladder()) is None
 
     @pytest.mark.parametrize("moments", ["independent", "signed", "paper"])
     def test_dead_loads_that_cannot_stand(self, moments: str) -> None:

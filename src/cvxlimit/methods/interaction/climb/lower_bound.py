@@ -17,12 +17,10 @@ from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
-from cvxlimit.proof.strength import Strength
-from cvxlimit.proof.witnesses import Witnesses
+from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import default_ladder
-from cvxlimit.surfaces.coulomb import Rocking
-from cvxlimit.surfaces.presets import DEFAULT_SURFACES
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -134,10 +132,9 @@ class LowerBounds:
 
     def _solved_state(self) -> tuple[FloatArray, ...]:
         """What a solver finds where projections find nothing: the middle of all such forces."""
-        scene = self.assemblage.scene
-        if not np.any(scene.dead_forces):
+        if not np.any(self.statics.dead):
             return ()
-        alone = self.assemblage.alone(scene.dead)
+        alone = self.assemblage.alone(self.statics.dead)
         state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()

@@ -23,7 +23,6 @@ from cvxlimit.methods.interaction.climb.lower_bound import TrueStrength, central
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep, StepState
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem
-from cvxlimit.scene import Load
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
@@ -43,8 +42,10 @@ _PRESSED = 1e-7
 """Compression, over the total load, from which a pressure centre means something."""
 
 
-def carrying_forces(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> FloatArray | None:
-    """Contact forces (n, 6) strictly inside Eq. 9 and 30 that carry ``load`` alone, or None.
+def carrying_forces(
+    run: Run, load: FloatArray, ladder: Sequence[SolverSettings]
+) -> FloatArray | None:
+    """Contact forces (n, 6) strictly inside Eq. 9 and 30 that carry a load alone, or None.
 
     They are in equilibrium to rounding, checked contact by contact. None is no proof that there
     are none.
@@ -54,14 +55,13 @@ def carrying_forces(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> F
     >>> from cvxlimit import builtin_scene
     >>> from cvxlimit.solvers import default_ladder
     >>> run = Run(builtin_scene("stack"))
-    >>> weight = carrying_forces(run, run.scene.dead, default_ladder())
+    >>> weight = carrying_forces(run, run.assemblage.statics.dead, default_ladder())
     >>> bool(abs(weight[0, 2] - run.scaling.force) < 1e-9 * run.scaling.force)
     True
-    >>> carrying_forces(run, run.scene.live, default_ladder()) is None
+    >>> carrying_forces(run, run.assemblage.statics.live, default_ladder()) is None
     True
     """
-    scene = run.scene
-    borne_by = run.assemblage.under(scene.with_dead(load))
+    borne_by = run.assemblage.under(load, load)
     for forces in _candidates(run, load, ladder):
         with run.clock.phase("certify"):
             found = borne(
@@ -76,7 +76,9 @@ def carrying_forces(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> F
     return None
 
 
-def _candidates(run: Run, load: Load, ladder: Sequence[SolverSettings]) -> Iterator[FloatArray]:
+def _candidates(
+    run: Run, load: FloatArray, ladder: Sequence[SolverSettings]
+) -> Iterator[FloatArray]:
     """Forces that carry the load: without interaction, then by steps from there and the middle."""
     alone = run.assemblage.alone(load)
     problem = LimitProblem(alone, objective=LargestFactor(most=1.0))

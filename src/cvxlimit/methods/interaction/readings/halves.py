@@ -47,7 +47,7 @@ class Half:
     >>> from cvxlimit import builtin_scene
     >>> from cvxlimit.model.assemblage import Assemblage
     >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
-    >>> from cvxlimit.surfaces.presets import surfaces_of
+    >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> assemblage = Assemblage.of(builtin_scene("s10-panel"))
     >>> found = Reductions.of(assemblage, surfaces_of("conic")[0])
     >>> half = Half.of(found, SIGNED)

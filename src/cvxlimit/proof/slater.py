@@ -1,0 +1,446 @@
+"""Strictly feasible (Slater) states, which turn nearly exact answers into proved bounds.
+
+:class:`Strength` says how far forces are beyond yield and which rates are allowed. A force state
+strictly inside all yield surfaces, in equilibrium with the dead load alone, proves that the dead
+load stands, and absorbs small yield excess; a velocity field that strictly opens every contact
+absorbs small violations of the flow rule. Both are found by alternating projections with one sparse
+factorisation, and checked by whoever uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.crushing import recession_of
+from cvxlimit.model.flow import FlowRule, Shortfall
+from cvxlimit.model.formulations import (
+    Formulation,
+    corner_compressions,
+    model_of,
+)
+from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.strengths import PROPERTIES
+from cvxlimit.surfaces.base import (
+    Condition,
+    Recession,
+    YieldSurface,
+    columns,
+    condition_excess,
+    has_constants,
+    number,
+    stated,
+)
+from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_HUGE = 1e100
+"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
+
+
+NOTHING = 1e-300
+"""Reserve of a condition without resistance in a state without the forces that it is about: next to
+nothing, but inside."""
+
+
+class Flow(Protocol):
+    """What is asked of a flow rule: see :class:`FlowRule`, whose methods these are."""
+
+    def shortfall(self, rates: FloatArray) -> Shortfall:
+        """How far rates (n, 6) are from it, sublinear in them."""
+
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The same, with much opening to spare where the rule leaves a choice."""
+
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
+        """A cheap upper bound (n,) on the missing opening."""
+
+
+class Strength:
+    """The admissible forces of all contacts of an assemblage, as surfaces and formulation state.
+
+    Forces are checked as *states*: contact forces (n, 6), or, where the formulation has conditions
+    of its own, its internal forces (p,), on which those are stated. A formulation without own
+    conditions only chooses among the forces that surfaces allow, so contact forces say it all.
+
+    Parameters
+    ----------
+    assemblage : Assemblage
+    surfaces : sequence of YieldSurface
+    formulation : callable
+    flow : Flow or None
+        Flow rule of the mechanisms; None is that of surfaces and formulation.
+    """
+
+    def __init__(
+        self,
+        assemblage: Assemblage,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation = corner_compressions,
+        flow: Flow | None = None,
+    ) -> None:
+        self.assemblage = assemblage
+        self.contacts = assemblage.contacts
+        self.formulation = formulation
+        own = model_of(formulation, self.contacts)
+        self.is_internal = bool(own.conditions)
+        self.model = own if self.is_internal else corner_compressions(self.contacts)
+        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
+        self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
+
+    @cached_property
+    def balance(self) -> Balance:
+        """What restores equilibrium of states, but for forces that nothing resists."""
+        balance = self.assemblage.balance
+        if self.is_internal:
+            balance = Balance(self.assemblage.statics, self.model)
+        if not self._unresisted.any():
+            return balance
+        meaning = abs(balance.model.meaning)
+        held = (meaning.T @ self._unresisted.ravel() > 0.0) & (
+            meaning.T @ ~self._unresisted.ravel() == 0.0
+        )
+        return replace(balance, held=held)
+
+    @cached_property
+    def _unresisted(self) -> NDArray[np.bool_]:
+        """Components (n, 6) that must vanish: all that a condition without resistance asks for.
+
+        Ice and ties have no friction. No state is strictly inside such a condition; one without
+        these forces satisfies it, whatever the others are.
+        """
+        found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
+        for (condition, _), rows in zip(self.conditions, self.is_void, strict=True):
+            for name in (c for norm in condition.norms for row in norm.rows for c in row):
+                if name in COLUMN and rows.any():
+                    at = rows if condition.contact is None else condition.contact[rows]
+                    found[at, COLUMN[name]] = True
+        return found
+
+    @cached_property
+    def is_void(self) -> list[NDArray[np.bool_]]:
+        """Rows of each condition whose resistance is nothing at all."""
+        found = []
+        for condition, _ in self.conditions:
+            n = len(self.contacts if condition.contact is None else condition.contact)
+            size = sum((np.abs(number(k)) for k in condition.resistance.values()), np.zeros(n))
+            found.append((size == 0.0) & bool(condition.norms))
+        return found
+
+    @cached_property
+    def conditions(self) -> list[tuple[Condition, Cone]]:
+        """What states must satisfy, besides compressions that are not negative."""
+        if self.is_internal:
+            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
+        return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
+
+    @cached_property
+    def is_cone(self) -> bool:
+        """True if admissible forces may be scaled at will: no condition has a constant."""
+        return not any(has_constants(condition) for condition, _ in self.conditions)
+
+    def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
+        """Surfaces and formulation without their constants."""
+        surfaces = tuple(
+            Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
+            for s in self.surfaces
+        )
+        return surfaces, recession_of(self.formulation)
+
+    def state(self, value: object) -> FloatArray | None:
+        """``value`` as a state; None if it holds numbers that are not finite, or is None.
+
+        Raises
+        ------
+        ModelError
+            If it has not one row per contact (or entry per internal force).
+        """
+        shape = (self.model.meaning.shape[1],) if self.is_internal else (len(self.contacts), 6)
+        return finite(value, shape, "internal force" if self.is_internal else "contact")
+
+    def forces(self, state: FloatArray) -> FloatArray:
+        """Contact forces (n, 6) of a state."""
+        return self.model.forces(state) if self.is_internal else state
+
+    def excess(self, state: FloatArray) -> list[FloatArray]:
+        """Yield functions as forces, one array per condition; <= 0 is admissible."""
+        values = columns(state) if not self.is_internal else self.model.values(state)
+        found = [condition_excess(c, cone, values) for c, cone in self.conditions]
+        if self._unresisted.any():
+            found = [
+                np.where(void & (y <= 0.0), -NOTHING, y)
+                for y, void in zip(found, self.is_void, strict=True)
+            ]
+        if not self.is_internal:
+            return found
+        return [-state[self.model.nonneg], *found] if self._has_compressions else found
+
+    @cached_property
+    def rows(self) -> list[IntArray]:
+        """Contact of every entry of :meth:`excess`."""
+        each = np.arange(len(self.contacts))
+        found = [each if c.contact is None else c.contact for c, _ in self.conditions]
+        is_first = self.is_internal and self._has_compressions
+        return [self.model.contact[self.model.nonneg], *found] if is_first else found
+
+    @cached_property
+    def _has_compressions(self) -> bool:
+        return bool(self.model.nonneg.any())
+
+    def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
+        """The state with the least change that balances the loads of ``statics``."""
+        if not self.balance.is_supported:
+            return state
+        if self.balance.held is not None:
+            unresisted = self.balance.held if self.is_internal else self._unresisted
+            state = np.where(unresisted, 0.0, state)
+        for _ in range(2):
+            residual = statics.residual(self.forces(state), load_factor).ravel()
+            change = self.balance.change(self.balance.along(residual))
+            state = state + (change if self.is_internal else self.balance.model.forces(change))
+        return state
+
+    @cached_property
+    def rate_sizes(self) -> FloatArray:
+        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening.
+
+        Each contact's own: with the largest friction of all, one glued joint would cost every other
+        contact its precision.
+        """
+        mu, contacts = self.contacts.friction, self.contacts
+        reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
+        return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
+
+
+def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:
+    """``value`` as a float array of ``shape``; None if it is None or not finite.
+
+    Raises
+    ------
+    ModelError
+        If it has not that shape.
+    """
+    if value is None:
+        return None
+    array = np.asarray(value, dtype=float)
+    if array.shape != shape:
+        raise ModelError(
+            f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
+            f"got shape {array.shape}: does it belong to another scene?"
+        )
+    small = np.abs(array).max(initial=0.0) <= _HUGE
+    return array if small else None
+
+
+_OVERSHOOT = 1.5
+"""Relaxation of the alternating projections, between 1 and 2."""
+
+_SPARE = 0.1
+"""Share of the yield function's range that a dead-load state keeps in reserve."""
+
+_OPENING_RESERVE = 0.2
+_OPENING_OVERSHOOT = 1.9
+_OPENING_ITERATIONS = 50
+"""Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
+iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On propped
+walls of 1,000 contacts and more they do not end at all: a solver does
+(:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
+
+_ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
+"""Least corner compression, as a share of what the lighter of the two blocks would give if its
+load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
+
+
+_PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
+_MOST_STATES = 100
+"""States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
+
+
+class Witnesses:
+    """Reference states of one assemblage under its dead load.
+
+    Projections know plain corner compressions; where a formulation checks internal forces of its
+    own, states come from outside (a solver) or not at all.
+
+    Parameters
+    ----------
+    assemblage : Assemblage
+    strength : Strength
+    """
+
+    def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
+        self.assemblage, self.strength = assemblage, strength
+        self.statics: Statics = assemblage.statics
+        self._balance = strength.balance
+        self._dead_state: FloatArray | None = None
+        self._attempted = 0
+
+    @property
+    def _can_project(self) -> bool:
+        return self._balance.is_supported and not self.strength.is_internal
+
+    @property
+    def dead_state(self) -> FloatArray | None:
+        """A state that carries the dead load strictly inside all surfaces, or None."""
+        return self._sought(len(_ATTEMPTS))
+
+    @dead_state.setter
+    def dead_state(self, forces: FloatArray) -> None:
+        self._dead_state = forces
+
+    @property
+    def easy_dead_state(self) -> FloatArray | None:
+        """The same, if a few projections find it; a solver may be quicker where they do not."""
+        return self._sought(1)
+
+    def _sought(self, attempts: int) -> FloatArray | None:
+        possible = self._can_project and np.any(self.statics.dead)
+        while possible and self._dead_state is None and self._attempted < attempts:
+            share, iterations = _ATTEMPTS[self._attempted]
+            self._attempted += 1
+            self._dead_state = self._remembered(
+                ("dead state", share, iterations, self.statics.dead.tobytes()),
+                partial(self._find_dead_state, share * self._fair_compression(), iterations),
+            )
+        return self._dead_state
+
+    def _remembered(
+        self, what: tuple[object, ...], seek: Callable[[], FloatArray | None]
+    ) -> FloatArray | None:
+        """What is sought, from another scene of the same geometry and strength if there was one.
+
+        Only under surfaces that are told by their type and cone.
+        """
+        states = getattr(self.assemblage.repeats, "states", None)
+        surfaces, contacts = self.strength.surfaces, self.statics.contacts
+        if states is None or not all(type(s) in _PLAIN for s in surfaces):
+            return seek()
+        key = (
+            what,
+            tuple((type(s).__name__, str(s.cone)) for s in surfaces),
+            tuple(getattr(contacts, name).tobytes() for name in PROPERTIES),
+        )
+        if key not in states:
+            if len(states) >= _MOST_STATES:
+                states.clear()
+            states[key] = seek()
+        return states[key]
+
+    def _fair_compression(self) -> FloatArray:
+        """Dead load of each corner's lighter block over that block's number of corners, (m,).
+
+        Not a share of the total load: a pebble on a boulder could not give that.
+        """
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
+        force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
+        corners = np.diff(contacts.corner_start)
+        around = np.zeros(len(force) + 1)
+        for side in (contacts.a, contacts.b):
+            np.add.at(around, number[side], corners)
+        spread = np.append(force / around[:-1], np.inf)
+        lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
+        model = self._balance.model
+        return lighter[model.contact[model.nonneg]]
+
+    def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
+        z = self._carried(np.zeros(len(self._balance.weights)))
+        for _ in range(iterations):
+            if self._is_inside(z, 0.1 * compression):
+                z = self._carried(self._carried(z))  # to rounding of each block's own forces
+                if self._is_inside(z, 0.1 * compression):
+                    return self._balance.model.forces(z)
+            z = self._carried(z + _OVERSHOOT * (self._pushed_inside(z, compression) - z))
+        return None
+
+    def _carried(self, z: FloatArray) -> FloatArray:
+        """The nearest state in equilibrium with the dead load."""
+        balance = self._balance
+        return z + balance.change(balance.matrix @ z + balance.along(self.statics.dead))
+
+    def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
+        if (z[self._balance.model.nonneg] < compression).any():
+            return False
+        return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
+
+    def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
+        """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
+        model = self._balance.model
+        pressed = model.nonneg
+        pushed = z.copy()
+        pushed[pressed] = np.maximum(z[pressed], compression)
+        plain = np.where(pressed, pushed, 0.0)
+        pushed = self._blended(pushed, plain)
+        centred = plain.copy()
+        at = model.contact[pressed]
+        centred[pressed] = (np.bincount(at, plain[pressed]) / np.bincount(at))[at]
+        return self._blended(pushed, centred)
+
+    def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
+        """Move each contact from z towards ``inner`` until its yield functions keep a reserve."""
+        share = np.zeros(len(self.statics.contacts))
+        at, goal = self._excess(z), self._excess(inner)
+        for y, y_inner in zip(at, goal, strict=True):
+            beyond = (y_inner < 0.0) & (y > _SPARE * y_inner)
+            needed = np.where(beyond, y - _SPARE * y_inner, 0.0) / np.where(
+                beyond, y - y_inner, 1.0
+            )
+            share = np.maximum(share, needed)
+        return z + share[self._balance.model.contact] * (inner - z)
+
+    def _excess(self, z: FloatArray) -> list[FloatArray]:
+        """Yield functions with one row per contact; rocking is the compressions' business."""
+        found = self.strength.excess(self._balance.model.forces(z))
+        conditions = self.strength.conditions
+        return [y for y, (c, _) in zip(found, conditions, strict=True) if c.contact is None]
+
+    @cached_property
+    def opening_field(self) -> FloatArray | None:
+        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None.
+
+        None also when contacts hold each other in self-stress: no such field exists then. May be
+        set from outside.
+        """
+        if not self._can_project:
+            return None
+        return self._remembered(("opening field",), self._find_opening_field)
+
+    def _find_opening_field(self) -> FloatArray | None:
+        matrix, weights = self._balance.matrix, self._balance.weights
+        target = np.where(self._balance.model.nonneg, 1.0, 0.0)
+        for _ in range(_OPENING_ITERATIONS):
+            rates = self._balance.solve(matrix @ (weights * target))
+            motion = self._balance.motion(rates)
+            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(motion))
+            if missing.max() < 0.0:
+                return motion
+            if not np.isfinite(missing).all():
+                return None
+            target = self._opened(np.asarray(matrix.T @ rates), missing)
+        return None
+
+    def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
+        """Rates of corners, slips and twists, moved towards the flow rule: more opening, less slip.
+
+        For plain Coulomb friction it is the nearest point of the cone, overshot.
+        """
+        model, contacts = self._balance.model, self.statics.contacts
+        mu, at = contacts.friction, model.contact
+        lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
+        slips = np.where(
+            model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates
+        )
+        size = np.sqrt(np.bincount(at, slips**2, len(contacts)))
+        kept = np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
+        return np.where(model.nonneg, rates + lack[at], kept[at] * rates)
