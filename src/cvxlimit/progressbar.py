@@ -1,4 +1,4 @@
-"""A progress bar on stderr for long work."""
+"""A progress bar on stderr for long work, in terminals and notebooks."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from tqdm import tqdm
 
 
 @contextmanager
@@ -28,8 +27,10 @@ def progress_bar(
             progress(f"{title}: {done} of {steps} found")
         yield lambda what: progress(f"{title}: {next(numbers)} of {steps}, {what:.60}")
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not progress) as bar:
-        task = bar.add_task(title, total=steps, completed=done)
-        yield lambda what: bar.update(task, advance=1, description=f"{title}: {what:.40}")
+    with tqdm(desc=title, total=steps, initial=done, disable=not progress) as bar:
+
+        def advance(what: str) -> None:
+            bar.set_postfix_str(f"{what:.40}", refresh=False)
+            bar.update()
+
+        yield advance

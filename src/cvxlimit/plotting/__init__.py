@@ -23,8 +23,7 @@ from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.charts import draw_fragility
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.look import title
-from cvxlimit.plotting.meshes import to_pyvista
+from cvxlimit.plotting.look import IMAGES, title, with_suffix
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.cracks import cracks
@@ -34,8 +33,7 @@ from cvxlimit.plotting.pictures.mechanism import mechanism, mechanism_of
 from cvxlimit.plotting.pictures.thrust import thrust
 from cvxlimit.plotting.pictures.utilisation import utilisation
 from cvxlimit.plotting.registry import PICTURES, figures, picture
-from cvxlimit.plotting.suffixes import IMAGES, with_suffix
-from cvxlimit.plotting.vtu import vtu_files
+from cvxlimit.plotting.vtu import to_pyvista, vtu_files
 from cvxlimit.plotting.webpage import Page, page, scene_page
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from cvxlimit.plotting.registry import figures
 
@@ -13,34 +10,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
-
 _CURVE, _MARK = "#134b73", "#c2571a"
 
 
-class Curve(Protocol):
-    """What is drawn of a fragility curve; see :class:`cvxlimit.studies.Fragility`."""
-
-    @property
-    def demand(self) -> FloatArray: ...
-    @property
-    def probability(self) -> FloatArray: ...
-    @property
-    def lower(self) -> FloatArray: ...
-    @property
-    def upper(self) -> FloatArray: ...
-    @property
-    def draws(self) -> int: ...
-    @property
-    def confidence(self) -> float: ...
-    @property
-    def name(self) -> str: ...
-
-
-def draw_fragility(curve: Curve, ax: Axes | None = None, reference: float | None = None) -> Figure:
+def draw_fragility(curve: Any, ax: Axes | None = None, reference: float | None = None) -> Figure:
     """Probability of collapse against load factor, with its band; into ``ax`` or a new figure.
 
-    ``reference`` is a load factor to mark.
+    ``curve`` is a :class:`cvxlimit.studies.Fragility`, ``reference`` a load factor to mark.
     """
     if ax is None:
         figure: Figure = figures().SceneFigure(

@@ -37,15 +37,16 @@ from cvxlimit.plotting.look import (
     CASE_COLOURS,
     CENTRE_COLOUR,
     CULPRIT_COLOUR,
+    IMAGES,
     MARK_COLOUR,
     STONE_COLOUR,
     SUPPORT_COLOUR,
     printable,
     scene_title,
+    with_suffix,
 )  # fmt: skip
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Picture, paint
-from cvxlimit.plotting.suffixes import IMAGES, with_suffix
 from cvxlimit.scene import Scene
 
 FloatArray = NDArray[np.float64]

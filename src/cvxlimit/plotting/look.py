@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import JointKind
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
@@ -187,3 +190,23 @@ def _outward(value: float, digits: int, side: int) -> str:
 def printable(text: str) -> str:
     """``text`` with replacements for characters that do not print."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+IMAGES = (".png", ".svg", ".pdf")
+"""Files of figures. In SVG and PDF the painted blocks are an image; everything else is lines."""
+
+
+def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:
+    """The path, if its name ends as it should.
+
+    Raises
+    ------
+    InputError
+    """
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise InputError(
+            f"cannot tell what to draw from {target.name!r}: give a name that ends in "
+            f"{' or '.join(suffixes)}"
+        )
+    return target

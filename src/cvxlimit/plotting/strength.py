@@ -15,6 +15,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import (
     Cone,
+    ParabolicTorsionShear,
     Rocking,
     Sliding,
     Torsion,
@@ -36,7 +37,9 @@ _WITH_BENDING = ("fixed-point", "certified")
 def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface.
 
-    The largest is over the surfaces that were solved with. With interaction it is over
+    The largest is over the surfaces that were solved with; for the exact limit of torsion with
+    shear stands the parabola inside it, of which a little more than all may be in use. With
+    interaction it is over
     rocking and Eq. 30 as the solution reads it: ``utilisation_torsion_shear_bending``. NaN where a
     contact carries nothing.
 
@@ -121,4 +124,6 @@ def _solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
             f"surfaces {solution.surface!r} only the names are left, and not all are built in; "
             "solution.of(scene, surfaces) gives them back"
         )
+    if solution.torsion_shear == "exact":  # no surface states it: the parabola is just inside
+        return *found, ParabolicTorsionShear()
     return found

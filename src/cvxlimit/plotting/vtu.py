@@ -1,21 +1,23 @@
 """Files for ParaView: blocks as polyhedra, contacts as polygons, written as VTK XML.
 
-The format is written by hand (a page of code) rather than through vtk, whose import needs
-libraries that a fresh machine may lack. All blocks are whole here, supports too.
+The format is written by hand. vtk needs libraries that a fresh machine may lack; meshio (5.3.5)
+writes polyhedra, but ends in a KeyError with texts, which are the names here, and leaves field data
+out in silence, which are the load factor and its bracket. All blocks are whole here, supports too.
 """
 
 from __future__ import annotations
 
 import base64
+import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from itertools import pairwise
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.movement import Motion, contact_forces, motion, side_rates, velocity_of
 from cvxlimit.scene import Scene
@@ -26,25 +28,7 @@ POLYGON, POLYHEDRON = 7, 42
 
 VTK_TYPES = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 
-Array = NDArray[Any]
-Arrays = Mapping[str, Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """An unstructured grid: points (p, 3) and cells of one type.
-
-    ``cells`` lists the points of every cell, ``faces`` VTK's face stream of every cell
-    (polyhedra only).
-    """
-
-    points: Array
-    cells: list[Array]
-    cell_type: int
-    faces: list[Array] = field(default_factory=list)
-    point_data: Arrays = field(default_factory=dict)
-    cell_data: Arrays = field(default_factory=dict)
-    field_data: Arrays = field(default_factory=dict)
+Arrays = Mapping[str, NDArray[Any]]
 
 
 def vtu_files(scene: Scene, solution: Solution) -> tuple[bytes, bytes]:
@@ -59,60 +43,75 @@ def vtu_files(scene: Scene, solution: Solution) -> tuple[bytes, bytes]:
     load factor and its bracket as field data.
     """
     moving = motion(scene, solution)
-    result = _field_data(solution, moving)
-    return (
-        encoded(_block_grid(scene, moving, result)),
-        encoded(_contact_grid(scene, solution, moving, result)),
-    )
-
-
-def _field_data(solution: Solution, moving: Motion) -> Arrays:
-    value = np.nan if solution.load_factor is None else solution.load_factor
     numbers = {
-        "load_factor": value,
+        "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
         "lower": solution.lower,
         "upper": solution.upper,
         "displacement_per_rate": moving.scale,
     }
-    return {name: np.array([number], dtype=float) for name, number in numbers.items()}
+    result = {name: np.array([number], dtype=float) for name, number in numbers.items()}
+    return _blocks(scene, moving, result), _contacts(scene, solution, moving, result)
 
 
-def _block_grid(scene: Scene, moving: Motion, result: Arrays) -> Grid:
-    counts = [len(b.vertices) for b in scene.blocks]
-    starts = np.concatenate([[0], np.cumsum(counts)])
+def to_pyvista(solution: Solution) -> Any:
+    """A ``pyvista.MultiBlock`` with the meshes ``"blocks"`` and ``"contacts"``.
+
+    They carry what the ``.vtu`` files carry: speeds, displacements, forces, openings ...; warp by
+    ``"displacement"`` to see the mechanism.
+
+    Raises
+    ------
+    InputError
+        For a solution without its scene.
+    ModelError
+        If pyvista is not installed.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> meshes = to_pyvista(solve(builtin_scene("single-block")))
+    >>> meshes["blocks"].n_cells, meshes["contacts"].n_cells
+    (2, 1)
+    """
+    pyvista = needed("pyvista", "pyvista", "pyvista meshes")
+    parts = vtu_files(solution.drawn_scene, solution)
+    result = pyvista.MultiBlock()
+    with tempfile.TemporaryDirectory(prefix="cvxlimit-") as folder:
+        for name, content in zip(("blocks", "contacts"), parts, strict=True):
+            path = Path(folder) / f"{name}.vtu"
+            path.write_bytes(content)
+            result[name] = pyvista.read(path)
+    return result
+
+
+def _blocks(scene: Scene, moving: Motion, result: Arrays) -> bytes:
+    fixed, number = set(scene.supports), np.arange(len(scene.blocks))
     points = np.concatenate([b.vertices for b in scene.blocks])
-    velocity = velocity_of(scene, moving.rates, points, np.repeat(np.arange(len(counts)), counts))
-    fixed = set(scene.supports)
-    return Grid(
-        points=points,
-        cells=[np.arange(s, e) for s, e in pairwise(starts)],
-        cell_type=POLYHEDRON,
-        faces=[
-            _face_stream(b.faces, int(s)) for b, s in zip(scene.blocks, starts[:-1], strict=True)
-        ],
-        point_data={"displacement": moving.scale * velocity, "velocity": velocity},
-        cell_data={
-            "speed": moving.speed,
-            "is_support": np.array([b.id in fixed for b in scene.blocks], dtype=np.uint8),
-            "block": np.arange(len(counts)),
-            "id": np.array([b.id for b in scene.blocks]),
-        },
-        field_data=result,
-    )
+    counts = np.array([len(b.vertices) for b in scene.blocks])
+    velocity = velocity_of(scene, moving.rates, points, np.repeat(number, counts))
+    streams = []  # number of faces, then for each face its number of points and the points
+    for block, start in zip(scene.blocks, (np.cumsum(counts) - counts).tolist(), strict=True):
+        faces = [x for face in block.faces for x in (len(face), *(start + i for i in face))]
+        streams.append([len(block.faces), *faces])
+    point_data = {"displacement": moving.scale * velocity, "velocity": velocity}
+    cell_data: Arrays = {
+        "speed": moving.speed,
+        "is_support": np.array([b.id in fixed for b in scene.blocks], dtype=np.uint8),
+        "block": number,
+        "id": np.array([b.id for b in scene.blocks]),
+    }
+    topology = {
+        "faces": np.concatenate(streams),
+        "faceoffsets": np.cumsum([len(stream) for stream in streams]),
+    }
+    return _file(result, point_data, cell_data, points, counts, POLYHEDRON, topology)
 
 
-def _face_stream(faces: tuple[tuple[int, ...], ...], start: int) -> Array:
-    """Number of faces, then for each face its number of points and the points."""
-    numbers = [len(faces)]
-    for face in faces:
-        numbers += [len(face), *(start + i for i in face)]
-    return np.array(numbers)
-
-
-def _contact_grid(scene: Scene, solution: Solution, moving: Motion, result: Arrays) -> Grid:
+def _contacts(scene: Scene, solution: Solution, moving: Motion, result: Arrays) -> bytes:
     c, what = scene.contacts, moving.contacts
     one, other = side_rates(scene, moving.rates)
-    cells: dict[str, Array] = {
+    point_data = {"displacement": 0.5 * moving.scale * (one + other), "opening": what.opening}
+    cell_data = {
         "kind": what.kind,
         "opening": what.widest,
         "slip": what.slip,
@@ -125,59 +124,49 @@ def _contact_grid(scene: Scene, solution: Solution, moving: Motion, result: Arra
     }
     forces = contact_forces(scene, solution)
     if forces is not None:
-        cells |= dict(zip(COMPONENTS, forces.T, strict=True))
-    return Grid(
-        points=c.corner_points,
-        cells=np.split(np.arange(len(c.corner_points)), c.corner_start[1:-1]),
-        cell_type=POLYGON,
-        point_data={
-            "displacement": 0.5 * moving.scale * (one + other),
-            "opening": what.opening,
-        },
-        cell_data=cells,
-        field_data=result,
-    )
+        cell_data |= dict(zip(COMPONENTS, forces.T, strict=True))
+    counts = np.diff(c.corner_start)
+    return _file(result, point_data, cell_data, c.corner_points, counts, POLYGON, {})
 
 
-def encoded(grid: Grid) -> bytes:
-    """The .vtu file of ``grid``: little-endian, base64, uncompressed."""
+def _file(
+    field_data: Arrays,
+    point_data: Arrays,
+    cell_data: Arrays,
+    points: NDArray[np.float64],
+    counts: NDArray[np.int64],
+    cell_type: int,
+    topology: Arrays,
+) -> bytes:
+    """Little-endian, base64, uncompressed; ``counts`` are the points of each cell, in turn."""
     root = ElementTree.Element(
         "VTKFile", type="UnstructuredGrid", version="1.0", byte_order="LittleEndian",
         header_type="UInt64",
     )  # fmt: skip
     tree = ElementTree.SubElement(root, "UnstructuredGrid")
-    _add_arrays(tree, "FieldData", grid.field_data, tuples=True)
+    _add_arrays(tree, "FieldData", field_data)
     piece = ElementTree.SubElement(
-        tree, "Piece", NumberOfPoints=str(len(grid.points)), NumberOfCells=str(len(grid.cells))
+        tree, "Piece", NumberOfPoints=str(len(points)), NumberOfCells=str(len(counts))
     )
-    _add_arrays(piece, "PointData", grid.point_data)
-    _add_arrays(piece, "CellData", grid.cell_data)
-    _add_arrays(piece, "Points", {"Points": grid.points})
-    _add_arrays(piece, "Cells", _topology(grid))
+    cells: Arrays = {
+        "connectivity": np.arange(len(points)),
+        "offsets": np.cumsum(counts),
+        "types": np.full(len(counts), cell_type, dtype=np.uint8),
+    }
+    _add_arrays(piece, "PointData", point_data)
+    _add_arrays(piece, "CellData", cell_data)
+    _add_arrays(piece, "Points", {"Points": points})
+    _add_arrays(piece, "Cells", {**cells, **topology})
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _topology(grid: Grid) -> Arrays:
-    arrays = {
-        "connectivity": np.concatenate(grid.cells),
-        "offsets": np.cumsum([len(cell) for cell in grid.cells]),
-        "types": np.full(len(grid.cells), grid.cell_type, dtype=np.uint8),
-    }
-    if grid.faces:
-        arrays["faces"] = np.concatenate(grid.faces)
-        arrays["faceoffsets"] = np.cumsum([len(stream) for stream in grid.faces])
-    return arrays
-
-
-def _add_arrays(
-    parent: ElementTree.Element, section: str, arrays: Arrays, tuples: bool = False
-) -> None:
+def _add_arrays(parent: ElementTree.Element, section: str, arrays: Arrays) -> None:
     element = ElementTree.SubElement(parent, section)
     for name, values in arrays.items():
         entry = ElementTree.SubElement(element, "DataArray", Name=name)
         if values.ndim == 2:
             entry.set("NumberOfComponents", str(values.shape[1]))
-        if tuples:
+        if section == "FieldData":
             entry.set("NumberOfTuples", str(len(values)))
         if values.dtype.kind == "U":
             entry.tag = "Array"
@@ -190,12 +179,12 @@ def _add_arrays(
             entry.text = _base64(values)
 
 
-def _base64(values: Array) -> str:
+def _base64(values: NDArray[Any]) -> str:
     raw = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
     return base64.b64encode(np.array([len(raw)], dtype="<u8").tobytes() + raw).decode("ascii")
 
 
-def _text_codes(texts: Array) -> str:
+def _text_codes(texts: NDArray[Any]) -> str:
     """Bytes of all texts as numbers, each text ended by 0: cannot break the XML."""
     return " ".join(
         str(byte) for text in texts.tolist() for byte in text.encode("utf-8", "replace") + b"\0"

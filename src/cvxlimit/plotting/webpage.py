@@ -29,10 +29,10 @@ from cvxlimit.plotting.look import (
     block_colours,
     scene_title,
     title,
+    with_suffix,
 )  # fmt: skip
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
-from cvxlimit.plotting.suffixes import with_suffix
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cvxlimit.geometry.pressure import pressure_centres
-from cvxlimit.plotting.contents import Drawing, Lines, Viewer
-from cvxlimit.plotting.lines import DOTTED, FAINTEST, over_blocks
+from cvxlimit.plotting.contents import DOTTED, FAINTEST, Drawing, Lines, Viewer, over_blocks
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.strength import forces_of

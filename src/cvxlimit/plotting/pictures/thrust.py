@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.pressure import pressure_centres
-from cvxlimit.plotting.contents import Drawing, Lines, Viewer
-from cvxlimit.plotting.lines import DOTTED, FAINTEST, over_blocks
+from cvxlimit.plotting.contents import DOTTED, FAINTEST, Drawing, Lines, Viewer, over_blocks
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.strength import forces_of
 from cvxlimit.scene import Scene
