@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 
-from tqdm import tqdm
-
 
 @contextmanager
 def progress_bar(
@@ -27,7 +25,12 @@ def progress_bar(
             progress(f"{title}: {done} of {steps} found")
         yield lambda what: progress(f"{title}: {next(numbers)} of {steps}, {what:.60}")
         return
-    with tqdm(desc=title, total=steps, initial=done, disable=not progress) as bar:
+    if not progress:
+        yield lambda what: None
+        return
+    from tqdm import tqdm  # only who looks at a bar needs it
+
+    with tqdm(desc=title, total=steps, initial=done) as bar:
 
         def advance(what: str) -> None:
             bar.set_postfix_str(f"{what:.40}", refresh=False)

@@ -28,7 +28,7 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import ladder_of
 from cvxlimit.studies.variations import varied
-from cvxlimit.surfaces.presets import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
 
