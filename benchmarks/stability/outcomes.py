@@ -120,7 +120,7 @@ def refutation(sample: Sample, solution: Solution) -> str:
     """Why a solution without interaction is wrong, or nothing.
 
     Its bounds must hold the closed form, those of a fresh certificate must not contradict them,
-    and a claim that there is no answer must be borne out by forces or rates.
+    and a claim that there is no answer must be carried_exactly out by forces or rates.
     """
     truth = sample.truth if sample.truth is not None else closed_form(sample.scene)
     none = _NONE.get(solution.status)
@@ -141,7 +141,7 @@ def refutation(sample: Sample, solution: Solution) -> str:
 
 
 def _unproved(scene: Scene, none: str, solution: Solution) -> str:
-    """Why a claim that there is no answer is not borne out by its own forces or rates."""
+    """Why a claim that there is no answer is not carried_exactly out by its own forces or rates."""
     if none == FALLS:
         alone = Certifier(scene.with_live(scene.dead).with_dead(Load()), DEFAULT_SURFACES)
         rates = np.array(list((solution.mechanism or {}).values()))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
-from cvxlimit.methods.bearing import borne
+from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
@@ -280,7 +280,10 @@ class TestAssumptions:
         c = certifier.certificate(factor * state.forces, 5.0, None)
         assert (c.lower, c.lower_is_proved) == (-np.inf, False)
         assembled = certifier.assemblage
-        assert borne(assembled, lambda a: Strength(a, SURFACES), factor * state.forces) is None
+        assert (
+            carried_exactly(assembled, lambda a: Strength(a, SURFACES), factor * state.forces)
+            is None
+        )
 
     def test_a_wedge_that_needs_huge_thrust_falls_on_an_assumption(self) -> None:
         """Its taper is 1e-7 steeper than friction: it would stand on 5e7 times its weight."""

@@ -34,33 +34,45 @@ from cvxlimit.solvers import LimitState
 
 FloatArray = NDArray[np.float64]
 
-_SPREAD = 0.7
-"""Standard deviation of the weights' logarithms. With equal weights the paths of symmetrical
-scenes (dome) meet branches and stop there."""
 
-_ENDS = 1e-6
-"""Share of the load factor, and of typical forces and rates, that may be left at the end; the
-polish goes on from there. Below 1e-8 rounding keeps correctors from their aim."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
 
-_NEAR, _CLAMP = 0.1, 0.5
-"""Relative error of products at which the path is left for the next predictor, and the largest
-relative change by a corrector: with 0.7 and no limit correctors left the path at folds (dome,
-house corner: 4 of 8 paths ended, 7 of 8 so)."""
+    spread: float = 0.7
+    """Standard deviation of the weights' logarithms. With equal weights the paths of symmetrical
+    scenes (dome) meet branches and stop there."""
 
-_LONGEST, _FIRST, _SHORTEST = 2.0, 0.5, 1e-4
-"""Largest, first and least change of any product's factor by a predictor, over its size."""
+    ends: float = 1e-06
+    """Share of the load factor, and of typical forces and rates, that may be left at the end; the
+    polish goes on from there. Below 1e-8 rounding keeps correctors from their aim."""
 
-_RESTS = 1e-2
-"""Largest rest of linear equations, in typical forces and rates, for a predictor."""
+    near: float = 0.1
+    clamp: float = 0.5
+    """Relative error of products at which the path is left for the next predictor, and the largest
+    relative change by a corrector: with 0.7 and no limit correctors left the path at folds (dome,
+    house corner: 4 of 8 paths ended, 7 of 8 so)."""
 
-_CORRECTORS = 7
-"""Correctors before a predictor is tried again, a quarter as long."""
+    longest: float = 2.0
+    first: float = 0.5
+    shortest: float = 0.0001
+    """Largest, first and least change of any product's factor by a predictor, over its size."""
 
-_AIR, _DOWN = 0.9, 0.97
-"""Share of the way to the boundary, and of tau, that one step may take."""
+    rests: float = 0.01
+    """Largest rest of linear equations, in typical forces and rates, for a predictor."""
 
-_DAMPING = 1e-12
-"""Added to the diagonal of the stiffness, over typical force by rate: blocks may be loose."""
+    correctors: int = 7
+    """Correctors before a predictor is tried again, a quarter as long."""
+
+    air: float = 0.9
+    down: float = 0.97
+    """Share of the way to the boundary, and of tau, that one step may take."""
+
+    damping: float = 1e-12
+    """Added to the diagonal of the stiffness, over typical force by rate: blocks may be loose."""
+
+
+_N = _Numbers()
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +86,7 @@ class _Weights:
     @classmethod
     def drawn(cls, random: np.random.Generator, corners: int, contacts: int) -> _Weights:
         sizes = (corners, contacts, contacts)
-        return cls(*(np.exp(_SPREAD * random.normal(size=size)) for size in sizes))
+        return cls(*(np.exp(_N.spread * random.normal(size=size)) for size in sizes))
 
     @property
     def each(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -155,18 +167,17 @@ class _Follower:
         return point
 
     def end(self, most: int) -> Point:
-        """The point nearest to a solution on the way, after at most so many steps."""
         at, best, least = self.first, self.first, np.inf
         tangent: FloatArray | None = None
-        safe, length, tries = at, _FIRST, 0
+        safe, length, tries = at, _N.first, 0
         for _ in range(most):
             error, rest = self._error(at), self._rest(at)
             worth = max(rest, self._gap(at))
             if worth < least:
                 best, least = at, worth
-            if worth < _ENDS or length < _SHORTEST:
+            if worth < _N.ends or length < _N.shortest:
                 break
-            if tangent is not None and tries > _CORRECTORS:
+            if tangent is not None and tries > _N.correctors:
                 at, length, tries = safe, 0.25 * length, 0
                 at = self._moved(at, self._ahead(at, np.zeros(len(at)), tangent, length))
                 continue
@@ -174,9 +185,9 @@ class _Follower:
                 corrector, along = self._directions(at)
             except (RuntimeError, np.linalg.LinAlgError):  # rounding made a matrix singular
                 break
-            if error < _NEAR and rest < _RESTS:
+            if error < _N.near and rest < _N.rests:
                 if tangent is not None:
-                    length = min(_LONGEST, length * _grown(tries))
+                    length = min(_N.longest, length * _grown(tries))
                 tangent, safe, tries = self._tangent(at, along, tangent), at, 0
                 corrector = self._normal(at, corrector, along, tangent)
                 at = self._moved(at, self._ahead(at, corrector, tangent, length))
@@ -197,7 +208,6 @@ class _Follower:
         return np.column_stack([self._part(at, name) for name in ("V1", "V2", "m")])
 
     def _products(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """First components: of corners, of shear, of torsion."""
         most = self._part(at, "lambda")
         work = self._friction(at) * self._slips(at)
         return (
@@ -210,7 +220,6 @@ class _Follower:
         return float(sum(c.sum() for c in self._products(at)) / max(abs(at[-2]), self.force))
 
     def _error(self, at: FloatArray) -> float:
-        """Largest distance of a product from its aim, over that."""
         aims = [at[-1] * r for r in self.weights.each]
         off = [c / aim - 1.0 for c, aim in zip(self._products(at), aims, strict=True)]
         slip, friction = self._slips(at), self._friction(at)
@@ -220,7 +229,6 @@ class _Follower:
         return max(float(np.abs(part).max()) for part in off)
 
     def _linear(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """What is left of equilibrium, openings, limits and live power."""
         path, motion = self.path, self._part(at, "u")
         carried = self._part(at, "n") @ path.opening + self._friction(at).ravel() @ path.slip
         limit = path.limit @ self._part(at, "n") + path.system.cohesion
@@ -232,15 +240,12 @@ class _Follower:
         )
 
     def _rest(self, at: FloatArray) -> float:
-        """Of linear equations, in typical forces and rates."""
         balance, opening, limit, power = self._linear(at)
         most = (np.abs(part).max(initial=0.0) for part in (balance, limit, opening))
         units = (self.force, self.force, self.rate)
         return max(abs(power), *(float(m) / u for m, u in zip(most, units, strict=True)))
 
     def _sizes(self, at: FloatArray) -> FloatArray:
-        """Of all unknowns: what a relative change is relative to; rates and load factor do not
-        count."""
         size = at.copy()
         for name, of in (("V1", "a"), ("V2", "a"), ("m", "b")):
             size[self.path.at[name]] = self._part(at, of)
@@ -250,7 +255,6 @@ class _Follower:
     # ways to go
 
     def _directions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Newton's step at this tau, and the derivative of the path by tau."""
         path = self.path
         balance, opening, limit, power = self._linear(at)
         pressed, open_by = self._part(at, "n"), self._part(at, "w")
@@ -282,10 +286,6 @@ class _Follower:
         return result[0], result[1]
 
     def _local(self, at: FloatArray, limit: FloatArray) -> FloatArray:
-        """Changes (n, 6, 6) of V1, V2, m, a, b, lambda: own, by tau, by three slips, by the limit.
-
-        From the linearised products and a + b of every contact.
-        """
         a, b, most = (self._part(at, name) for name in ("a", "b", "lambda"))
         friction, slip = self._friction(at), self._slips(at)
         matrix, right = np.zeros((2, self.path.contacts, 6, 6))
@@ -309,9 +309,8 @@ class _Follower:
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
     def _solved(self, square: sp.csc_array, right: FloatArray) -> FloatArray:
-        """By sparse factors, without pivoting: it did not change paths where it was tried."""
         order, path = self.path.order, self.path
-        damping = _DAMPING * self.force / self.rate
+        damping = _N.damping * self.force / self.rate
         square = (square + damping * sp.eye_array(len(path.dead))).tocsc()
         factor = splu(
             square[order][:, order].tocsc(),
@@ -331,7 +330,6 @@ class _Follower:
         return found
 
     def _tangent(self, at: FloatArray, along: FloatArray, last: FloatArray | None) -> FloatArray:
-        """Of the path, unit size, going on as it came; at first towards smaller tau."""
         size = self._sizes(at)
         ahead = -1.0 if last is None else float(np.sign((along / size) @ (last / size)) or -1.0)
         return ahead * along / float(np.linalg.norm(along / size))
@@ -339,36 +337,32 @@ class _Follower:
     def _normal(
         self, at: FloatArray, corrector: FloatArray, along: FloatArray, tangent: FloatArray
     ) -> FloatArray:
-        """The corrector normal to the path, by a change of tau."""
         by = tangent / self._sizes(at) ** 2
         return corrector - (by @ corrector) / (by @ along) * along
 
     def _corrected(
         self, at: FloatArray, corrector: FloatArray, along: FloatArray, tangent: FloatArray | None
     ) -> FloatArray:
-        """As much of a corrector as the cones, and the reach of its linear model, allow."""
         if tangent is None:
-            return min(1.0, _AIR * self._reach(at, corrector)) * corrector
+            return min(1.0, _N.air * self._reach(at, corrector)) * corrector
         step = self._normal(at, corrector, along, tangent)
         change = float(np.abs(step[:-1] / self._sizes(at)[:-1]).max())
-        share = min(1.0, _AIR * self._reach(at, step), _CLAMP / max(change, _CLAMP))
+        share = min(1.0, _N.air * self._reach(at, step), _N.clamp / max(change, _N.clamp))
         return share * step
 
     def _ahead(
         self, at: FloatArray, corrector: FloatArray, tangent: FloatArray, length: float
     ) -> FloatArray:
-        """Along the path, with a corrector: changes of a size, and inside."""
         change = (tangent / self._sizes(at))[:-1]
-        most = float(np.abs(change).max() if length < _AIR else change.max())
+        most = float(np.abs(change).max() if length < _N.air else change.max())
         h = length / max(most, 1e-9)
-        if corrector[-1] + h * tangent[-1] < -_DOWN * at[-1]:
-            h = max(0.0, (-_DOWN * at[-1] - corrector[-1]) / tangent[-1])
-        while h > 0.0 and self._reach(at, corrector + h * tangent) < 1.0 / _DOWN:
+        if corrector[-1] + h * tangent[-1] < -_N.down * at[-1]:
+            h = max(0.0, (-_N.down * at[-1] - corrector[-1]) / tangent[-1])
+        while h > 0.0 and self._reach(at, corrector + h * tangent) < 1.0 / _N.down:
             h = 0.6 * h if h > 1e-9 else 0.0
         return corrector + h * tangent
 
     def _reach(self, at: FloatArray, step: FloatArray) -> float:
-        """How often a step fits inside all cones; round ones along their surface."""
         inside = [(self._part(at, name), self._part(step, name)) for name in ("n", "w")]
         inside += self._spare(at, step)
         for held, of in (("b", 2), ("lambda", None)):
@@ -380,7 +374,6 @@ class _Follower:
         return 1.0 / max(shrinking, 1e-9) if np.isfinite(shrinking) else 0.0
 
     def _spare(self, at: FloatArray, step: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """a - abs(V) and lambda - abs(slip) of every contact, and their changes."""
         result = []
         for held, vectors, changes in (
             ("a", self._friction(at)[:, :2], self._friction(step)[:, :2]),
@@ -392,7 +385,6 @@ class _Follower:
         return result
 
     def _moved(self, at: FloatArray, step: FloatArray) -> FloatArray:
-        """After a step; where vectors turned, a and lambda keep their distance from them."""
         result = at + step
         vectors = (self._friction(result)[:, :2], self._slips(result)[:, :2])
         kept = self._spare(at, step)
@@ -411,5 +403,4 @@ class _Follower:
 
 
 def _grown(correctors: int) -> float:
-    """Of the length of predictors, after so many correctors."""
     return 1.7 if correctors <= 1 else 1.0 if correctors <= 3 else 0.5

@@ -36,24 +36,35 @@ IntArray = NDArray[np.int64]
 
 _SLIDING = ("V1", "V2", "MT")
 
-_STEPS = 25
-"""Most steps of one polish; where it converges, 5 to 20 are enough."""
 
-_TRIES = 6
-"""Dampings tried for a step that must make residuals smaller, each 8 times the last."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
 
-_DAMPING, _LEAST_DAMPING, _FACTOR = 1e-3, 1e-10, 8.0
+    steps: int = 25
+    """Most steps of one polish; where it converges, 5 to 20 are enough."""
 
-_ROUNDING = 1e-13
-"""Least damping over the largest diagonal entry: with less, rounding made matrices indefinite, and
-SuperLU's symmetric mode, which does not pivot, did not return."""
+    tries: int = 6
+    """Dampings tried for a step that must make residuals smaller, each 8 times the last."""
 
-_SLOW, _PATIENCE = 0.7, 3
-"""Steps that leave more than this share of the squared residual are slow; so many end the polish:
-on the tuff wall and the panel S12 they did not recover."""
+    damping: float = 0.001
+    least_damping: float = 1e-10
+    factor: float = 8.0
 
-_EXACT = 1e-24
-"""Sum of squared residuals, in typical forces and rates, where rounding begins."""
+    rounding: float = 1e-13
+    """Least damping over the largest diagonal entry: with less, rounding made matrices indefinite,
+    and SuperLU's symmetric mode, which does not pivot, did not return."""
+
+    slow: float = 0.7
+    patience: int = 3
+    """Steps that leave more than this share of the squared residual are slow; so many end the
+    polish: on the tuff wall and the panel S12 they did not recover."""
+
+    exact: float = 1e-24
+    """Sum of squared residuals, in typical forces and rates, where rounding begins."""
+
+
+_N = _Numbers()
 
 
 def has_equations(surfaces: Sequence[YieldSurface]) -> bool:
@@ -216,16 +227,15 @@ class _Equations:
         self._slip = (system.slid @ self._rates).tocsr()
 
     def solved(self) -> Point:
-        """The last point of Levenberg and Marquardt's steps."""
-        at, damping, slow = self.first, _DAMPING, 0
+        at, damping, slow = self.first, _N.damping, 0
         rest = self.residual(at)
-        for _ in range(_STEPS):
+        for _ in range(_N.steps):
             size = float(rest @ rest)
-            if size <= _EXACT or slow >= _PATIENCE:
+            if size <= _N.exact or slow >= _N.patience:
                 break
             jacobian = self._jacobian(at)
             square, down = (jacobian.T @ jacobian).tocsc(), jacobian.T @ rest
-            for _ in range(_TRIES):
+            for _ in range(_N.tries):
                 weight = damping * min(1.0, float(np.sqrt(size / len(rest))))
                 step = self._damped(square, weight, down)
                 if step is None:
@@ -234,11 +244,11 @@ class _Equations:
                 new = self.residual(trial)
                 if float(new @ new) < size:
                     break
-                damping *= _FACTOR
+                damping *= _N.factor
             else:
                 break
-            slow = slow + 1 if float(new @ new) > _SLOW * size else 0
-            at, rest, damping = trial, new, max(damping / _FACTOR, _LEAST_DAMPING)
+            slow = slow + 1 if float(new @ new) > _N.slow * size else 0
+            at, rest, damping = trial, new, max(damping / _N.factor, _N.least_damping)
         return at
 
     def _damped(self, square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray | None:
@@ -249,7 +259,7 @@ class _Equations:
         each = sp.eye_array(len(down))
         if self._order is None:
             self._order = elimination_order((square + largest * each).tocsc())
-        matrix = (square + max(weight, _ROUNDING * largest) * each).tocsc()
+        matrix = (square + max(weight, _N.rounding * largest) * each).tocsc()
         ordered = matrix[self._order][:, self._order].tocsc()
         step = np.empty_like(down)
         try:
@@ -259,7 +269,6 @@ class _Equations:
         return step
 
     def residual(self, at: Point) -> FloatArray:
-        """Equilibrium, live power, corners and sliding, in typical forces."""
         balance = self.system.matrix @ at.forces + self.dead + at.load_factor * self.live
         power = (float(self.live @ at.motion) - 1.0) * self.force
         pressed = self.system.corner @ at.forces
@@ -276,7 +285,6 @@ class _Equations:
         return friction, limit, friction - self.ratio * slip
 
     def _jacobian(self, at: Point) -> sp.csr_array:
-        """Derivatives of the residual by forces, motion and load factor, columns scaled."""
         system, live = self.system, self.live
         pressed = system.corner @ at.forces - self.ratio * (self._opening @ at.motion) > 0.0
         _, limit, trial = self._sliding(at)

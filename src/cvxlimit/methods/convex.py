@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
-from cvxlimit.methods.bearing import borne
+from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.driver import Method, Run, Steps, fallen
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Reduction
@@ -29,16 +29,25 @@ TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""
 
 
-_NO_FORCE = 1e8
-"""Contact forces, over the dead load, beyond which it is rounding alone that could hold a block: a
-mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a solver."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
 
-_RUNGS_ASIDE = 2
-"""Rungs of the ladder for a question on the way: with friction of 1e6 the first, QOCO, often fails
-where the second, Clarabel, does not."""
+    no_force: float = 100000000.0
+    """Contact forces, over the dead load, beyond which it is rounding alone that could hold a
+    block: a mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a
+    solver."""
 
-_WHOLE = 1.0 - 1e-6
-"""Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
+    rungs_aside: int = 2
+    """Rungs of the ladder for a question on the way: with friction of 1e6 the first, QOCO, often
+    fails where the second, Clarabel, does not."""
+
+    whole: float = 1.0 - 1e-06
+    """Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
+
+
+_N = _Numbers()
+
 
 _Ends = Generator[None, None, Status | None]
 
@@ -139,7 +148,6 @@ class Inquiry:
         return status or Status.NOT_CERTIFIED
 
     def _climbed(self) -> _Ends:
-        """All rungs in turn, until one has the answer."""
         for settings in self.ladder:
             state = self._attempt(settings)
             bracket = self.run.best.bracket
@@ -171,20 +179,16 @@ class Inquiry:
         return state
 
     def _is_new(self, question: str) -> bool:
-        """True when a question that takes solvers is asked for the first time."""
         is_new = question not in self.asked
         self.asked.add(question)
         return is_new
 
     def _loses_below(self, found: Certificate) -> bool:
-        """True if the forces are worth a bracket, and only the dead-load state that they are mixed
-        with takes it away."""
         is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
         best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
         return is_close and not best.is_within(self.tolerance)
 
     def _certificate(self, state: LimitState) -> Certificate:
-        """The certificate of a state, with the reference states that are known by now."""
         self.run.tell("checking the bracket")
         with self.run.clock.phase("certify"):
             return self.certifier.of(state)
@@ -203,7 +207,7 @@ class Inquiry:
         scene, run = self.run.scene, self.run
         sentence = fallen(scene, rates)
         most = resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
-        if most < _NO_FORCE:
+        if most < _N.no_force:
             sentence += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
         run.best, run.remarks = replace(run.best, forces=None, mechanism=rates), [sentence]
         return True
@@ -235,7 +239,7 @@ class Inquiry:
         if not np.any(dead):
             return None, np.inf
         self.run.tell("checking that the dead load can stand")
-        enough = 0.5 if self.certifier.strength.is_cone else _WHOLE
+        enough = 0.5 if self.certifier.strength.is_cone else _N.whole
         for state, certificate in self._shares(
             dead, "dead load alone", self.run.surfaces, self.run.formulation
         ):
@@ -259,7 +263,7 @@ class Inquiry:
                 objective=LargestSelfStress(),
                 reduction=found.whole,
             )
-        for settings in problem.ladder()[:_RUNGS_ASIDE]:
+        for settings in problem.ladder()[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
@@ -277,7 +281,7 @@ class Inquiry:
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
-                    forces = borne(
+                    forces = carried_exactly(
                         loaded,
                         lambda reached: Strength(reached, surfaces, formulation),
                         given / state.load_factor,
@@ -311,7 +315,7 @@ class Inquiry:
             with run.clock.phase("certify"):
                 return certifier.of(state)
 
-        for settings in (self.ladder or problem.ladder(self.tolerance))[:_RUNGS_ASIDE]:
+        for settings in (self.ladder or problem.ladder(self.tolerance))[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
             yield state, partial(certified, state)

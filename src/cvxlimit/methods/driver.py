@@ -37,9 +37,20 @@ Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProblem(scene).solve``, for example."""
 
 
-_BOUNDLESS = 1e6
-"""Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
-live load does any harm."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
+
+    boundless: float = 1000000.0
+    """Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether
+    the live load does any harm."""
+
+    laps: int = 3
+    longest: int = 8
+    """A cycle is one of 2 to 8 values that were run through three times: two could be chance."""
+
+
+_N = _Numbers()
 
 
 class Clock:
@@ -286,7 +297,7 @@ class Run:
     def is_boundless(self, load_factor: float | None) -> bool:
         """True for a load factor that no load is meant to have: asked for where there is no limit,
         solvers return 1e9 to 1e14."""
-        return load_factor is not None and abs(load_factor) > _BOUNDLESS * self.scaling.ratio
+        return load_factor is not None and abs(load_factor) > _N.boundless * self.scaling.ratio
 
     def aside(self, assemblage: Assemblage | None = None) -> Run:
         """A run for a question on the way: same clock, books of its own."""
@@ -401,7 +412,6 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
 
 
 def _note(method: Method, run: Run, status: Status) -> str:
-    """What the answer rests on and what else is to be said; without a good one, what to do."""
     basis = method.basis(run) if run.best.bracket.has_any else ""
     if not status.has_answer:
         parts = [*run.remarks, status.advice]
@@ -421,7 +431,6 @@ def __getattr__(name: str) -> NoReturn:
 
 
 def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar | None]:
-    """The scene's mechanics; mortar that bears tension becomes a dead load."""
     given = Assemblage.of(scene) if isinstance(scene, Scene) else scene
     if not np.any(given.contacts.tensile_strength):
         return given, None
@@ -446,21 +455,17 @@ def fallen(scene: Scene, rates: FloatArray) -> str:
     return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
 
 
-_LAPS, _LONGEST = 3, 8
-"""A cycle is one of 2 to 8 values that were run through three times: two could be chance."""
-
-
 def cycles(values: Sequence[float | None], tolerance: float) -> bool:
     """True if the last values repeat with a period of 2 to 8, three times over.
 
     >>> cycles([0.5, 0.3, 0.1, 0.3, 0.1, 0.3, 0.1], 1e-4), cycles([0.3, 0.2, 0.1], 1e-4)
     (True, False)
     """
-    for period in range(2, _LONGEST + 1):
-        tail = values[-_LAPS * period :]
-        if len(tail) < _LAPS * period or any(value is None for value in tail):
+    for period in range(2, _N.longest + 1):
+        tail = values[-_N.laps * period :]
+        if len(tail) < _N.laps * period or any(value is None for value in tail):
             continue
-        laps = np.array(tail, dtype=float).reshape(_LAPS, period)
+        laps = np.array(tail, dtype=float).reshape(_N.laps, period)
         if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():
             return True
     return False

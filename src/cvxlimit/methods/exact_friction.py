@@ -87,7 +87,6 @@ class ExactFriction(Method):
     def _side(
         self, run: Run, placing: Placing, divisions: IntArray
     ) -> Generator[None, None, tuple[Status, Run]]:
-        """The convex problem with friction at points, from one side: how it ended, and its run."""
         aside = run.aside()
         aside.surfaces, aside.formulation = (Rocking(),), PointFriction(placing, divisions)
         status = yield from Convex(0.1 * self.tolerance).steps(aside)
@@ -116,7 +115,6 @@ def _lowered(above: Answer, certifier: Certifier) -> Bracket:
 def _difference(
     run: Run, answer: Answer, placing: Placing, divisions: IntArray, flow: ExactFlow
 ) -> FloatArray:
-    """Power (n,), per load factor, by which friction at points errs on the mechanism."""
     if answer.mechanism is None or answer.forces is None:
         return np.full(len(divisions), np.inf)
     contacts = run.contacts

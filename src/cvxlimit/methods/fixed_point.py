@@ -164,7 +164,6 @@ class FixedPoint(Method):
         return Status.NOT_CONVERGED
 
     def _has_settled(self, run: Run) -> bool:
-        """Eq. 43, and not by chance: between changes of 2 % one of 0.002 % was seen."""
         changes = [iterate.change for iterate in run.history[-2:]]
         if not changes or changes[-1] is None or changes[-1] > self.tolerance:
             return False
@@ -172,7 +171,6 @@ class FixedPoint(Method):
 
 
 def _change(before: Sequence[float | None], factor: float | None) -> float | None:
-    """Relative change of Eq. 43."""
     if not before or before[-1] is None or factor is None:
         return None
     return abs(factor - before[-1]) / max(abs(factor), 1e-300)

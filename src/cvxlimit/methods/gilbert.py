@@ -140,7 +140,6 @@ class Gilbert(Method):
         return abs(factor - run.load_factors[-1]) / run.scaling.unit(factor)
 
     def _worth(self, run: Run, change: float | None, excess: float) -> str:
-        """What the last iterate is worth."""
         return (
             f"Gilbert's scheme after {len(run.history)} problems, last change "
             f"{change or 1.0:.1e}: Coulomb's law is exceeded by {excess:.2g} mean block weights; "

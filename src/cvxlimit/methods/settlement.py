@@ -128,7 +128,6 @@ def settlement(
 def _reaction(
     solution: Solution, support: str, along: FloatArray, possible: float, sign: float
 ) -> Reaction:
-    """The force unit of the live load is one: a load factor is a change of the reaction."""
     found = solution.bracket
     ends = (possible - sign * found.lower, possible - sign * found.upper)
     proofs = (found.lower_is_proved, found.upper_is_proved)
@@ -150,8 +149,6 @@ def _guided(
     sign: float,
     state: FloatArray,
 ) -> tuple[Assemblage, float]:
-    """The support as a guided block, pulled along by a live load of 1 and held by a reaction that
-    is possible with all supports in place, in a state (n, 6); and that reaction."""
     at = [block.id for block in scene.blocks].index(support)
     weight = _NO_WEIGHT * scene.total_weight / scene.blocks[at].volume
     blocks = tuple(replace(b, density=weight) if b.id == support else b for b in scene.blocks)

@@ -23,7 +23,7 @@ from cvxlimit.methods.central_path import CentralPath
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.methods.members import ExtremeForces, MechanismsOfForces, Verifier
+from cvxlimit.methods.solution_set import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
@@ -50,31 +50,39 @@ class PricedPressure:
         return Terms(alpha - self.price @ forces.components["N"], dead, live)
 
 
-_NATURAL = 4.0
-"""Largest random price where no iterate has told its size yet, over friction at a rate at which the
-whole live load does power 1: blocks that wedge each other need some price to have a solution."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
 
-_SCALES = (30.0, 5.0, 1.0)
-"""Random prices over the last iterate's largest, in turn: on a wall of six blocks whose solutions a
-mixed-integer search knows, only prices far above found the lowest branch."""
+    natural: float = 4.0
+    """Largest random price where no iterate has told its size yet, over friction at a rate at which
+    the whole live load does power 1: blocks that wedge each other need some price to have a
+    solution."""
 
-_POLISH = 10
-"""Iterates between attempts to solve the equations of the fixed point from where it is: an attempt
-takes as long as about five iterates."""
+    scales: tuple[float, ...] = (30.0, 5.0, 1.0)
+    """Random prices over the last iterate's largest, in turn: on a wall of six blocks whose
+    solutions a mixed-integer search knows, only prices far above found the lowest branch."""
 
-_WIDTHS = (0.1, 1.0)
-"""How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive more
-often."""
+    polish: int = 10
+    """Iterates between attempts to solve the equations of the fixed point from where it is: an
+    attempt takes as long as about five iterates."""
 
-_STEPS = 400
-"""Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
-solve; of the paths that arrive most need 80 to 360."""
+    widths: tuple[float, ...] = (0.1, 1.0)
+    """How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive
+    more often."""
 
-_PROMISING = 100.0
-"""Residual over the tolerance up to which a path's end is polished."""
+    steps: int = 400
+    """Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
+    solve; of the paths that arrive most need 80 to 360."""
 
-_WALK = 6
-"""Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
+    promising: float = 100.0
+    """Residual over the tolerance up to which a path's end is polished."""
+
+    walk: int = 6
+    """Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
+
+
+_N = _Numbers()
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,6 @@ class _Search:
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
 
     def steps(self) -> Steps:
-        """Problem after problem."""
         prices = np.zeros(len(self.run.contacts))
         for start in range(self.rule.starts):
             label = "associated" if start == 0 else f"random {start}"
@@ -167,7 +174,7 @@ class _Search:
             self.failed += found is None
             if found is not None:
                 self._keep(found)
-            prices = self._drawn(_SCALES[(start + 1) % len(_SCALES)])
+            prices = self._drawn(_N.scales[(start + 1) % len(_N.scales)])
         for member in [member for member, _ in self.found]:
             for extreme, which in ((self.lowest, "lowest"), (self.highest, "highest")):
                 label = f"{which} on the mechanism of {member.start}"
@@ -184,16 +191,14 @@ class _Search:
         self._report()
 
     def _drawn(self, scale: float) -> FloatArray:
-        """Random prices."""
         friction, live = self.run.contacts.friction, self.run.scaling.live
-        natural = _NATURAL * float(friction.max()) / live
+        natural = _N.natural * float(friction.max()) / live
         size = scale * (natural if self.typical is None else float(np.max(self.typical)))
         return size * self.random.uniform(0.0, 1.0, len(friction)) ** 2
 
     def _iterated(
         self, start: int, label: str, prices: FloatArray
     ) -> Generator[None, None, Found | None]:
-        """The fixed point from some prices: a solution, or None."""
         w = self.rule.damping
         for iteration in range(1, self.rule.max_iterations + 1):
             self.price.value = self.run.scaling.live * prices
@@ -204,7 +209,7 @@ class _Search:
                 self.associated = state.load_factor
             if member is None:
                 return None
-            if iteration % _POLISH == 0:
+            if iteration % _N.polish == 0:
                 member, state = self._polished(member, state)
                 member, state = self._followed(member, state, (start, iteration))
             self._report(member)
@@ -217,7 +222,6 @@ class _Search:
         return None
 
     def _polished(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
-        """The root of the equations near a state, where that is better."""
         if self.system is None or state.internal is None:
             return member, state
         with self.run.clock.phase("solve"):
@@ -228,26 +232,20 @@ class _Search:
         return found, near
 
     def _followed(self, member: Member, state: LimitState, at: tuple[int, int]) -> Found:
-        """The end of a path from a state to a solution, where the polish did not get there."""
         if self.path is None or state.internal is None or member.residual <= self.rule.tolerance:
             return member, state
-        width = _WIDTHS[(at[1] // _POLISH - 1) % len(_WIDTHS)]
+        width = _N.widths[(at[1] // _N.polish - 1) % len(_N.widths)]
         random = np.random.default_rng((self.rule.seed, *at))
         with self.run.clock.phase("solve"):
-            end = self.path.followed(state, width, random, _STEPS)
+            end = self.path.followed(state, width, random, _N.steps)
         found = self.verifier.member(end, member.start, member.iterations)
         if found is None or found.residual >= member.residual:
             return member, state
-        if self.rule.tolerance < found.residual <= _PROMISING * self.rule.tolerance:
+        if self.rule.tolerance < found.residual <= _N.promising * self.rule.tolerance:
             return self._polished(found, end)
         return found, end
 
     def _descents(self) -> Steps:
-        """Mechanisms that go with the forces of a member, and low forces on those.
-
-        A walk of a few steps, each from where the last one led, begins at the lowest member and
-        begins again when it comes below that.
-        """
         if self.system is None or not self.found:
             return Status.NOT_CONVERGED
         with self.run.clock.phase("compile"):
@@ -255,7 +253,7 @@ class _Search:
         walk: Found | None = None
         for tried in range(self.rule.descents):
             lowest = min(self.found, key=lambda found: found[0].load_factor)
-            walk = lowest if walk is None or tried % _WALK == 0 else walk
+            walk = lowest if walk is None or tried % _N.walk == 0 else walk
             self.tried += 1
             with self.run.clock.phase("solve"):
                 mechanism = mechanisms.of(walk[1], self.ladder[0])
@@ -279,7 +277,6 @@ class _Search:
         label: str,
         chance: np.random.Generator | None = None,
     ) -> tuple[Member, LimitState] | None:
-        """Extreme forces on a mechanism, if they pass all checks."""
         state, rung = extreme.on(mechanism, self.ladder, chance)
         member = self.verifier.member(state, label, 1)
         note = None if member is None else member.residual
@@ -290,7 +287,6 @@ class _Search:
         return (member, state) if member is not None and is_good else None
 
     def _report(self, last: Member | None = None) -> None:
-        """Lowest member first, or the last iterate; and what it is worth."""
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
         best = members[0] if members else last
         above = "" if self.associated is None else (

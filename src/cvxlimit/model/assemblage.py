@@ -193,7 +193,6 @@ class Balance:
         return forces
 
     def _elimination_order(self) -> IntArray:
-        """Rows (r free blocks,) in nested dissection of the blocks."""
         contacts, number = self.statics.contacts, self.statics.row_of_block
         a, b = number[contacts.a], number[contacts.b]
         free = (a >= 0) & (b >= 0)

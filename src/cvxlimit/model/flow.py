@@ -123,7 +123,6 @@ class _Flow:
         return cls(rows, multiplier, parts, limits)
 
     def rates(self) -> cp.Expression:
-        """Its share (p,) of the rates."""
         total = self.rows.resistance.T @ self.multiplier
         for norm, part in zip(self.rows.norms, self.parts, strict=True):
             for matrix, y in zip(norm, part, strict=True):
@@ -131,7 +130,6 @@ class _Flow:
         return total
 
     def dissipation(self, unit: FloatArray | None = None) -> cp.Expression:
-        """Power, or its share of a unit (n,) of force at each contact."""
         per = 1.0 if unit is None else unit[self.rows.contact]
         total = (self.rows.constant / per) @ self.multiplier
         for norm, part in zip(self.rows.constants, self.parts, strict=True):
@@ -225,7 +223,6 @@ class FlowRule:
         return found.missing if resisted else np.full(len(found.missing), np.inf)
 
     def _internal(self, rates: FloatArray) -> FloatArray:
-        """Rates (p,) work-conjugate to the internal forces."""
         return np.asarray(self.model.meaning.T @ rates.ravel())
 
     def _completed(
@@ -249,7 +246,6 @@ class FlowRule:
         return Shortfall(self._missing(rest), -rest[self._free] * self._reach, float(lost))
 
     def _missing(self, opening: FloatArray) -> FloatArray:
-        """Uniform opening (n,) that brings all rates of compressions up to zero."""
         result = np.full(len(self.model.contacts), -np.inf)
         at = self.model.contact[self._pressed]
         np.maximum.at(result, at, -opening[self._pressed] / self._compression)
@@ -257,12 +253,10 @@ class FlowRule:
 
     @cached_property
     def _reach(self) -> FloatArray:
-        """Slip per unit of each free rate: twists count by the size of contacts."""
         size = float(np.median(np.sqrt(self.model.contacts.area)))
         return np.where(self.model.is_moment[self._free], size, 1.0)
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
-        """Least multipliers (all conditions' rows,) that allow the flows."""
         result: list[FloatArray] = [np.zeros(0)]
         at = 0
         for rows in self._rows:
@@ -315,7 +309,6 @@ class FlowRule:
         )
 
     def _most_open(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
-        """Missing opening, and little dissipation besides."""
         return cp.sum(missing) + self._dissipation(flows)
 
     def _cheapest(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
@@ -326,13 +319,11 @@ class FlowRule:
         return _PENALTY * cp.sum(cp.pos(missing)) + self._dissipation(flows)
 
     def _dissipation(self, flows: list[_Flow]) -> cp.Expression:
-        """In units of each contact's strength: contacts do not know of each other."""
         unit = np.where(self._strength > 0.0, self._strength, 1.0)
         return sum((flow.dissipation(unit) for flow in flows), start=cp.Constant(0.0))
 
     @cached_property
     def _strength(self) -> FloatArray:
-        """Sum of the constants (n,) of conditions at each contact: no less than what presses it."""
         result = np.zeros(len(self.model.contacts))
         for rows in self._rows:
             for constant in (rows.constant, *(c for norm in rows.constants for c in norm)):
@@ -341,7 +332,6 @@ class FlowRule:
 
     @cached_property
     def _opening(self) -> sp.csr_array:
-        """Rates (p, n) of compressions when contacts open uniformly."""
         index = (self._pressed, self.model.contact[self._pressed])
         shape = (len(self.model.nonneg), len(self.model.contacts))
         return sp.csr_array((self._compression, index), shape=shape)

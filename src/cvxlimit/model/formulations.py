@@ -174,7 +174,6 @@ class ForceModel:
         return written
 
     def _check_rows(self, condition: Condition) -> None:
-        """Refuse a part's name where its entries are not the condition's rows."""
         rows = len(self.contacts) if condition.contact is None else len(condition.contact)
         for form in condition.forms():
             for name in form:
@@ -302,11 +301,6 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
 
 
 def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
-    """With z^2 <= a b, N^2 <= z s, s^2 <= f A N for a = N - 2 abs(M2)/l1, b = N - 2 abs(M1)/l2.
-
-    The first holds for either sign of M1 and M2: four cones, but no variables for a and b, which
-    the flow rule could not tell from one another.
-    """
     contacts = model.contacts
     l1, l2 = contacts.sides[weak].T
     most = (contacts.compressive_strength * contacts.area)[weak]
@@ -330,7 +324,6 @@ def _product(
     second: Mapping[str, float | FloatArray],
     contact: IntArray,
 ) -> Condition:
-    """root^2 <= first times second, both of them not negative."""
     ((name, k),) = root.items()
     names = {**first, **second}
     total, difference = (
@@ -425,7 +418,6 @@ def times_unit(unit: float, expression: cp.Expression) -> cp.Expression:
 def _component(
     maps: list[tuple[cp.Variable, sp.csr_array]], column: int, unit: float
 ) -> cp.Expression:
-    """One component (n,) of all contacts; a variable that is the component stands for itself."""
     terms = []
     for variable, meaning in maps:
         rows = meaning[column :: len(COMPONENTS)]

@@ -107,7 +107,6 @@ def without_idle(
 
 
 def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
-    """Number (1 + free,) of the body of the supports, which is 0, and of every free block."""
     contacts = statics.contacts
     reach = np.repeat([1.0, float(np.abs(contacts.corner_xy).max())], 3)
     against = np.abs(statics.relative_rates(mechanism) * reach).max(axis=1)
@@ -120,7 +119,6 @@ def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
 
 
 def _moved(load: FloatArray, body: IntArray, centre: FloatArray, origin: FloatArray) -> FloatArray:
-    """Loads (6 free,) of blocks as loads on bodies, about their origins; those on 0 are out."""
     each = load.reshape(-1, DOF).copy()
     each[:, 3:] += np.cross(centre - origin[body], each[:, :3])
     total = np.zeros((len(origin), DOF))

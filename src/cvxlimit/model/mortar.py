@@ -93,7 +93,6 @@ class Mortar:
 
 
 def _with_pull(scene: Scene, pull: FloatArray) -> Load:
-    """The dead load, and what pulls the blocks of every contact together."""
     forces = np.zeros((len(pull), len(COMPONENTS)))
     forces[:, COLUMN["N"]] = pull
     extra = -(Statics.of(scene).matrix @ forces.ravel()).reshape(-1, DOF)

@@ -75,7 +75,6 @@ def _collected(found: list[tuple[int, FloatArray, FloatArray]]) -> Points:
 
 
 def _cells(contacts: Contacts, divisions: IntArray) -> list[FloatArray]:
-    """Cells (k, 4, 2) of each rectangle, (k, 3, 2) of each other contact."""
     result = []
     for j, count in enumerate(divisions.tolist()):
         size = float(np.sqrt(contacts.area[j])) / count
@@ -96,7 +95,6 @@ def _rectangle_cells(sides: FloatArray, size: float) -> FloatArray:
 
 
 def _fan(polygon: FloatArray, size: float) -> FloatArray:
-    """Triangles between a polygon's centroid and its edges, each cut into k^2 alike."""
     _, centre = area_and_centroid(polygon)
     cells = []
     for p, q in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -112,6 +110,5 @@ def _fan(polygon: FloatArray, size: float) -> FloatArray:
 
 
 def _areas_and_centroids(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of parallelograms (k, 4, 2) or triangles (k, 3, 2): the mean of the corners."""
     u, v = cells[:, 1] - cells[:, 0], cells[:, -1] - cells[:, 0]
     return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), cells.mean(axis=1)

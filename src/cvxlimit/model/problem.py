@@ -194,15 +194,12 @@ class StaticProblem:
         )
 
     def _forces(self) -> FloatArray:
-        """Contact forces (n, 6), in the user's units."""
         return self.scaling.forces(self.forces.values())
 
     def _internal(self) -> FloatArray | None:
-        """Internal forces (p,), in the user's units."""
         return None
 
     def _mechanism(self) -> FloatArray | None:
-        """Equilibrium duals, scaled to live power 1 (Eq. 37) where they have any."""
         if self.equilibrium.dual_value is None:
             return None
         along = self._rates
@@ -215,7 +212,6 @@ class StaticProblem:
 def _equations(
     matrix: sp.csr_array, loaded: NDArray[np.bool_], forces: ForceVariables
 ) -> tuple[list[sp.csr_array], NDArray[np.int64]]:
-    """Matrices of A x over the variables, without its empty rows, and which rows those are not."""
     blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
     size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(matrix.shape[0]))
     rows = np.flatnonzero((size > _NOTHING * size.max()) | loaded)

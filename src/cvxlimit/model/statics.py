@@ -17,14 +17,23 @@ from cvxlimit.scene import Scene
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_BALANCED = 1e-11
-"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
 
-_SMALLEST = 1e-100
-"""Smallest total load: squares of smaller ones underflow."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
 
-_ZERO = 1e-6
-"""Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
+    balanced: float = 1e-11
+    """Residual of a block that counts as rounding, as a share of the forces acting on it."""
+
+    smallest: float = 1e-100
+    """Smallest total load: squares of smaller ones underflow."""
+
+    zero: float = 1e-06
+    """Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
+
+
+_N = _Numbers()
+
 
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
@@ -55,7 +64,6 @@ def equilibrium_matrix(
 def _side(
     contacts: Contacts, block: IntArray, sign: float, centroids: FloatArray, number: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Free blocks (k,) on one side of contacts (k,), and their entries (k, 6, 6)."""
     held = np.flatnonzero(number[block] >= 0)
     frame = sign * np.swapaxes(contacts.axes[held], 1, 2)
     arm = contacts.origin[held] - centroids[block[held]]
@@ -132,7 +140,7 @@ class Statics:
         """
         rest = block_sizes(self.residual(forces, load_factor), length)
         size = self.acting(forces, load_factor, length)
-        return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
+        return bool(np.isfinite(size).all() and (rest <= _N.balanced * size).all())
 
     def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
         """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
@@ -195,9 +203,9 @@ class Scaling:
         """
         length = float(np.median(np.sqrt(scene.contacts.area)))
         for what, forces in (("live", scene.live_forces), ("dead", scene.dead_forces)):
-            if np.any(forces) and not _total(forces, length) > _SMALLEST:
+            if np.any(forces) and not _total(forces, length) > _N.smallest:
                 raise InputError(
-                    f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
+                    f"the {what} load of scene {scene.name!r} is below {_N.smallest:g} in all: "
                     "choose smaller units of force or a larger density"
                 )
         return cls.under(length, scene.dead_forces, scene.live_forces)
@@ -229,7 +237,7 @@ class Scaling:
     @property
     def least(self) -> float:
         """Size by which brackets that hold zero are measured: a millionth of the ratio."""
-        return _ZERO * self.ratio
+        return _N.zero * self.ratio
 
     def unit(self, *load_factors: float) -> float:
         """What errors of load factors are measured by: the largest, or a millionth of the ratio.

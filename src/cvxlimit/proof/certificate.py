@@ -56,25 +56,33 @@ def assumptions(bracket: Bracket) -> str:
     return " and ".join(f"the {side} bound holds if {sides[side]}" for side in assumed)
 
 
-_EPSILON = 8.0 * float(np.finfo(float).eps)
-"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
+
+    epsilon: float = 8.0 * float(np.finfo(float).eps)
+    """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
+
+    stuck: tuple[float, ...] = (1e-09, 1e-12)
+    """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be
+    meant to move as one; both are tried. Solvers leave 1e-17 to 1e-11 where nothing moves, and
+    slips that are meant are as small as 3e-9 beside joints with friction of 1e6."""
+
+    gripping: float = 100.0
+    """Friction from which that matters: the flow rule asks for an opening of friction times the
+    slip, so that slips of 1e-15 cost 1e-9 of the bracket with a friction of 1e6."""
+
+    idle: float = 1e-09
+    """Forces at a contact, over the largest of all, up to which it may be meant to carry
+    nothing."""
+
+    price: float = 1e-06
+    """What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
+    width of bracket that counts as certified."""
 
 
-_STUCK = (1e-9, 1e-12)
-"""Relative rates at a contact, over the mechanism's largest, up to which its blocks may be meant to
-move as one; both are tried. Solvers leave 1e-17 to 1e-11 where nothing moves, and slips that are
-meant are as small as 3e-9 beside joints with friction of 1e6."""
+_N = _Numbers()
 
-_GRIPPING = 100.0
-"""Friction from which that matters: the flow rule asks for an opening of friction times the slip,
-so that slips of 1e-15 cost 1e-9 of the bracket with a friction of 1e6."""
-
-_IDLE = 1e-9
-"""Forces at a contact, over the largest of all, up to which it may be meant to carry nothing."""
-
-_PRICE = 1e-6
-"""What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
-width of bracket that counts as certified."""
 
 _Bound = tuple[float, bool, float, float]
 
@@ -167,7 +175,6 @@ class Certifier:
         return reserve > 0.0
 
     def _balanced(self, forces: ArrayLike) -> FloatArray | None:
-        """A state put into equilibrium with the dead load, or None."""
         given = self.strength.state(forces)
         if given is None:
             return None
@@ -225,12 +232,12 @@ class Certifier:
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate)
-            if not lower[1] or load_factor - lower[0] > _PRICE * abs(load_factor):
+            if not lower[1] or load_factor - lower[0] > _N.price * abs(load_factor):
                 lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
-            if not upper[1] or self.statics.contacts.friction.max() > _GRIPPING:
-                for share in _STUCK:
+            if not upper[1] or self.statics.contacts.friction.max() > _N.gripping:
+                for share in _N.stuck:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
@@ -269,13 +276,8 @@ class Certifier:
         return (1.0 - self._mixing_share(x, reserve)) * alpha, True, residual, excess
 
     def _lower_without_idle(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
-        """The bound of the same forces without the contacts that carry nothing.
-
-        Nothing can press on a block without weight but what bears on it: no dead-load state is
-        strictly inside there, and none has to be.
-        """
         can = self._can_reduce and not self.strength.is_internal
-        given = without_idle(self.assemblage, x, _IDLE) if can else None
+        given = without_idle(self.assemblage, x, _N.idle) if can else None
         if given is None:
             return -np.inf, False, np.nan, np.nan
         less, forces = given
@@ -285,10 +287,6 @@ class Certifier:
         return smaller._lower(forces, alpha, rate)
 
     def _of_less(self, less: Assemblage) -> Certifier | None:
-        """The certifier of a smaller assemblage, by the same measures; it reduces no further.
-
-        None where surfaces or formulation hold arrays for all contacts, and know none of fewer.
-        """
         try:
             result = Certifier(less, self.surfaces, self.formulation)
         except (ModelError, ValueError):
@@ -373,19 +371,19 @@ class Certifier:
         rates = np.abs(u).ravel()
         live = float(self.statics.live @ u.ravel())
         live_error, dead_error = (
-            _EPSILON * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
+            _N.epsilon * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
         )
         if not live > 2.0 * live_error:
             return np.inf, False
         bound = (dissipation - float(self.statics.dead @ u.ravel())) / live
-        error = dead_error + _EPSILON * abs(dissipation) + abs(bound) * live_error
+        error = dead_error + _N.epsilon * abs(dissipation) + abs(bound) * live_error
         return bound + error / live, True
 
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
         size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
         weights = self.strength.rate_sizes
-        return np.asarray(_EPSILON * (size.reshape(-1, DOF) * weights).sum(axis=1))
+        return np.asarray(_N.epsilon * (size.reshape(-1, DOF) * weights).sum(axis=1))
 
     def _is_balanced(self, state: FloatArray, alpha: float) -> bool:
         return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
@@ -394,7 +392,6 @@ class Certifier:
         return block_sizes(residual, self.size)
 
     def _total_load(self, alpha: float) -> float:
-        """Dead and live load; without dead load all load factors are alike, and 1 is meant."""
         dead, live = (
             float(self._generalised(f.reshape(-1, DOF)).sum())
             for f in (self.statics.dead, self.statics.live)
@@ -402,7 +399,6 @@ class Certifier:
         return dead + abs(alpha) * live or live
 
     def _largest_rate(self, mechanism: FloatArray) -> float:
-        """Largest velocity of a block or opening of a corner, for live power 1."""
         live = float(self.statics.live @ mechanism.ravel())
         if not live > 0.0:
             return np.inf
@@ -424,7 +420,7 @@ def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
     gain = sign * (second[0] - first[0])
     if first[1] == second[1]:
         return second if gain > 0.0 else first
-    price = _PRICE * abs(first[0]) if np.isfinite(first[0]) else 0.0
+    price = _N.price * abs(first[0]) if np.isfinite(first[0]) else 0.0
     return second if second[1] and gain >= -price else first
 
 

@@ -10,7 +10,7 @@ factorisation, and checked by whoever uses them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -45,8 +45,39 @@ from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_HUGE = 1e100
-"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
+
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
+
+    huge: float = 1e100
+    """Forces and rates beyond this are refused like infinite ones: their products overflow."""
+
+    overshoot: float = 1.5
+    """Relaxation of the alternating projections, between 1 and 2."""
+
+    spare: float = 0.1
+    """Share of the yield function's range that a dead-load state keeps in reserve."""
+
+    opening_reserve: float = 0.2
+
+    opening_overshoot: float = 1.9
+
+    opening_iterations: int = 50
+    """Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
+    iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On
+    propped walls of 1,000 contacts and more they do not end at all: a solver does
+    (:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
+
+    attempts: tuple[tuple[float, int], ...] = ((0.1, 25), (0.1, 100), (0.01, 100), (0.0001, 60))
+    """Least corner compression, as a share of what the lighter of the two blocks would give if its
+    load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
+
+    most_states: int = 100
+    """States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
+
+
+_N = _Numbers()
 
 
 NOTHING = 1e-300
@@ -115,11 +146,6 @@ class Strength:
 
     @cached_property
     def _unresisted(self) -> NDArray[np.bool_]:
-        """Components (n, 6) that must vanish: all that a condition without resistance asks for.
-
-        Ice and ties have no friction. No state is strictly inside such a condition; one without
-        these forces satisfies it, whatever the others are.
-        """
         found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
         for (condition, _), rows in zip(self.conditions, self.is_void, strict=True):
             for name in (c for norm in condition.norms for row in norm.rows for c in row):
@@ -239,32 +265,11 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
             f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
             f"got shape {array.shape}: does it belong to another scene?"
         )
-    small = np.abs(array).max(initial=0.0) <= _HUGE
+    small = np.abs(array).max(initial=0.0) <= _N.huge
     return array if small else None
 
 
-_OVERSHOOT = 1.5
-"""Relaxation of the alternating projections, between 1 and 2."""
-
-_SPARE = 0.1
-"""Share of the yield function's range that a dead-load state keeps in reserve."""
-
-_OPENING_RESERVE = 0.2
-_OPENING_OVERSHOOT = 1.9
-_OPENING_ITERATIONS = 50
-"""Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
-iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On propped
-walls of 1,000 contacts and more they do not end at all: a solver does
-(:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
-
-_ATTEMPTS = ((1e-1, 25), (1e-1, 100), (1e-2, 100), (1e-4, 60))
-"""Least corner compression, as a share of what the lighter of the two blocks would give if its
-load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
-
-
 _PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
-_MOST_STATES = 100
-"""States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
 
 
 class Witnesses:
@@ -293,7 +298,7 @@ class Witnesses:
     @property
     def dead_state(self) -> FloatArray | None:
         """A state that carries the dead load strictly inside all surfaces, or None."""
-        return self._sought(len(_ATTEMPTS))
+        return self._sought(len(_N.attempts))
 
     @dead_state.setter
     def dead_state(self, forces: FloatArray) -> None:
@@ -307,7 +312,7 @@ class Witnesses:
     def _sought(self, attempts: int) -> FloatArray | None:
         possible = self._can_project and np.any(self.statics.dead)
         while possible and self._dead_state is None and self._attempted < attempts:
-            share, iterations = _ATTEMPTS[self._attempted]
+            share, iterations = _N.attempts[self._attempted]
             self._attempted += 1
             self._dead_state = self._remembered(
                 ("dead state", share, iterations, self.statics.dead.tobytes()),
@@ -318,10 +323,6 @@ class Witnesses:
     def _remembered(
         self, what: tuple[object, ...], seek: Callable[[], FloatArray | None]
     ) -> FloatArray | None:
-        """What is sought, from another scene of the same geometry and strength if there was one.
-
-        Only under surfaces that are told by their type and cone.
-        """
         states = getattr(self.assemblage.repeats, "states", None)
         surfaces, contacts = self.strength.surfaces, self.statics.contacts
         if states is None or not all(type(s) in _PLAIN for s in surfaces):
@@ -332,16 +333,12 @@ class Witnesses:
             tuple(getattr(contacts, name).tobytes() for name in PROPERTIES),
         )
         if key not in states:
-            if len(states) >= _MOST_STATES:
+            if len(states) >= _N.most_states:
                 states.clear()
             states[key] = seek()
         return states[key]
 
     def _fair_compression(self) -> FloatArray:
-        """Dead load of each corner's lighter block over that block's number of corners, (m,).
-
-        Not a share of the total load: a pebble on a boulder could not give that.
-        """
         contacts, number = self.statics.contacts, self.statics.row_of_block
         force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
         force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
@@ -361,11 +358,10 @@ class Witnesses:
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
                 if self._is_inside(z, 0.1 * compression):
                     return self._balance.model.forces(z)
-            z = self._carried(z + _OVERSHOOT * (self._pushed_inside(z, compression) - z))
+            z = self._carried(z + _N.overshoot * (self._pushed_inside(z, compression) - z))
         return None
 
     def _carried(self, z: FloatArray) -> FloatArray:
-        """The nearest state in equilibrium with the dead load."""
         balance = self._balance
         return z + balance.change(balance.matrix @ z + balance.along(self.statics.dead))
 
@@ -375,7 +371,6 @@ class Witnesses:
         return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
-        """Compress every corner, then shrink shear and torsion; if bending yields, centre it."""
         model = self._balance.model
         pressed = model.nonneg
         pushed = z.copy()
@@ -388,19 +383,17 @@ class Witnesses:
         return self._blended(pushed, centred)
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
-        """Move each contact from z towards ``inner`` until its yield functions keep a reserve."""
         share = np.zeros(len(self.statics.contacts))
         at, goal = self._excess(z), self._excess(inner)
         for y, y_inner in zip(at, goal, strict=True):
-            beyond = (y_inner < 0.0) & (y > _SPARE * y_inner)
-            needed = np.where(beyond, y - _SPARE * y_inner, 0.0) / np.where(
+            beyond = (y_inner < 0.0) & (y > _N.spare * y_inner)
+            needed = np.where(beyond, y - _N.spare * y_inner, 0.0) / np.where(
                 beyond, y - y_inner, 1.0
             )
             share = np.maximum(share, needed)
         return z + share[self._balance.model.contact] * (inner - z)
 
     def _excess(self, z: FloatArray) -> list[FloatArray]:
-        """Yield functions with one row per contact; rocking is the compressions' business."""
         found = self.strength.excess(self._balance.model.forces(z))
         conditions = self.strength.conditions
         return [y for y, (c, _) in zip(found, conditions, strict=True) if c.contact is None]
@@ -419,7 +412,7 @@ class Witnesses:
     def _find_opening_field(self) -> FloatArray | None:
         matrix, weights = self._balance.matrix, self._balance.weights
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
-        for _ in range(_OPENING_ITERATIONS):
+        for _ in range(_N.opening_iterations):
             rates = self._balance.solve(matrix @ (weights * target))
             motion = self._balance.motion(rates)
             missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(motion))
@@ -431,13 +424,9 @@ class Witnesses:
         return None
 
     def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
-        """Rates of corners, slips and twists, moved towards the flow rule: more opening, less slip.
-
-        For plain Coulomb friction it is the nearest point of the cone, overshot.
-        """
         model, contacts = self._balance.model, self.statics.contacts
         mu, at = contacts.friction, model.contact
-        lack = _OPENING_OVERSHOOT * np.maximum(missing + _OPENING_RESERVE, 0.0) / (1.0 + mu**2)
+        lack = _N.opening_overshoot * np.maximum(missing + _N.opening_reserve, 0.0) / (1.0 + mu**2)
         slips = np.where(
             model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates
         )

@@ -169,7 +169,6 @@ def _may_be_planar(statics: Statics) -> bool:
 
 
 def _forces(statics: Statics, mirror: Mirror | None, kept: NDArray[np.bool_]) -> sp.csr_array:
-    """Forces of all contacts (6 n, 6 k) per forces of those kept."""
     width = len(COMPONENTS)
     columns = (width * np.flatnonzero(kept)[:, None] + np.arange(width)).ravel()
     if mirror is not None:
@@ -180,7 +179,6 @@ def _forces(statics: Statics, mirror: Mirror | None, kept: NDArray[np.bool_]) ->
 def _rates(
     blocks: int, across: FloatArray | None, mirror: Mirror | None, moving: NDArray[np.int64]
 ) -> sp.csr_array:
-    """Ways to move, (r, 6 blocks): in the plane if there is one, symmetric if there is a mirror."""
     ways = _ways(across, None if mirror is None else mirror.normal)
     if mirror is None:
         at = sp.eye_array(blocks, format="csr")[moving]
@@ -196,7 +194,6 @@ def _rates(
 
 
 def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
-    """How one block moves, (3 or 6, 6): each way is its own mirror image or the opposite of it."""
     if across is None and mirror is None:
         return np.eye(DOF)
     first = across if mirror is None else mirror

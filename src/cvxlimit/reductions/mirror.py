@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.carrying import is_carried
+from cvxlimit.reductions.invariance import is_invariant
 from cvxlimit.surfaces.base import YieldSurface
 
 FloatArray = NDArray[np.float64]
@@ -106,7 +106,7 @@ def find_mirror(
         if across is not None and abs(normal @ across) > _SAME_PLACE:
             continue
         mirror = _mirror(statics, normal, free, size)
-        if mirror is not None and is_carried(
+        if mirror is not None and is_invariant(
             surfaces, statics.contacts, mirror.contacts, mirror.carried
         ):
             return mirror
@@ -114,11 +114,6 @@ def find_mirror(
 
 
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
-    """Unit vectors that may be normal to the plane.
-
-    Loads lie in it or come in pairs, so its normal is at right angles to their sums; it is a
-    principal axis of all places.
-    """
     dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
     spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
     tried: list[FloatArray] = []
@@ -173,7 +168,6 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
-    """Which place each image is at; None if some are at none, or two at one."""
     distance, found = map(np.asarray, cKDTree(places).query(images))
     if distance.max() > near or len(np.unique(found)) < len(places):
         return None
@@ -183,7 +177,6 @@ def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray |
 def _same_blocks(
     statics: Statics, blocks: IntArray, partner: IntArray, is_kept: NDArray[np.bool_]
 ) -> bool:
-    """Whether partners join partners; all supports are one."""
     number, contacts = statics.row_of_block, statics.contacts
     image = np.append(blocks, -1)
     a, b = number[contacts.a], number[contacts.b]
@@ -192,7 +185,6 @@ def _same_blocks(
 
 
 def _same_corners(contacts: Contacts, partner: IntArray, turn: FloatArray, near: float) -> bool:
-    """Whether corners of contacts become corners of their partners."""
     count = np.diff(contacts.corner_start)
     if (count[partner] != count).any():
         return False

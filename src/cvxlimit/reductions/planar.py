@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Part
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.carrying import coefficients, is_carried
+from cvxlimit.reductions.invariance import coefficients, is_invariant
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
@@ -129,7 +129,7 @@ class Plane:
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
         """With the surfaces' conditions; None if they are not those of a plane."""
         each = np.arange(len(self.contacts))
-        if not is_carried(surfaces, self.contacts, each, self._reflections):
+        if not is_invariant(surfaces, self.contacts, each, self._reflections):
             return None
         found = [row for s in surfaces for row in self._stated(s)]
         rows = [row for row in found if row is not None]
@@ -140,7 +140,6 @@ class Plane:
 
     @property
     def _reflections(self) -> FloatArray:
-        """(n, 6, 6): what the reflection makes of contact forces; moments are axial vectors."""
         y = np.pad(self.across, ((0, 0), (0, 1)))
         turn = np.eye(3) - 2.0 * y[:, :, None] * y[:, None, :]
         result = np.zeros((len(y), DOF, DOF))
@@ -148,7 +147,6 @@ class Plane:
         return result
 
     def _stated(self, surface: YieldSurface) -> Iterator[Condition | None]:
-        """Two rows on N and V per condition; None where it takes more."""
         if type(surface) is Rocking:
             return
         for condition in stated(surface, self.contacts):
@@ -181,7 +179,6 @@ class Plane:
         return total
 
     def _in_plane(self, rows: FloatArray) -> FloatArray:
-        """Coefficients (n, 3) on V, N and the moment about y."""
         shear = (rows[:, :2] * self.along).sum(axis=1)
         moment = (rows[:, 3:5] * self.across).sum(axis=1)
         return np.stack([shear, rows[:, 2], moment], axis=1)
@@ -210,7 +207,6 @@ def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | No
 
 
 def _candidates(statics: Statics) -> Iterator[FloatArray]:
-    """Unit vectors that may be normal to the plane: along edges of a contact, or to all normals."""
     contacts = statics.contacts
     corners = contacts.corner_points[: contacts.corner_start[1]]
     edges = np.roll(corners, -1, axis=0) - corners
@@ -227,7 +223,6 @@ def _candidates(statics: Statics) -> Iterator[FloatArray]:
 
 
 def _is_flat(statics: Statics, normal: FloatArray, size: float) -> bool:
-    """Whether normals and loads lie in a plane, and the places that matter on one."""
     contacts = statics.contacts
     if np.abs(contacts.axes[:, 2] @ normal).max() > _IN_PLANE:
         return False

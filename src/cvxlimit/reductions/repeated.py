@@ -43,7 +43,6 @@ class _Entries:
         self.expression = sp.csr_array(spread, shape=shape) @ self.parameter
 
     def set(self, load: FloatArray) -> None:
-        """Take the entries of another load of the same pattern."""
         self.parameter.value = load[self.at] if len(self.at) else np.zeros(1)
 
 

@@ -310,7 +310,6 @@ def times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
 
 
 def _rows(values: Mapping[str, cp.Expression], name: str, contact: IntArray | None):  # type: ignore[no-untyped-def]
-    """Components are taken from their contacts; a formulation's own parts have rows already."""
     value = values[name]
     return value if contact is None or name not in COLUMN else value[contact]
 

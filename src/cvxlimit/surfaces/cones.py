@@ -138,7 +138,6 @@ class Facets(Cone):
         return np.asarray((self.normals @ rows).max(axis=0))
 
     def _polar_gauge(self, rows: FloatArray) -> FloatArray:
-        """Gauge of the polygon whose corners are the facet normals."""
         self._check(len(rows))
         middle = self.normals + np.roll(self.normals, -1, axis=0)
         middle /= (middle * self.normals).sum(axis=1)[:, None]
@@ -151,7 +150,6 @@ class Facets(Cone):
     def _polar_epigraph(
         self, bound: cp.Expression, rows: Sequence[cp.Expression]
     ) -> list[cp.Constraint]:
-        """Rows are a combination of facet normals with multipliers z >= 0 that sum to bound."""
         self._check(len(rows))
         z = cp.Variable((self.count, bound.size), nonneg=True)
         sums = [cp.sum(cp.multiply(self.normals[:, i : i + 1], z), axis=0) for i in (0, 1)]
@@ -189,7 +187,6 @@ class Parabola(Cone):
         return np.asarray(np.abs(m) / 2.0 + np.hypot(np.hypot(v1, v2), m / 2.0))
 
     def _polar_gauge(self, rows: FloatArray) -> FloatArray:
-        """Largest s v + t (1 - v^2) for 0 <= v <= 1, with slip s and twist t."""
         slip, twist = np.hypot(rows[0], rows[1]), np.abs(rows[2])
         safe = np.where(twist > 0.0, twist, 1.0)
         turning = twist + slip**2 / (4.0 * safe)
@@ -204,7 +201,6 @@ class Parabola(Cone):
     def _polar_epigraph(
         self, bound: cp.Expression, rows: Sequence[cp.Expression]
     ) -> list[cp.Constraint]:
-        """The polar of a sum: the twist is shared between the two gauges."""
         slip_1, slip_2, twist = rows
         share = cp.Variable(bound.shape)
         cone = cp.SOC(bound, cp.vstack([slip_1, slip_2, 2.0 * share]), axis=0)

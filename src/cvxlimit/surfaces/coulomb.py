@@ -190,7 +190,6 @@ def _cones(name: str, cone: str) -> list[Cone]:
 
 
 def _said(surface: YieldSurface) -> str:
-    """Name and cone; one's own surface with the name of a built-in one is told from it."""
     kind = _BUILT_IN.get(surface.name)
     own = "" if kind in (None, type(surface)) else " of one's own"
     return f"{surface.name}{own}({surface.cone})"

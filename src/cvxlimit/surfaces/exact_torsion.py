@@ -22,10 +22,26 @@ from cvxlimit.geometry.polygons import distance_integral
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_FAR = 1e3
-"""Centres of rotation farther off than this many sizes of the contact count as translations, with
-the rotation's share bounded from above: relative error 1e-9 at this distance, falling with its
-cube, where the closed form has lost as many digits."""
+
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
+
+    far: float = 1000.0
+    """Centres of rotation farther off than this many sizes of the contact count as translations,
+    with the rotation's share bounded from above: relative error 1e-9 at this distance, falling with
+    its cube, where the closed form has lost as many digits."""
+
+    grid: int = 25
+    rounds: int = 5
+    reach: float = 3.0
+    margin: float = 1e-06
+    """Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its
+    size, then four finer ones around the worst. Ten times as many centres change the arms of 500
+    random polygons by less than the margin that is taken off."""
+
+
+_N = _Numbers()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +103,6 @@ class Edges:
         return result
 
     def _integrals(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance (m, ...) of every edge from centres (n, ..., 2), and the integral of abs(r - c)
-        along it."""
         offset = self.start.reshape(-1, *[1] * (centre.ndim - 2), 2) - centre[self.contact]
         t1, t2 = (x.reshape(-1, *[1] * (centre.ndim - 2)) for x in self.along.T)
         length = self.length.reshape(t1.shape)
@@ -113,11 +127,11 @@ class Edges:
         """Mean size (n,) of the slip of each contact's points.
 
         ``slip`` (n, 2) at the contact's centroid, ``twist`` (n,). Exact, or, for translations with
-        next to no rotation, above the exact value by :data:`_FAR` to the power of -3 at most.
+        next to no rotation, above the exact value by ``far`` to the power of -3 at most.
         """
         speed = np.linalg.norm(slip, axis=1)
         turning = np.abs(twist) * self.size
-        is_far = speed >= _FAR * turning
+        is_far = speed >= _N.far * turning
         safe = np.where(is_far, 1.0, twist)
         centre = np.stack([-slip[:, 1] / safe, slip[:, 0] / safe], axis=1)
         centre = np.where(is_far[:, None], 0.0, centre)
@@ -131,7 +145,6 @@ class Edges:
 
 
 def _second_moments(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Integrals (m, 2, 2) of r r' over the triangles between the origin and edges."""
     doubled = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     corners = (start, end, start + end)
     squares = sum((p[:, :, None] * p[:, None, :] for p in corners), np.zeros((len(start), 2, 2)))
@@ -156,12 +169,6 @@ def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:
     return np.stack([v1, v2, moment], axis=-1)
 
 
-_GRID, _ROUNDS, _REACH, _MARGIN = 25, 5, 3.0, 1e-6
-"""Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its size,
-then four finer ones around the worst. Ten times as many centres change the arms of 500 random
-polygons by less than the margin that is taken off."""
-
-
 def parabola_arm(contacts: Contacts) -> FloatArray:
     """Largest arm c (n,) for which abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
 
@@ -177,17 +184,16 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
     others = np.flatnonzero(~contacts.is_rectangle)
     if len(others):
         some = contacts.take(others)
-        arm[others] = np.minimum(arm[others], (1.0 - _MARGIN) * _largest_arm(Edges.of(some)))
+        arm[others] = np.minimum(arm[others], (1.0 - _N.margin) * _largest_arm(Edges.of(some)))
     return arm
 
 
 def _largest_arm(edges: Edges) -> FloatArray:
-    """Least abs(MT) / (1 - abs(V)^2) (n,) over all limit states."""
     count = len(edges.area)
-    middle, width = np.zeros((count, 2)), _REACH * edges.size
+    middle, width = np.zeros((count, 2)), _N.reach * edges.size
     best = np.full(count, np.inf)
-    steps = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _GRID)] * 2), axis=-1).reshape(-1, 2)
-    for _ in range(_ROUNDS):
+    steps = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _N.grid)] * 2), axis=-1).reshape(-1, 2)
+    for _ in range(_N.rounds):
         centre = middle[:, None] + width[:, None, None] * steps
         v1, v2, moment = np.moveaxis(limit_states(edges, centre), -1, 0)
         left = 1.0 - v1**2 - v2**2
@@ -195,5 +201,5 @@ def _largest_arm(edges: Edges) -> FloatArray:
         worst = arm.argmin(axis=1)
         best = np.minimum(best, arm[np.arange(count), worst])
         middle = centre[np.arange(count), worst]
-        width = width * (3.0 / (_GRID - 1))
+        width = width * (3.0 / (_N.grid - 1))
     return best

@@ -86,5 +86,4 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
 
 
 def _coulomb(contacts: Contacts) -> Condition:
-    """Eq. 10, abs(V) <= mu N."""
     return Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})

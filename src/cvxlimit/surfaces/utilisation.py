@@ -55,7 +55,6 @@ def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -
 def _used(
     condition: Condition, cone: Cone, values: Mapping[str, FloatArray], least: float
 ) -> FloatArray:
-    """What norms and signed terms take of what compression and constants give, if it is much."""
     given = {k: c for k, c in condition.resistance.items() if k in ("N", CONSTANT)}
     signed = {k: c for k, c in condition.resistance.items() if k not in given}
     used = -evaluate(signed, values, condition.contact)

@@ -171,7 +171,7 @@ class LowerBounds:
 
 
 class TrueStrength(Strength):
-    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.methods.bearing.borne`."""
+    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.methods.admissible.carried_exactly`."""
 
     def __init__(self, assemblage: Assemblage, moments: Moments) -> None:
         super().__init__(assemblage, DEFAULT_SURFACES)

@@ -6,8 +6,8 @@ carried alone stands. What is asked of a convex step is then the largest share t
 its rows are cones, so that share is 0 or 1, and where it is 0 the step was built at a wrong place.
 Soft steps find a better one: they may buy what is missing, at a price that grows.
 
-Forces found are checked outside the solver (:func:`cvxlimit.methods.bearing.borne`); where none are
-found nothing is claimed.
+Forces found are checked outside the solver
+(:func:`cvxlimit.methods.admissible.carried_exactly`); where none are found nothing is claimed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.methods.bearing import INSIDE, borne
+from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.climb.lower_bound import TrueStrength, central_states
 from cvxlimit.methods.interaction.climb.safe_step import SafeStep, StepState
@@ -61,11 +61,11 @@ def carrying_forces(
     >>> carrying_forces(run, run.assemblage.statics.live, default_ladder()) is None
     True
     """
-    borne_by = run.assemblage.under(load, load)
+    loaded = run.assemblage.under(load, load)
     for forces in _candidates(run, load, ladder):
         with run.clock.phase("certify"):
-            found = borne(
-                borne_by,
+            found = carried_exactly(
+                loaded,
                 lambda reached: TrueStrength(reached, run.moments),
                 forces,
                 INSIDE,

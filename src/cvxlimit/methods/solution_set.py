@@ -29,9 +29,23 @@ from cvxlimit.solvers.running import run as run_solver
 
 FloatArray = NDArray[np.float64]
 
-_PRICE = 1e3
-"""Of power on a mechanism, in scaled load factors: a penalty that is exact once it exceeds the
-multiplier; solutions are checked in any case."""
+
+@dataclass(frozen=True)
+class _Numbers:
+    """What each number is for, and where it was measured."""
+
+    price: float = 1000.0
+    """Of power on a mechanism, in scaled load factors: a penalty that is exact once it exceeds the
+    multiplier; solutions are checked in any case."""
+
+    nudge: float = 0.02
+    """Size of random costs of normal forces, in load factors per total load."""
+
+    little: float = 0.001
+    """Size of random costs, beside power at ``price``."""
+
+
+_N = _Numbers()
 
 
 class Verifier:
@@ -96,8 +110,6 @@ class Verifier:
     def _flow(
         self, rates: FloatArray, openings: FloatArray, power: FloatArray
     ) -> tuple[float, float]:
-        """Largest penetration beyond what crushing allows, and power that strength does not take
-        up, from that of the forces (n,)."""
         if self.strength.is_internal:
             found = self.strength.flow.shortfall(self.work(rates))
             return max(float(found.missing.max()), 0.0), abs(float(power.sum()) + found.dissipation)
@@ -130,13 +142,12 @@ class _OnMechanism:
     chance: cp.Parameter
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`~cvxlimit.model.problem.Objective`."""
         dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
         total = sum(
             self.power[:, column] @ forces.components[name] for name, column in COLUMN.items()
         )
         little = self.chance @ forces.components["N"]
-        return Terms(self.sign * alpha - _PRICE * total - little, dead, live)
+        return Terms(self.sign * alpha - _N.price * total - little, dead, live)
 
 
 class ExtremeForces:
@@ -168,7 +179,9 @@ class ExtremeForces:
         With ``random``, some that are nearly extreme: as few contacts pressed as chance prefers.
         """
         n = len(self.run.contacts)
-        self.chance.value = np.zeros(n) if random is None else _NUDGE * random.uniform(size=n) ** 2
+        self.chance.value = (
+            np.zeros(n) if random is None else _N.nudge * random.uniform(size=n) ** 2
+        )
         rates = self.run.assemblage.statics.relative_rates(mechanism)
         self.power.value = self.run.scaling.live * self.verifier.work(rates)
         state, rung = self.run.try_solvers(self.problem.solve, ladder)
@@ -216,11 +229,11 @@ class MechanismsOfForces:
         """One mechanism (free blocks, 6); None if the solver finds none."""
         inner = self.system.scaled_forces(state)
         pressed = np.maximum(self.system.corner @ inner, 0.0)
-        self._on_opening.value = _PRICE * pressed + self._chance(len(pressed))
+        self._on_opening.value = _N.price * pressed + self._chance(len(pressed))
         limit = np.maximum(self.system.limit @ inner + self.system.cohesion, 0.0)
-        self._on_slid.value = _PRICE * limit + self._chance(len(limit))
+        self._on_slid.value = _N.price * limit + self._chance(len(limit))
         for k, price in enumerate(self._on_slips):
-            price.value = _PRICE * (self.system.slid[k::3] @ inner)
+            price.value = _N.price * (self.system.slid[k::3] @ inner)
         outcome = run_solver(self._problem, settings)
         if not outcome.has_values or self._motion.value is None:
             return None
@@ -228,12 +241,4 @@ class MechanismsOfForces:
         return self.system.assemblage.scaling.mechanism(motion)
 
     def _chance(self, count: int) -> FloatArray:
-        """Costs (count,) far below those of power: it is what must vanish."""
-        return _LITTLE * self.random.uniform(0.0, 1.0, count) ** 2
-
-
-_NUDGE = 0.02
-"""Size of random costs of normal forces, in load factors per total load."""
-
-_LITTLE = 1e-3
-"""Size of random costs, beside power at :data:`_PRICE`."""
+        return _N.little * self.random.uniform(0.0, 1.0, count) ** 2

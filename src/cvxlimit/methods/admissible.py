@@ -23,7 +23,7 @@ from cvxlimit.proof.slater import Strength
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-BORNE = 1e-8
+ON_BOUNDARY = 1e-8
 """Excess, as a share of the forces on the less loaded block of the contact, that is put down to the
 solver where forces are on the boundary of a surface and cannot be anywhere else."""
 
@@ -36,11 +36,11 @@ _CUTS, _CUT = 6, 3.0
 all of 162 walls and rows of boxes with some blocks pressed down."""
 
 
-def borne(
+def carried_exactly(
     assemblage: Assemblage,
     strength_of: Callable[[Assemblage], Strength],
     state: FloatArray,
-    most: float = BORNE,
+    most: float = ON_BOUNDARY,
     others: Callable[[Assemblage], Iterable[FloatArray]] = lambda reached: (),
 ) -> FloatArray | None:
     """Contact forces (n, 6) near a state that carry the dead load of ``assemblage``, or None.
@@ -69,7 +69,6 @@ def borne(
 
 
 def _cuts(size: FloatArray) -> Iterator[IntArray]:
-    """All contacts, then those above the widest gaps between sizes (n,) of their forces."""
     order = np.argsort(size)
     ranked = np.maximum(size[order], 1e-300)
     gap = ranked[1:] / ranked[:-1]
@@ -80,7 +79,6 @@ def _cuts(size: FloatArray) -> Iterator[IntArray]:
 
 
 def _reached(assemblage: Assemblage, kept: IntArray) -> Assemblage:
-    """Contacts ``kept``, and the free blocks that they or the load touch."""
     statics = assemblage.statics
     if len(kept) == len(statics.contacts):
         return assemblage

@@ -26,7 +26,7 @@ _SAME = 1e-11
 by up to 3e-13, a friction coefficient that was changed on purpose by far more."""
 
 
-def is_carried(
+def is_invariant(
     surfaces: Sequence[YieldSurface], contacts: Contacts, partner: IntArray, carried: FloatArray
 ) -> bool:
     """True if admissible forces x of contact j give admissible forces Q_j x of its partner.
@@ -53,7 +53,7 @@ def is_carried(
     >>> contacts, turned = builtin_scene("stack").contacts, np.eye(6)
     >>> turned[:2, :2] = [[0.8, 0.6], [-0.6, 0.8]]
     >>> each, Q = np.arange(len(contacts)), np.tile(turned, (len(contacts), 1, 1))
-    >>> [is_carried(surfaces_of(name)[0], contacts, each, Q) for name in ("conic", "octagon")]
+    >>> [is_invariant(surfaces_of(name)[0], contacts, each, Q) for name in ("conic", "octagon")]
     [True, False]
     """
     for surface in surfaces:
@@ -97,7 +97,6 @@ def coefficients(form: LinearForm, contacts: int) -> FloatArray | None:
 
 
 def _images(rows: FloatArray, partner: IntArray, carried: FloatArray) -> FloatArray:
-    """The partner's rows (n, 7) as rows on the contact's own forces."""
     image = rows[partner]
     image[:, :6] = np.einsum("ni,nik->nk", image[:, :6], carried)
     return image
@@ -109,7 +108,6 @@ def _same(one: FloatArray, other: FloatArray) -> bool:
 
 
 def _same_size(rows: FloatArray, images: FloatArray, cone: Cone) -> bool:
-    """True if a norm of rows (n, k, 7) and of their images are the same function."""
     if rows.shape[1] == 1:
         size = np.abs(rows).max(initial=0.0)
         apart = np.minimum(np.abs(rows - images).max(axis=2), np.abs(rows + images).max(axis=2))
