@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,27 @@ def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = ""
         short = text if len(text) <= 80 else f"{text[:60]} ..."
         raise InputError(f"{what}, got {short}{cure and f': {cure}'}")
     return value
+
+
+def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...]:
+    """``value`` as a tuple of ``kind``; one that stands alone counts as a list of one."""
+    if isinstance(value, kind):
+        return (value,)
+    return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
+
+
+def first_twice(names: Iterable[str]) -> str | None:
+    """The first name that has been there before; None if all differ.
+
+    >>> first_twice(["b1", "b2", "b1"])
+    'b1'
+    """
+    seen = set[str]()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
 
 
 def positive(value: Any, what: str) -> float:

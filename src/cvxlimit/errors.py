@@ -27,7 +27,11 @@ class GeometryError(InputError):
         face, the middle of an overlap. For a picture of the culprit.
     blocks : tuple of str
         Ids of the blocks concerned.
+    body : object or None
+        What a geometry file has in place of a block.
     """
+
+    body: object = None
 
     def __init__(self, message: str, points: ArrayLike = (), blocks: tuple[str, ...] = ()) -> None:
         super().__init__(message)

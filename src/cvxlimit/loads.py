@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.arrays import RemadeFromFields
-from cvxlimit.checks import finite_vector, of_type
+from cvxlimit.checks import finite_vector, members, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 
@@ -194,8 +194,9 @@ class Load(RemadeFromFields):
             of_type({} if given is None else given, Mapping, f"{name} must be a mapping", cure)
         _set(self, "forces", _vectors(self.forces, 6, "force on block"))
         _set(self, "weights", _vectors(self.weights, 3, "multiple of the weight of block"))
-        _set(self, "points", _members(self.points, PointForce, "points"))
-        _set(self, "pressures", _members(self.pressures, Pressure, "pressures"))
+        for name, kind in (("points", PointForce), ("pressures", Pressure)):
+            what = f"{name} of a load must be {kind.__name__} objects"
+            _set(self, name, members(getattr(self, name) or (), kind, what))
 
     @property
     def named(self) -> Iterator[str]:
@@ -207,10 +208,10 @@ class Load(RemadeFromFields):
 
     def on(self, blocks: Iterable[Block]) -> FloatArray:
         """Generalised forces (n, 6) on ``blocks``, about their centroids; see :meth:`actions`."""
-        members = list(blocks)
-        what = self.actions(members)
-        result = np.zeros((len(members), 6))
-        arms = what.at - np.array([b.centroid for b in members]).reshape(-1, 3)[what.block]
+        known = list(blocks)
+        what = self.actions(known)
+        result = np.zeros((len(known), 6))
+        arms = what.at - np.array([b.centroid for b in known]).reshape(-1, 3)[what.block]
         turning = what.moment + np.cross(arms, what.force)
         np.add.at(result, what.block, np.concatenate([what.force, turning], axis=1))
         return result
@@ -223,22 +224,22 @@ class Load(RemadeFromFields):
         InputError
             If a point load acts far off its block, or a block has no face for its pressure.
         """
-        members = list(blocks)
-        index = {block.id: i for i, block in enumerate(members)}
+        known = list(blocks)
+        index = {block.id: i for i, block in enumerate(known)}
         parts = [
-            self._body_forces(members),
+            self._body_forces(known),
             *(
-                _action(i, members[i].centroid, value[:3], value[3:])
+                _action(i, known[i].centroid, value[:3], value[3:])
                 for key, value in self.forces.items()
                 if (i := index.get(key)) is not None
             ),
             *(
-                _point_action(index[p.block], members[index[p.block]], p)
+                _point_action(index[p.block], known[index[p.block]], p)
                 for p in self.points
                 if p.block in index
             ),
             *(
-                _pressure_action(index[p.block], members[index[p.block]], p)
+                _pressure_action(index[p.block], known[index[p.block]], p)
                 for p in self.pressures
                 if p.block in index
             ),
@@ -356,14 +357,6 @@ def _vectors(
     return MappingProxyType(
         {key: _vector(v, length, f"{what} {key!r}") for key, v in (given or {}).items()}
     )
-
-
-def _members(given: Iterable[T] | None, kind: type[T], name: str) -> tuple[T, ...]:
-    members = tuple(given or ())
-    for member in members:
-        if not isinstance(member, kind):
-            raise InputError(f"{name} of a load must be {kind.__name__} objects, got {member!r}")
-    return members
 
 
 GRAVITY = Load(gravity=(0.0, 0.0, -1.0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.arrays import RemadeFromFields
-from cvxlimit.checks import of_type, positive
+from cvxlimit.checks import first_twice, members, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -99,11 +98,9 @@ class Scene(RemadeFromFields, SceneJoints):
     ties: tuple[Tie, ...] = ()
 
     def __post_init__(self) -> None:
-        blocks = _members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
-        object.__setattr__(
-            self, "ties", _members(self.ties, Tie, "ties must be Ties", "import Tie")
-        )
-        supports = _members(self.supports, str, "supports must be ids", "write ['ground']")
+        blocks = members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
+        object.__setattr__(self, "ties", members(self.ties, Tie, "ties must be Ties", "import Tie"))
+        supports = members(self.supports, str, "supports must be ids", "write ['ground']")
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "supports", supports)
         _check_kinds(self)
@@ -385,13 +382,6 @@ or read_scene('arch') if it is a file
     of_type(value, Scene, "scene must be a Scene", cure)
 
 
-def _members(value: Any, kind: type, what: str, cure: str) -> tuple[Any, ...]:
-    """``value`` as a tuple; one that stands alone counts as a list of one."""
-    if isinstance(value, kind):
-        return (value,)
-    return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
-
-
 def _check_kinds(scene: Scene) -> None:
     of_type(scene.name, str, "name of the scene must be a text")
     of_type(scene.units, Units, "units of the scene must be Units", 'write Units("mm", "N")')
@@ -403,8 +393,7 @@ def _check_kinds(scene: Scene) -> None:
 def _check_ids(scene: Scene) -> None:
     ids = [block.id for block in scene.blocks]
     known = set(ids)
-    if len(known) < len(ids):
-        twice = next(key for i, key in enumerate(ids) if key in ids[:i])
+    if (twice := first_twice(ids)) is not None:
         raise InputError(f"block id {twice!r} is used twice: ids must be unique")
     for key in scene.supports:
         if key not in known:
@@ -415,8 +404,7 @@ def _check_ids(scene: Scene) -> None:
                 raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}")
         if tie.a in scene.supports and tie.b in scene.supports:
             raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
-    if len(set(scene.supports)) < len(scene.supports):
-        twice = next(s for i, s in enumerate(scene.supports) if s in scene.supports[:i])
+    if (twice := first_twice(scene.supports)) is not None:
         raise InputError(f"support {twice!r} is listed twice")
     if not len(scene.free):
         raise InputError(

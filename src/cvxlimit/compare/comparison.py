@@ -119,10 +119,9 @@ class Comparison:
         if ax is not None:
             draw_time_against_error(ax, self.rows)
             return ax.get_figure(root=True)  # type: ignore[return-value]
-        try:
-            from cvxlimit.plotting.drawing import SceneFigure
-        except ImportError as error:
-            raise ModelError('charts need Matplotlib: pip install "cvxlimit[plot]"') from error
+        needed("matplotlib", "plot", "charts")
+        from cvxlimit.plotting.drawing import SceneFigure
+
         result = SceneFigure(figsize=(10.0, 5.2), layout="constrained")
         axes = result.add_subplot()
         left_out = sum(row.total is None or row.error is None for row in self.rows)

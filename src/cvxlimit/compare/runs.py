@@ -19,10 +19,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cloudpickle
-
 from cvxlimit.compare.models import Measurement, Method
 from cvxlimit.errors import CvxlimitError, ModelError
+from cvxlimit.extras import needed
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
 
@@ -136,6 +135,7 @@ def check_portable(method: Method) -> None:
 
 def _packed(content: _Task | Method, method: Method) -> bytes:
     """Classes and functions of a script or notebook go along by value."""
+    cloudpickle = needed("cloudpickle", "frames", "models in processes of their own")
     try:
         result: bytes = cloudpickle.dumps(content)
     except Exception as error:  # pickling asks the object, which may raise what it likes

@@ -157,16 +157,15 @@ def check_header(value: object, kind: str) -> None:
     name = f"cvxlimit-{kind}"
     if not isinstance(value, dict):
         raise InputError(f"a {kind} must be a JSON object {{...}}, got {shown(value)}")
-    if "format" not in value:
-        raise InputError(f'the {kind} lacks the key \'format\'; add "format": "{name}"')
-    if value["format"] != name:
-        raise InputError(
-            f"format must be {name!r}, got {shown(value['format'])}; this is not a {kind} file"
-        )
-    if "version" not in value:
-        raise InputError(f"the {kind} lacks the key 'version'; add \"version\": 1")
-    if type(value["version"]) is not int or value["version"] != 1:
-        raise InputError(
-            f"version must be 1, got {shown(value['version'])}; "
-            "write the file for version 1, or install a newer cvxlimit"
-        )
+    if "nbformat" in value:
+        raise InputError(f"this is a notebook; let it write its {kind} with write_{kind}")
+    newer = "write the file for version 1, or install a newer cvxlimit"
+    for key, wanted, quoted, cure in (
+        ("format", name, repr(name), f"this is not a {kind} file"),
+        ("version", 1, "1", newer),
+    ):
+        if key not in value:
+            in_json = quoted.replace("'", '"')
+            raise InputError(f'the {kind} lacks the key {key!r}; add "{key}": {in_json}')
+        if type(value[key]) is not type(wanted) or value[key] != wanted:
+            raise InputError(f"{key} must be {quoted}, got {shown(value[key])}; {cure}")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from cvxlimit.checks import positive
+from cvxlimit.checks import first_twice, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io.documents import Path
@@ -214,9 +213,8 @@ def _scene(
     *, blocks: tuple[BlockOf, ...], joint_tolerance: float | None = None, **given: Any
 ) -> Scene:
     made = tuple(block(joint_tolerance) for block in blocks)
-    for one, following in pairwise(sorted(block.id for block in made)):
-        if one == following:
-            raise InputError(f"block id {shown(one)} is used twice; ids must be unique")
+    if (twice := first_twice(block.id for block in made)) is not None:
+        raise InputError(f"block id {shown(twice)} is used twice; ids must be unique")
     return Scene(made, joint_tolerance=joint_tolerance, **given)
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.geometry.mesh import EdgeTable, area_vectors, volume_and_centroid
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -19,8 +21,8 @@ SAME_ANGLE = 1e-6
 precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
 
 
-FEW = 64
-"""Faces up to which plain Python is faster than arrays."""
+_FEW = 64
+"""Faces up to which plain Python is faster than arrays: half of an import's time of a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,28 +82,33 @@ def separated(body: Body) -> list[Body]:
     """
     if body.is_box or not len(body.faces) or _is_one_shell(body.faces):
         return [body]
+    if min(map(len, body.faces)) < 3 or not np.isfinite(body.vertices).all():
+        return [body]  # whoever builds the block says what is wrong
+    _, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
+    place = np.asarray(place).reshape(-1)
     try:
-        label = _shells(body.vertices, body.faces)
-    except (IndexError, ValueError):  # broken faces: whoever builds the block says what is wrong
+        edges = EdgeTable.of([place[list(face)].tolist() for face in body.faces])
+    except IndexError:
         return [body]
+    label = _shells(body, edges)
     if not label.any():
         return [body]
-    label = _with_open_shells_joined(body.faces, label)
-    label = _with_cavities_joined(body.vertices, body.faces, label)
-    order = [number for number, _ in sorted(_first(label).items(), key=lambda item: item[1])]
-    if len(order) == 1:
+    sides = np.stack([label[edges.face], edges.key])
+    (of_shell, _), uses = np.unique(sides, axis=1, return_counts=True)
+    is_open = np.isin(label, of_shell[uses % 2 == 1])
+    label[is_open] = label[is_open].min(initial=len(label))
+    label = _with_cavities_joined(body, label)
+    numbers, first = np.unique(label, return_index=True)
+    if len(numbers) == 1:
         return [body]
-    name = body.name or "b"
-    dot = "." if body.name else ""
-    return [
-        _part(body, np.flatnonzero(label == number), f"{name}{dot}{i}")
-        for i, number in enumerate(order, 1)
-    ]
+    name = f"{body.name}." if body.name else "b"
+    members = [np.flatnonzero(label == number) for number in numbers[np.argsort(first)]]
+    return [_part(body, faces, f"{name}{i}") for i, faces in enumerate(members, 1)]
 
 
 def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
     """True if every edge has two faces and all hang together: nearly always, and quickly told."""
-    if len(faces) > FEW:
+    if len(faces) > _FEW:
         return False
     at: dict[tuple[int, int], list[int]] = defaultdict(list)
     for number, face in enumerate(faces):
@@ -118,64 +125,31 @@ def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
 
 def _part(body: Body, faces: IntArray, name: str) -> Body:
     chosen = [body.faces[i] for i in faces.tolist()]
-    corners: IntArray = np.concatenate(chosen)
-    used, number = np.unique(corners, return_inverse=True)
+    used, number = np.unique(np.concatenate(chosen), return_inverse=True)
     ends = np.cumsum([len(face) for face in chosen])[:-1]
-    return replace(
-        body,
-        name=name,
-        vertices=body.vertices[used],
-        faces=[part.tolist() for part in np.split(number.reshape(-1), ends)],
-    )
+    own = [part.tolist() for part in np.split(np.asarray(number).reshape(-1), ends)]
+    return replace(body, name=name, vertices=body.vertices[used], faces=own)
 
 
-def _first(label: IntArray) -> dict[int, int]:
-    numbers, first = np.unique(label, return_index=True)
-    return dict(zip(numbers.tolist(), first.tolist(), strict=True))
-
-
-def _half_edges(faces: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray, IntArray]:
-    """Start, end and face of every directed edge."""
-    start = np.concatenate([np.asarray(face, dtype=np.int64) for face in faces])
-    end = np.concatenate([np.roll(np.asarray(face, dtype=np.int64), -1) for face in faces])
-    return start, end, np.repeat(np.arange(len(faces)), [len(face) for face in faces])
-
-
-def _shells(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> IntArray:
+def _shells(body: Body, edges: EdgeTable) -> IntArray:
     """Number of the shell of every face."""
-    if min(len(face) for face in faces) < 3 or not np.isfinite(vertices).all():
-        raise ValueError("not a mesh")
-    start, end, face = _half_edges(faces)
-    points, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)
-    index = np.asarray(index).reshape(-1)
-    start, end = index[start], index[end]
-    forward = start < end
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    order = np.lexsort((face, high, low))
-    edge = np.cumsum(np.diff(low[order] * len(points) + high[order], prepend=-1) != 0) - 1
-    count = np.bincount(edge)
-    begin = np.cumsum(count) - count
-    following = order[1:][edge[1:] == edge[:-1]]
-    before = order[:-1][edge[1:] == edge[:-1]]
-    several = np.flatnonzero(count > 2)
-    plain = count[edge[:-1][edge[1:] == edge[:-1]]] == 2
-    pairs = [np.stack([face[before[plain]], face[following[plain]]], axis=1)]
-    normals = _normals(vertices, faces) if len(several) else np.empty((0, 3))
-    for group in several:
-        members = order[begin[group] : begin[group] + count[group]]
-        axis = points[high[members[0]]] - points[low[members[0]]]
-        pairs.append(_around(axis, normals[face[members]], forward[members], face[members]))
+    pairs = [edges.face[np.stack(edges.twins(), axis=1)]]
+    several = np.flatnonzero(edges.uses > 2)
+    if len(several):
+        normals = area_vectors(body.vertices, body.faces)
+        order, end = np.argsort(edges.key, kind="stable"), np.cumsum(edges.uses)
+        forward = edges.start < edges.end
+        corners = np.concatenate([np.asarray(face) for face in body.faces])  # as sides begin
+        following = np.concatenate([np.roll(face, -1) for face in body.faces])
+        for group in several:
+            sides = order[end[group] - edges.uses[group] : end[group]]
+            along = body.vertices[following[sides[0]]] - body.vertices[corners[sides[0]]]
+            axis = along if forward[sides[0]] else -along
+            face = edges.face[sides]
+            pairs.append(_around(axis, normals[face], forward[sides], face))
     joined = np.concatenate(pairs)
-    graph = coo_array((np.ones(len(joined)), joined.T), shape=(len(faces),) * 2)
+    graph = coo_array((np.ones(len(joined)), joined.T), shape=(len(body.faces),) * 2)
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _normals(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
-    start, end, face = _half_edges(faces)
-    origin = vertices[start[np.searchsorted(face, face)]]
-    result = np.zeros((len(faces), 3))
-    np.add.at(result, face, np.cross(vertices[start] - origin, vertices[end] - origin))
-    return result
 
 
 def _around(
@@ -201,24 +175,13 @@ def _around(
     return np.stack([face[:-1], face[1:]], axis=1)
 
 
-def _with_open_shells_joined(faces: Sequence[Sequence[int]], label: IntArray) -> IntArray:
-    """All shells with an edge that belongs to an odd number of their faces become one."""
-    start, end, face = _half_edges(faces)
-    keys = np.stack([label[face], np.minimum(start, end), np.maximum(start, end)], axis=1)
-    edges, count = np.unique(keys, axis=0, return_counts=True)
-    broken = np.unique(edges[count % 2 == 1, 0])
-    return np.where(np.isin(label, broken), broken[0], label) if len(broken) else label
-
-
-def _with_cavities_joined(
-    vertices: FloatArray, faces: Sequence[Sequence[int]], label: IntArray
-) -> IntArray:
+def _with_cavities_joined(body: Body, label: IntArray) -> IntArray:
     """Shells of negative volume join the smallest shell of positive volume around them."""
     shells = []
     for number in np.unique(label).tolist():
-        members = [faces[i] for i in np.flatnonzero(label == number).tolist()]
-        points = vertices[np.unique(np.concatenate(members))]
-        volume = _volume(vertices, members)
+        members = [body.faces[i] for i in np.flatnonzero(label == number).tolist()]
+        points = body.vertices[np.unique(np.concatenate(members))]
+        volume = volume_and_centroid(body.vertices, members)[0]
         shells.append((number, volume, points.min(axis=0), points.max(axis=0)))
     result = label.copy()
     for number, volume, low, high in shells:
@@ -230,14 +193,3 @@ def _with_cavities_joined(
         if volume < 0.0 and around:
             result[label == number] = min(around)[1]
     return result
-
-
-def _volume(vertices: FloatArray, faces: Sequence[Sequence[int]]) -> float:
-    corners = np.concatenate(
-        [
-            np.stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]], axis=1)
-            for f in faces
-        ]
-    )  # fmt: skip
-    a, b, c = np.moveaxis(vertices[corners.astype(np.int64)] - vertices[corners[0, 0]], 1, 0)
-    return float((np.cross(a, b) * c).sum()) / 6.0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import LARGEST, number, shown
+from cvxlimit.io.fields import mapping, number, shown
 from cvxlimit.io.geometry.bodies import Body
 
 FloatArray = NDArray[np.float64]
@@ -66,8 +66,8 @@ def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
 
 
 def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
-    elements = _object(content["elements"], "elements of the block model")
-    materials = _object(content.get("materials") or {}, "materials of the block model")
+    elements = mapping(content["elements"], "elements of the block model")
+    materials = mapping(content.get("materials") or {}, "materials of the block model")
     densities = {key: _content(value).get("density") for key, value in materials.items()}
     marked = any(_content(element).get("is_support") for element in elements.values())
     whole = _transformation(content.get("transformation"), "the block model")
@@ -126,16 +126,16 @@ def _block(
     where = f"block {shown(name)}"
     if "vertex" not in mesh or "face" not in mesh:
         raise InputError(f"{where} is no mesh of vertices and faces: convert it to one")
-    vertices = _object(mesh["vertex"], f"vertices of {where}")
+    vertices = mapping(mesh["vertex"], f"vertices of {where}")
     place = {key: i for i, key in enumerate(vertices)}
     rows = []
     for key, vertex in vertices.items():
-        point = _object(vertex, f"vertex {shown(key)} of {where}")
+        point = mapping(vertex, f"vertex {shown(key)} of {where}")
         rows.append(
             [number(point.get(x, 0.0), f"{x} of vertex {shown(key)} of {where}") for x in "xyz"]
         )
     faces = []
-    for key, face in _object(mesh["face"], f"faces of {where}").items():
+    for key, face in mapping(mesh["face"], f"faces of {where}").items():
         if not isinstance(face, list):
             raise InputError(f"face {shown(key)} of {where} must be a list, got {shown(face)}")
         unknown = [v for v in face if str(v) not in place]
@@ -146,7 +146,7 @@ def _block(
     points = np.array(rows, dtype=float).reshape(-1, 3)
     if transformation is not None:
         points = points @ transformation[:3, :3].T + transformation[:3, 3]
-    stated = None if density is None else number(density, f"density of {where}", LARGEST)
+    stated = None if density is None else number(density, f"density of {where}")
     return Body(name, points, faces, is_support, stated)
 
 
@@ -172,12 +172,6 @@ def _content(value: object) -> dict[str, Any]:
             return value
         value = inner
     raise InputError(f"a COMPAS object must be an object {{...}}, got {shown(value)}")
-
-
-def _object(value: object, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
-    return value
 
 
 def _by_number(key: str) -> tuple[int, int | str]:

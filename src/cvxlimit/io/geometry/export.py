@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.errors import InputError, ModelError
+from cvxlimit.errors import InputError
+from cvxlimit.extras import needed
 from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.geometry.pressure import pressure_centres
@@ -136,10 +137,7 @@ def _triple(names: str | tuple[str, ...], rows: FloatArray, unit: str) -> dict[s
 
 
 def _glb(scene: Scene) -> bytes:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ModelError(".glb needs trimesh: pip install 'cvxlimit[mesh]'") from error
+    trimesh = needed("trimesh", "mesh", ".glb files")
     result = trimesh.Scene()
     for block in scene.blocks:
         triangles, _ = triangulated(block.vertices, block.faces)

@@ -162,34 +162,15 @@ def import_geometry(
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
 
-class BodyError(GeometryError):
-    """A body of a file that is no block.
-
-    Attributes
-    ----------
-    body : Body or None
-        The body as the file has it, for a picture: see :func:`sketch`.
-    """
-
-    def __init__(
-        self,
-        message: str,
-        points: ArrayLike = (),
-        blocks: tuple[str, ...] = (),
-        body: Body | None = None,
-    ) -> None:
-        super().__init__(message, points, blocks)
-        self.body = body
-
-
 def sketch(error: GeometryError) -> Scene | None:
     """The body that ``error`` refuses, as a scene to draw: unchecked, of no use for anything else.
 
     None if the error does not come from a body of an import, or nothing of it can be drawn.
     """
-    body = error.body if isinstance(error, BodyError) else None
-    faces = () if body is None else tuple(tuple(f) for f in body.faces if len(set(f)) > 2)
-    if body is None or not faces:
+    body = error.body
+    if not isinstance(body, Body) or not (
+        faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
+    ):
         return None
     block = Block(
         id=body.name,
@@ -377,4 +358,5 @@ def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
     try:
         return solid(body.name, body.vertices, body.faces, body.density, tolerance)
     except GeometryError as error:
-        raise BodyError(str(error), error.points, error.blocks, body) from error
+        error.body = body
+        raise

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.errors import InputError, ModelError
+from cvxlimit.errors import InputError
+from cvxlimit.extras import needed
 from cvxlimit.io.documents import parsed, read_bytes
 from cvxlimit.io.fields import one_line, shown
 from cvxlimit.io.geometry.bodies import Body, merged, natural
@@ -48,7 +49,8 @@ def read_mesh(path: Path) -> list[Body]:
     ModelError
         If trimesh is not installed.
     """
-    trimesh = _trimesh(path)
+    what = f"{path.suffix} files (.obj, .json and .csv work without)"
+    trimesh = needed("trimesh", "mesh", what)
     kind = path.suffix.lower()[1:]
     data = read_bytes(path)
     options: dict[str, Any] = {"process": False}
@@ -67,17 +69,6 @@ def read_mesh(path: Path) -> list[Body]:
     except Exception as error:  # trimesh lets through whatever its parsers stumble over
         reason = one_line(f"{type(error).__name__}: {error}")[:200]
         raise InputError(f"cannot be read as {kind.upper()} ({reason}); export it again") from error
-
-
-def _trimesh(path: Path) -> Any:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ModelError(
-            f"{path.suffix} files need trimesh: pip install 'cvxlimit[mesh]' (.obj, .json and "
-            ".csv work without it)"
-        ) from error
-    return trimesh
 
 
 def _instances(scene: Any) -> Iterator[tuple[str, Any]]:

@@ -7,6 +7,7 @@ import io
 
 import numpy as np
 
+from cvxlimit.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import shown
 from cvxlimit.io.geometry.bodies import Body
@@ -64,8 +65,7 @@ def _check_columns(names: list[str]) -> None:
             f"the table has an unknown column {shown(strange[0])}; known ones are "
             f"{', '.join(known)}"
         )
-    if len(set(names)) < len(names):
-        twice = next(name for i, name in enumerate(names) if name in names[:i])
+    if (twice := first_twice(names)) is not None:
         raise InputError(f"column {twice!r} is named twice; keep one of them")
 
 
