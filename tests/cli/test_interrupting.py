@@ -83,8 +83,8 @@ def test_while_the_input_is_read(command: str, tmp_path: Path) -> None:
         "import": ["--output", "s.json", "--length-unit", "m", "--up", "z", "--friction", "0.5",
                    "--live", "1,0,0"],
     }[command]  # fmt: skip
-    with cvxlimit(command, str(pipe), *more, folder=tmp_path) as program, pipe.open("w"):
-        program.interrupt()  # the pipe opens when the reader is there
+    with cvxlimit(command, str(pipe), *more, folder=tmp_path) as program, program.opens(pipe):
+        program.interrupt()
         assert_ended_at_once(program)
 
 

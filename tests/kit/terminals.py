@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 AMPLE = 600.0
 """Seconds that nothing here needs, however busy the machine is: a hang ends as a failure."""
@@ -78,6 +80,14 @@ class Terminal:
         while not re.search(pattern, self.shown):
             assert time.monotonic() < end, f"{pattern} was not shown: {self.shown[-300:]}"
             assert self._read(), f"ended before {pattern} was shown: {self.shown[-300:]}"
+
+    def opens(self, pipe: Path) -> BinaryIO:
+        """The writing side of a pipe, once the program reads; it must not end before."""
+        while self.process.poll() is None:
+            with suppress(OSError):  # as long as nobody reads
+                return os.fdopen(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK), "wb")
+            self._read()
+        raise AssertionError(f"ended before it opened {pipe.name}: {self.shown[-300:]}")
 
     def interrupt(self) -> None:
         """Ctrl-C: to all processes of the terminal."""
