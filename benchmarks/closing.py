@@ -31,8 +31,8 @@ from cvxlimit.masonry import BUILTIN, random_wall
 from cvxlimit.masonry.randoms import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, Steps, drive
-from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.solvers import settings_for

@@ -20,7 +20,8 @@ from rich.console import Console
 from benchmarks.closing import irregular_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
-from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
+from cvxlimit.methods.interaction.branching.search import BranchAndBound
+from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.solvers import settings_for
 

@@ -42,7 +42,7 @@ STRENGTH = "plotting.strength"
 """Sees surfaces and readings of Eq. 30: how much of its strength a contact uses they say."""
 
 
-OWN_PICKLES = {"compare.runs", "methods.interaction.branching.exploring", "studies.rows"}
+OWN_PICKLES = {"compare.runs", "methods.interaction.branching.workers", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 
@@ -111,7 +111,7 @@ def layer(module: str) -> int:
     return found[0]
 
 
-INTERACTION = ("states", "readings", "relaxation", "climb", "branching")
+INTERACTION = ("states", "readings", "relaxation", "restriction", "branching")
 """Folders of ``methods.interaction``, lowest first."""
 
 
@@ -119,7 +119,7 @@ INTERACTION = ("states", "readings", "relaxation", "climb", "branching")
 def test_arrows_of_interaction_point_downward(name: str) -> None:
     folder = name.split(".")[2]
     seen = {m.split(".")[2] for m in imported(name) if m.startswith("methods.interaction.")}
-    above = INTERACTION[INTERACTION.index(folder) + 1 :] if folder != "__init__" else INTERACTION
+    above = INTERACTION[INTERACTION.index(folder) + 1 :] if folder in INTERACTION else INTERACTION
     assert not seen.intersection(above), f"{name} imports {seen}, which are not below it"
 
 

@@ -23,7 +23,7 @@ from cvxlimit.cli.report import count, show
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
 from cvxlimit.methods.driver import Told
-from cvxlimit.methods.interaction.branching.search import processes
+from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.solution import Status
 from cvxlimit.studies import sweep
 

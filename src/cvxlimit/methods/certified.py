@@ -1,8 +1,8 @@
 """The certified answer with interaction: a bracket proved from below and from above.
 
 The condition of Eq. 30 is not convex, so no single convex problem gives the collapse load factor.
-Forces that satisfy it exactly bound the factor from below (:mod:`interaction.climb`), a mechanism
-checked against the convex hull of every contact's true states bounds it from above
+Forces that satisfy it exactly bound the factor from below (:mod:`interaction.restriction`), a
+mechanism checked against the convex hull of every contact's true states bounds it from above
 (:mod:`interaction.relaxation`), and branch and bound closes what is left
 (:mod:`interaction.branching`).
 """
@@ -22,35 +22,23 @@ from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps, fallen
-from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
-from cvxlimit.methods.interaction.climb.basis import basis
-from cvxlimit.methods.interaction.climb.inner import MOST_BOXED, InnerMethod
-from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.climb.recognition import carrying_forces
+from cvxlimit.methods.interaction.branching.search import BranchAndBound
+from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
+from cvxlimit.methods.interaction.restriction.inner import InnerMethod
+from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.restriction.proving import basis, prove
+from cvxlimit.methods.interaction.restriction.slater import carrying_forces
+from cvxlimit.methods.interaction.settings import BRACKET, STEPS
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
 
 FloatArray = NDArray[np.float64]
-
-GOOD = 0.05
-"""Relative width of the bracket that counts as an answer where no tolerance is asked for."""
-
-_OUTER_TOLERANCE = 1e-4
-"""Copies are added to contacts until that could lower the upper bound by no more than this; branch
-and bound stops at it where no tolerance is asked for."""
-
-_DEAD_TOLERANCE = 1e-5
-"""The same for the question whether the dead load stands, where 1 / 2 decides."""
-
-_NARROW = 0.005
-"""Relative width below which no further start is taken unless a tolerance asks for it: on S12 the
-second one took as long as everything before it, and ended below."""
 
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""
@@ -64,14 +52,6 @@ _MAY_FALL = (
     "neither forces that carry the dead load nor a mechanism that rules them out were found: "
     "whether it stands is open"
 )
-
-_FEW, _BRANCHING = 6, 60.0
-"""Contacts up to which branch and bound follows without being asked for, and its seconds: in these
-it closes nearly all brackets to 1e-4."""
-
-_IDLE_SECONDS = 10.0
-"""Branch and bound that was given no time of its own ends when so long, or a third of what it took,
-has gained less than 1 % of the gap."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +69,7 @@ class Certified(Method):
     starts : tuple of {"relaxation", "middle", "boxes"} or None
         Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
         contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
-        has local optima, so several starts help: with independent signs the tuff wall ends at
-        0.2589 from the relaxation, 0.2611 from the middle and 0.2607 from boxes, S10 at 0.2039
-        from the relaxation and no higher from the others. On 14 random walls of 20 to 46 contacts
-        (``random_wall``, seeds 0 to 17) boxes end within 0.1 % of the best of all ways tried on
-        average, 0.6 % at worst; the relaxation is 1.3 % and 6.3 % below.
+        has local optima, so several starts help (figures: docs/interaction-speed.md).
         None is all of them for independent signs, each while the bracket is wider than 0.5 % and
         boxes up to 500 contacts, and for signed moments the relaxation.
     solves : int
@@ -194,7 +170,6 @@ class _Proof:
         self.run.remarks = [remark]
 
     def steps(self) -> Steps:
-        """All solves, and how they ended."""
         run = self.run
         with run.clock.phase("compile"):
             self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
@@ -204,7 +179,7 @@ class _Proof:
             return Status.CERTIFIED
         run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
-        tolerance = max(_OUTER_TOLERANCE, 0.5 * (self.rule.tolerance or 0.0))
+        tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
         outer.search(tolerance, self._outer_ladder())
         yield None
         is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
@@ -219,9 +194,10 @@ class _Proof:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch()
+            prove(run, LowerBounds(run.assemblage, run.moments))
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
-        good = run.best.bracket.is_within(self.rule.tolerance or GOOD)
+        good = run.best.bracket.is_within(self.rule.tolerance or BRACKET.good)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
     def _is_planar(self, outer: UpperBound) -> bool:
@@ -243,14 +219,13 @@ class _Proof:
             bounds = LowerBounds(run.assemblage, run.moments)
             run.best = bounds.of(state.forces, state.load_factor).raising(run.best)
         run.note(state, settings, **run.bounds)
-        if not run.best.bracket.is_within(self.rule.tolerance or _OUTER_TOLERANCE):
+        if not run.best.bracket.is_within(self.rule.tolerance or BRACKET.outer):
             return False
         run.reductions = found.whole.names
         self._say("planar, without torsion")
         return True
 
     def _outer_ladder(self) -> tuple[SolverSettings, ...]:
-        """Quick rungs and the first regular ones: what they leave is far below the gap."""
         return self.run.ladder or (*leading_ladder(), *default_ladder()[:2])
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
@@ -258,12 +233,12 @@ class _Proof:
         method = self._method()
         starts = self.rule.starts or run.moments.starts
         for number, name in enumerate(starts):
-            if number > 0 and self._is_within(_NARROW):
+            if number > 0 and self._is_within(BRACKET.narrow):
                 break
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
                 yield from self._until_met(method.iterates(at))
-            elif self.rule.starts or len(run.contacts) <= MOST_BOXED:
+            elif self.rule.starts or len(run.contacts) <= STEPS.most_boxed:
                 yield from self._until_met(method.narrowed(at))
         yield from self._borrow(method)
         if not run.remarks:
@@ -273,13 +248,11 @@ class _Proof:
         return InnerMethod(self.run, self.rule.solves, reductions=self.found)
 
     def _borrow(self, method: InnerMethod) -> Iterator[None]:
-        """Bounds of stricter readings, where they could be better."""
         for stricter in self.run.moments.stricter:
-            if not self._is_within(_OUTER_TOLERANCE):
+            if not self._is_within(BRACKET.outer):
                 yield from self._until_met(method.borrowed(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
-        """Solves, until the bracket has the width that was asked for."""
         if self._is_met():
             return
         for _ in iterates:
@@ -292,12 +265,10 @@ class _Proof:
         return self.run.best.bracket.width <= (self.rule.tolerance or 0.0)
 
     def _is_within(self, width: float) -> bool:
-        """True where more solves are not worth their time, unless a tolerance asks for them."""
         return self.rule.tolerance is None and self.run.best.bracket.width <= width
 
     def _branch(self) -> Iterator[None]:
-        """Branch and bound, for the time it has and as long as it gains."""
-        run, asked = self.run, self.rule.tolerance or _OUTER_TOLERANCE
+        run, asked = self.run, self.rule.tolerance or BRACKET.outer
         seconds = self._branching_seconds()
         if not seconds or run.best.bracket.width <= asked:
             return
@@ -307,7 +278,7 @@ class _Proof:
         )
         with pool as executor:
             search = BranchAndBound(run, asked, executor, self.rule.workers)
-            stall = Stall(_IDLE_SECONDS)
+            stall = Stall(BRACKET.idle)
             while True:
                 spent = run.clock.elapsed - start
                 self._say(
@@ -325,8 +296,8 @@ class _Proof:
         asked = self.rule.branching_seconds
         if asked is not None:
             return asked
-        is_wanted = self.rule.tolerance is not None or len(self.run.contacts) <= _FEW
-        return _BRANCHING if is_wanted else 0.0
+        is_wanted = self.rule.tolerance is not None or len(self.run.contacts) <= BRACKET.few
+        return BRACKET.branching if is_wanted else 0.0
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load, with a mechanism that shows it.
@@ -339,7 +310,7 @@ class _Proof:
         if not np.any(run.scene.dead_forces):
             return False
         alone = run.aside(run.assemblage.alone(run.assemblage.statics.dead))
-        UpperBound(alone).search(_DEAD_TOLERANCE, self._outer_ladder())
+        UpperBound(alone).search(BRACKET.dead, self._outer_ladder())
         if alone.best.bracket.upper < 0.5:
             rates = alone.best.mechanism
             run.best = replace(run.best, forces=None, mechanism=rates)
@@ -355,7 +326,6 @@ class _Proof:
         return True
 
     def _stand(self) -> None:
-        """A lower bound of zero, or that it is open whether the dead load stands."""
         run = self.run
         if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
             return

@@ -12,8 +12,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.masonry import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.climb.inner import InnerMethod
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
 from exhaustive import mostly_slow, slow

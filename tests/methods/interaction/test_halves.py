@@ -12,12 +12,12 @@ from cvxlimit import Scene, solve
 from cvxlimit.masonry import panel
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.climb.inner import InnerMethod
-from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.climb.safe_step import SafeStep
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.restriction.inner import InnerMethod
+from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
+from cvxlimit.methods.interaction.restriction.safe_step import SafeStep
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
 from cvxlimit.solvers import settings_for
@@ -63,9 +63,9 @@ def test_safe_steps_on_a_half_are_safe_on_the_whole(moments: str) -> None:
     run = Run(small_panel(), moments=parse_moments(moments))
     half = half_of(run)
     method = InnerMethod(run)
-    whole = method.problem.solve(method.middle, SOLVER)
-    method.problem = SafeStep(run.assemblage, run.moments, half)
-    found = method.problem.solve(method.middle, SOLVER)
+    whole = method.problems.step.solve(method.middle, SOLVER)
+    method.problems.step = SafeStep(run.assemblage, run.moments, half)
+    found = method.problems.step.solve(method.middle, SOLVER)
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-6)
     checker = LowerBounds(run.scene, run.moments)
     for iterate in islice(method.climb(method.middle), 3):

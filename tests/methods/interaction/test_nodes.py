@@ -10,10 +10,10 @@ from scipy.optimize import linprog
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.masonry import random_wall, single_block
+from cvxlimit.methods.interaction.branching.tightening import Reach
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.relaxation.reach import Reach
 from cvxlimit.methods.interaction.states.cells import cells
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes

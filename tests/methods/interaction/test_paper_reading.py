@@ -17,8 +17,6 @@ from cvxlimit.masonry.randoms import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.climb.recognition import carrying_forces
-from cvxlimit.methods.interaction.climb.safe_step import SafeStep
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED, Signed
 from cvxlimit.methods.interaction.readings.named import (
@@ -27,6 +25,8 @@ from cvxlimit.methods.interaction.readings.named import (
     SignedTorsionBending,
     parse_moments,
 )
+from cvxlimit.methods.interaction.restriction.safe_step import SafeStep
+from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
 from cvxlimit.solution import Status

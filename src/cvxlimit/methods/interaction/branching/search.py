@@ -14,56 +14,24 @@ less often the longer nothing was found.
 from __future__ import annotations
 
 import heapq
-import signal
 import uuid
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.branching.exploring import Explored, Explorer, Goal, Node, Task
-from cvxlimit.methods.interaction.climb.inner import InnerMethod
-from cvxlimit.methods.interaction.climb.lower_bound import LowerBounds, plain_witnesses
-from cvxlimit.model.statics import DOF
+from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
+from cvxlimit.methods.interaction.branching.splitting import explore
+from cvxlimit.methods.interaction.branching.tightening import tightened_root
+from cvxlimit.methods.interaction.branching.workers import Task
+from cvxlimit.methods.interaction.restriction.inner import InnerMethod
+from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
+from cvxlimit.methods.interaction.settings import SEARCH
 from cvxlimit.solvers import LimitState, Outcome
-from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
-
-ADMISSIBLE = 1e-9
-"""Excess and residual, as shares of the total load, up to which forces count as admissible."""
-
-_SAFE_REACH = 0.02
-"""Reach of safe states in a node's widest range; without any, determinate scenes have none."""
-
-_SETTLED = 8
-"""Frozen problems in a row at most; each is the smallest problem there is, a copy per contact."""
-
-_STEPS, _HALVINGS = 16, 25
-"""Places tried on the way between two force states, and halvings after the last good one."""
-
-_PRICE = 10.0
-"""Price of the dead load in root bounds: any above minus the lower bound closes nodes without
-states."""
-
-_TRIED, _TRIED_NODES = 3, 60
-"""Contacts tried for a split, for so many nodes; then the one that carries most of the gap. Four
-contacts at every node: one wall 2.2 % in place of 3.5 % after 15 s, another 1.7 in place of 1.4."""
-
-_CLIMBS, _CLIMB_SOLVES = (1, 5, 15, 30, 60, 120, 240, 480, 960), 16
-"""After so many nodes safe steps begin at the best node's forces, which are nearer to what can be
-carried than those of the first relaxation: random wall 1 ends at 0.5556 from those, and at 0.5968
-after 12 s of branching with climbs from here. Solves of each."""
-
-_RARELY = 64
-"""Longest wait for another search for better forces, in nodes."""
-
-_TOLD = 0.98
-"""The history has a line whenever the gap has shrunk to this share of the last one told."""
 
 _State = tuple[FloatArray, float]
 """Forces (n, 6) and the load factor at which they are in equilibrium."""
@@ -112,18 +80,12 @@ class BranchAndBound:
         workers: int = 1,
     ) -> None:
         self.run, self.moments, self.tolerance = run, run.moments, tolerance
-        scene, self.contacts = run.scene, run.contacts
+        self.contacts = run.contacts
         with run.clock.phase("compile"):
-            self.explorer = Explorer(run.assemblage, self.moments, run.ladder)
-            self.certifier = self.explorer.certifier
-            self.statics = self.certifier.statics
-            opens = self.certifier.witnesses.opening_field is not None
+            self.relaxer = Relaxer(run.assemblage, self.moments, run.ladder)
+            opens = self.relaxer.certifier.witnesses.opening_field is not None
             self.is_proved = opens
             self.checker = LowerBounds(run.assemblage, self.moments)
-        loads = (
-            np.linalg.norm(f[:, :3], axis=1).sum() for f in (scene.dead_forces, scene.live_forces)
-        )
-        self.load = next((float(load) for load in loads if load > 0.0), 1.0)
         self.price: float | None = None
         self.open: list[_Entry] = []
         self.closed = -np.inf
@@ -159,47 +121,55 @@ class BranchAndBound:
         return bool(self.open or self._running) and not self.is_closed
 
     def _goal(self) -> Goal:
-        return Goal(self.lower, self.width, self.price, _TRIED if self.nodes < _TRIED_NODES else 1)
+        return Goal(
+            self.lower,
+            self.width,
+            self.price,
+            SEARCH.tried if self.nodes < SEARCH.tried_nodes else 1,
+        )
 
     def _start(self) -> None:
-        """The root: all pressure centres; and forces that carry the dead load."""
         with self.run.clock.phase("solve"):
-            root = self.explorer.root(Goal(self.lower, self.tolerance))
-        self.solves += self.explorer.solves
-        self.run.solvers.update(self.explorer.solvers)
+            root = self.relaxer.root(Goal(self.lower, self.tolerance))
+        self.solves += self.relaxer.solves
+        self.run.solvers.update(self.relaxer.solvers)
         if np.isfinite(root.bound):
-            self.price = _PRICE * max(abs(root.bound), self.run.scaling.load_factor(1.0))
+            self.price = SEARCH.price * max(abs(root.bound), self.run.scaling.load_factor(1.0))
         self._push(root)
         self._last = root
         if not self.lower > 0.0:
             at_rest = plain_witnesses(self.run.assemblage).dead_state
-            if at_rest is not None and self._is_admissible(at_rest, 0.0) and self.lower < 0.0:
+            if (
+                at_rest is not None
+                and self.checker.is_admissible(at_rest, 0.0)
+                and self.lower < 0.0
+            ):
                 self.lower, self.forces = 0.0, at_rest
         self._raise_lower(root)
         self._book()
-        self._is_narrowed = False
+        self._is_tightened = False
 
     def step(self) -> None:
         """Explore the node with the largest bound, or wait for one that is being explored."""
-        if not self._is_narrowed:
-            self._narrow()
+        if not self._is_tightened:
+            self._tighten()
         elif self._executor is None:
             node = heapq.heappop(self.open).node
             with self.run.clock.phase("solve"):
-                self._take(node, self.explorer.explore(node, self._goal()))
+                self._take(node, explore(self.relaxer, node, self._goal()))
         else:
             self._step_elsewhere(self._executor)
         self._book()
 
-    def _narrow(self) -> None:
-        self._is_narrowed = True
+    def _tighten(self) -> None:
+        self._is_tightened = True
         node = heapq.heappop(self.open).node
         with self.run.clock.phase("solve"):
-            self._take(node, self.explorer.narrowed_root(node, self._goal()))
+            self._take(node, tightened_root(self.relaxer, node, self._goal()))
 
     def _step_elsewhere(self, executor: Executor) -> None:
         if self._task is None:
-            self._task = Task.of(uuid.uuid4().hex, self.explorer, self.run.assemblage)
+            self._task = Task.of(uuid.uuid4().hex, self.relaxer, self.run.assemblage)
         while self.open and len(self._running) < self._workers:
             node = heapq.heappop(self.open).node
             self._running[executor.submit(self._task, node, self._goal())] = node
@@ -210,7 +180,6 @@ class BranchAndBound:
             self._take(self._running.pop(future), found)
 
     def _take(self, node: Node, found: Explored) -> None:
-        """Put what came of a node into the books."""
         self.nodes += 1
         self.solves += found.solves
         self.run.solvers.update(found.solvers)
@@ -224,14 +193,13 @@ class BranchAndBound:
         best = max(found.open, key=lambda child: child.bound, default=None)
         if best is not None:
             self._sometimes_raise_lower(best)
-            if self.nodes in _CLIMBS:
+            if self.nodes in SEARCH.climbs:
                 self._climb(best)
 
     def _climb(self, node: Node) -> None:
-        """Safe steps from a node's forces."""
         if node.forces is None:
             return
-        for _ in InnerMethod(self.run, _CLIMB_SOLVES).iterates(node.forces):
+        for _ in InnerMethod(self.run, SEARCH.climb_solves).iterates(node.forces):
             self.solves += 1
         known = self.run.best
         if known.bracket.lower > self.lower and known.forces is not None:
@@ -243,14 +211,13 @@ class BranchAndBound:
             return
         before, self._waited = self.lower, 0
         self._raise_lower(node)
-        self._wait = 1 if self.lower > before else min(2 * self._wait, _RARELY)
+        self._wait = 1 if self.lower > before else min(2 * self._wait, SEARCH.rarely)
 
     def _push(self, node: Node) -> None:
         self.count += 1
         heapq.heappush(self.open, _Entry((-node.bound, self.count), node))
 
     def _book(self) -> None:
-        """Give the run what is better than its own, and a line of the history now and then."""
         run, before = self.run, self.run.best
         if self.forces is not None and self.lower > before.bracket.lower:
             with run.clock.phase("certify"):
@@ -258,7 +225,7 @@ class BranchAndBound:
         mechanism = (self.open[0].node if self.open else self._last).mechanism
         run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower
-        if run.best is not before and (gap <= _TOLD * self._told or not self.can_go_on):
+        if run.best is not before and (gap <= SEARCH.told * self._told or not self.can_go_on):
             self._told = gap
             outcome = Outcome("optimal", 0.0, 0.0)
             state = LimitState(outcome, self._last.load_factor, None, None)
@@ -270,7 +237,7 @@ class BranchAndBound:
         if node.forces is None:
             return
         safe = self._settled(node)
-        goal = self._balanced(node.forces, node.load_factor), node.load_factor
+        goal = self.checker.balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
             forces, factor = self._advanced(start, goal)
@@ -281,72 +248,41 @@ class BranchAndBound:
         """The best safe forces about the node's pressure centres, then about their own, as long as
         that gains: what is safe stays so where its own eccentricities are frozen."""
         assert node.forces is not None
-        reach = _SAFE_REACH * float(np.ptp(node.boxes, axis=2).max())
+        reach = SEARCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
         best: _State | None = None
-        centre = self.explorer.centre(node.forces)
-        for _ in range(_SETTLED):
+        centre = self.relaxer.centre(node.forces)
+        for _ in range(SEARCH.settled):
             found = self._safe(centre, reach)
             if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
                 break
-            best, centre, reach = found, self.explorer.centre(found[0]), 0.0
+            best, centre, reach = found, self.relaxer.centre(found[0]), 0.0
         return best
 
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:
         copies = self.moments.safe_copies(self.contacts, centre, reach)
         with self.run.clock.phase("solve"):
-            state = self.explorer.safe(copies)
+            state = self.relaxer.safe(copies)
         self.solves += 1
         if state.forces is None or state.load_factor is None:
             return None
-        forces = self._balanced(state.forces, state.load_factor)
+        forces = self.checker.balanced(state.forces, state.load_factor)
         return (
-            (forces, state.load_factor) if self._is_admissible(forces, state.load_factor) else None
+            (forces, state.load_factor)
+            if self.checker.is_admissible(forces, state.load_factor)
+            else None
         )
 
     def _advanced(self, start: _State, goal: _State) -> _State:
-        """The last admissible forces found on the way from admissible ones to ``goal``."""
         if goal[1] <= start[1] or not np.isfinite(goal[0]).all():
             return start
 
         def at(share: float) -> _State:
             return start[0] + share * (goal[0] - start[0]), start[1] + share * (goal[1] - start[1])
 
-        shares = np.linspace(1.0, 0.0, _STEPS + 1)
-        low = next((s for s in shares[:-1] if self._is_admissible(*at(s))), 0.0)
-        high = min(low + 1.0 / _STEPS, 1.0)
-        for _ in range(_HALVINGS if low < 1.0 else 0):
+        shares = np.linspace(1.0, 0.0, SEARCH.steps + 1)
+        low = next((s for s in shares[:-1] if self.checker.is_admissible(*at(s))), 0.0)
+        high = min(low + 1.0 / SEARCH.steps, 1.0)
+        for _ in range(SEARCH.halvings if low < 1.0 else 0):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self._is_admissible(*at(middle)) else (low, middle)
+            low, high = (middle, high) if self.checker.is_admissible(*at(middle)) else (low, middle)
         return at(low)
-
-    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
-        return self.run.assemblage.balance.balanced(forces, load_factor, self.statics)
-
-    def _is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
-        """Equilibrium, rocking and Eq. 30, to 1e-9 of the total load."""
-        residual = self.statics.residual(forces, load_factor).reshape(-1, DOF)
-        residual[:, 3:] /= self.certifier.size
-        excess = [
-            np.abs(residual).max(),
-            Rocking().excess(forces, self.contacts)[0].max(),
-            self.moments.excess(forces, self.contacts).max(),
-        ]
-        return bool(max(excess) <= ADMISSIBLE * self.load)
-
-
-@contextmanager
-def processes(workers: int) -> Iterator[Executor | None]:
-    """So many processes for :class:`BranchAndBound`, none for one; Ctrl-C does not reach them."""
-    if workers < 2:
-        yield None
-        return
-    pool = ProcessPoolExecutor(workers, initializer=_deaf)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _deaf() -> None:
-    """Leave Ctrl-C to the process that asked."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

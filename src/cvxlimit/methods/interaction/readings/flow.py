@@ -74,7 +74,6 @@ class InteractionFlow:
         return self._support(-rates, _HALVINGS)
 
     def _support(self, w: FloatArray, halvings: int) -> Support:
-        """Largest power w . X (n,) of true states X with N = 1, and where it is found."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction, rows, cells = self.contacts.friction, self._corners, self._cells
         if len(rows):

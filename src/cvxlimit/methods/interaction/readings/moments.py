@@ -203,7 +203,6 @@ class Moments(ABC):
         """Copies at the corners of cells."""
 
     def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
-        """Pressure centres along both axes at which rectangles have copies, and where they do."""
         return axis_levels(boxes)
 
     @abstractmethod
@@ -280,7 +279,6 @@ class Independent(Moments):
         return cell_copies(cells, contacts, None, False)
 
     def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
-        """Ranges of both signs alike have one end."""
         high, (low, has_low), zero = axis_levels(boxes)
         return [high, (low, has_low & ~free_sign(boxes)), zero]
 

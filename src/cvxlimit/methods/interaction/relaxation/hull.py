@@ -180,7 +180,6 @@ class CopyColumns:
             self.signs.append((rows[place], own, np.full(len(own), sign)))
 
     def _drag(self, axis: int) -> _Entry:
-        """kappa abs(V1), or V2: places among the copies that shear, columns, weights."""
         k, copies = self.shears, self.copies
         fixed = np.where(copies.signed[k], 0.0, np.abs(copies.centre[k, 1 - axis]))
         eps = self.half[k, 1 - axis] * (fixed + copies.spread[k, 1 - axis])
@@ -194,7 +193,6 @@ class CopyColumns:
         return rows, size, weight[rows]
 
     def _add_bounded(self, component: str, k: IntArray, reach: FloatArray, size: IntArray) -> None:
-        """A free part of a contact's force component, between +- sums of reach * size."""
         contact, place = np.unique(self.copies.contact[k], return_inverse=True)
         part = self._new(len(contact))
         self._give(component, contact, part, 1.0)
@@ -209,12 +207,10 @@ class CopyColumns:
     def _give(
         self, component: str, contact: IntArray, columns: IntArray, values: FloatArray | float
     ) -> None:
-        """What variables are of a contact's forces."""
         rows = len(COMPONENTS) * contact + COLUMN[component]
         self.gives.append((rows, columns, np.broadcast_to(values, rows.shape)))
 
     def _at_most_zero(self, *terms: tuple[IntArray, FloatArray | float]) -> IntArray:
-        """New rows: sums of columns times values, one column of each term per row."""
         count = len(terms[0][0])
         rows = self.nonneg + np.arange(count)
         self.signs += [(rows, columns, np.broadcast_to(v, count)) for columns, v in terms]
@@ -249,7 +245,6 @@ class CopyColumns:
         return ConeProgram(cost, matrix, right, len(every), self.nonneg, (3,) * shears)
 
     def _cones(self) -> sp.csc_array:
-        """abs(V) <= mu N - tau - drag, one cone of three rows per copy that shears."""
         k = self.shears
         top, one = 3 * np.arange(len(k)), np.ones(len(k))
         cones = [(top, self.pressed[k], -self.friction[k])]

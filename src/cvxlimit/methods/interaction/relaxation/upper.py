@@ -26,25 +26,13 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.settings import HULL
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Rocking
 
 FloatArray = NDArray[np.float64]
-
-_NOISE = 1e-10
-"""Missing opening, as a share of the mechanism's largest rate, that solvers leave anyway."""
-
-_WORTH_A_COPY = 0.1
-"""Share of the tolerance by which a contact must raise the bound for copies to be added to it."""
-
-_BESIDE = 0.2
-"""Copies come in threes: the worst place, and this far to both sides in round 1, its square in
-round 2, and so on. The S12-class panel needs 4 solves instead of 6."""
-
-MOST_ROUNDS = 12
-"""Solves with added copies; the built-in scenes need 2 to 6."""
 
 
 def missed_copies(
@@ -63,7 +51,7 @@ def missed_copies(
     statics, field = certifier.statics, certifier.witnesses.opening_field
     rates = statics.relative_rates(mechanism)
     missing, centre = flow.worst(rates)
-    noise = _NOISE * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
+    noise = HULL.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
     chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())
@@ -112,7 +100,7 @@ class UpperBound:
             self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
         self.state: LimitState | None = None
-        self._beside, self._claims_no_optimum = _BESIDE, False
+        self._beside, self._claims_no_optimum = HULL.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
         """Solve, certify the mechanism, add copies where it opens too little, and repeat.
@@ -121,7 +109,7 @@ class UpperBound:
         nothing are followed by the next of the ladder.
         """
         for rung in ladder:
-            for _ in range(MOST_ROUNDS):
+            for _ in range(HULL.most_rounds):
                 is_changed = self._improve(rung, tolerance)
                 if self._is_closed(tolerance):
                     return
@@ -138,7 +126,6 @@ class UpperBound:
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, mechanism)
 
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
-        """Solve, certify, price; False if another round with this solver would not help."""
         run, copies = self.run, self.first.joined(self.added)
         state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
         self._claims_no_optimum = state.outcome.claims_no_optimum
@@ -149,20 +136,18 @@ class UpperBound:
         with run.clock.phase("certify"):
             bound = self.certifier.certificate(state.forces, None, state.mechanism)
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
-            worth = _WORTH_A_COPY * tolerance * self._unit
+            worth = HULL.worth_a_copy * tolerance * self._unit
             new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
         self.added = self.added.joined(new)
-        self._beside *= _BESIDE
+        self._beside *= HULL.beside
         return len(new) > 0
 
     def _is_closed(self, tolerance: float) -> bool:
-        """True if more copies could not lower the bound by more than ``tolerance``."""
         if self.state is None or self.state.load_factor is None:
             return False
         return self.run.best.bracket.upper - self.state.load_factor <= tolerance * self._unit
 
     @property
     def _unit(self) -> float:
-        """What tolerances are relative to: the bound, or its natural unit near zero."""
         return replace(self.run.best.bracket, lower=-np.inf).unit

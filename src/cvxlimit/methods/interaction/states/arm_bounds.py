@@ -103,7 +103,6 @@ class ArmBounds:
 
     @cached_property
     def _pairs(self) -> tuple[IntArray, FloatArray]:
-        """Slabs (q, 2) that are not parallel, and d_i, d_j (q, 2, 2) of each pair."""
         pairs, edges = [], []
         for i, j in combinations(range(len(self.normals)), 2):
             rows = self.normals[[i, j]]
@@ -126,7 +125,6 @@ class ArmBounds:
         return np.array(found).reshape(-1, 3) + _ROUNDING * self.size
 
     def _over(self, pressed: Sequence[_Pressed]) -> FloatArray:
-        """t (3,) of a triangle, from its corners and its middle."""
         widths = self.widths(np.array([at.centre for at in pressed]))
         corners = widths[:3]
         bounds = [*self._by_parallelograms(corners), self._by_radii(corners)]
@@ -136,7 +134,6 @@ class ArmBounds:
         return min(best, self._by_sectors(pressed, widths), key=np.sum)
 
     def _by_parallelograms(self, widths: FloatArray) -> FloatArray:
-        """Bounds (q, 3) of those pairs of slabs that give one."""
         pairs, edges = self._pairs
         half = widths[:, pairs].transpose(1, 2, 0)[:, :, :, None] * edges[:, :, None, :]
         first, second = half[:, 0], half[:, 1]
@@ -159,7 +156,6 @@ class ArmBounds:
         return np.full(3, 2.0 / 3.0 * float(radius))
 
     def _by_sectors(self, pressed: Sequence[_Pressed], widths: FloatArray) -> FloatArray:
-        """The arms at the corners with the least margin that any e0 gives; infinite without any."""
         arm = np.array([at.arm for at in pressed[:3]])
         root = np.sqrt([at.area for at in pressed[:3]])
         j, k, m = _TRIPLES.T

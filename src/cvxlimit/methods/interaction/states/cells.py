@@ -137,7 +137,6 @@ def independent_cell_support(w: FloatArray, friction: FloatArray, cells: Cells) 
 
 
 def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[FloatArray]:
-    """Parts (m, 2) of the polygon in a grid of boxes."""
     low, high = np.maximum(low, polygon.min(axis=0)), np.minimum(high, polygon.max(axis=0))
     least = 1e-12 * float(np.ptp(polygon, axis=0).max())
     if (high < low - least).any():

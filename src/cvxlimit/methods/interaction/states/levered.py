@@ -122,23 +122,19 @@ class _Case:
         )
 
     def power(self, share: FloatArray) -> FloatArray:
-        """b . e + the dual function (p, k) at shares (p, k) or (k,)."""
         slip = np.hypot(self.v1 - share * self.d2, self.v2 + share * self.d1)
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
 
     def each(self) -> FloatArray:
-        """Largest power (p, k) at every place."""
         return _least(self.power, *self.ends)
 
     def shared(self) -> FloatArray:
-        """Upper bound (k,) over all that lies between the places, in convex position."""
         ends = self.ends[0].min(axis=0), self.ends[1].max(axis=0)
         return _least(lambda share: self.power(share).max(axis=0), *ends)
 
 
 def _least(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Least value found of convex functions between ``low`` and ``high``, by golden sections."""
     best = np.minimum(f(low), f(high))
     for _ in range(_SECTIONS):
         span = _GOLDEN * (high - low)
@@ -163,12 +159,10 @@ class _Boxes:
 
     @property
     def corners(self) -> FloatArray:
-        """(4, k, 2)."""
         x, y = (np.stack([self.low[:, i], self.high[:, i]]) for i in (0, 1))
         return np.stack([np.stack([x[i], y[j]], axis=1) for i in (0, 1) for j in (0, 1)])
 
     def halved(self, size: FloatArray) -> _Boxes:
-        """Both halves of each, cut across the side that is longer in units of ``size`` (k, 2)."""
         axis = ((self.high - self.low) / size).argmax(axis=1)
         rows = np.arange(len(axis))
         middle = 0.5 * (self.low + self.high)[rows, axis]
@@ -205,13 +199,11 @@ class _BoxSearch:
 
     @property
     def upper(self) -> FloatArray:
-        """An upper bound (n,) on the power, whatever boxes are left."""
         result = np.maximum(self.best, self.dropped)
         np.maximum.at(result, self.left.contact, self.bound)
         return result
 
     def refine(self, rounds: int) -> None:
-        """Halve the boxes that may hold more than the best power found."""
         for _ in range(rounds):
             j = self.left.contact
             kept = self.bound > self.best[j] + self.tolerance[j]
@@ -223,7 +215,6 @@ class _BoxSearch:
                 return
 
     def _quadrants(self, boxes: FloatArray) -> _Boxes:
-        """The boxes (n, 2, 2), cut at zero where they hold it."""
         every, (low, high) = np.arange(len(boxes)), np.moveaxis(boxes, -1, 0)
         middle = np.clip(0.0, low, high)
         sides = ((low, middle), (middle, high))
@@ -236,7 +227,6 @@ class _BoxSearch:
         return _Boxes(np.tile(every, len(ends)), low, high)
 
     def _bounded(self, boxes: _Boxes) -> FloatArray:
-        """Upper bounds (k,) of boxes; the best power at their corners is kept."""
         j, e = boxes.contact, boxes.corners
         arm = np.stack([rectangle_arm(self.half[j], np.abs(corner)) for corner in e])
         case = _Case(self.lever, self.w[j], self.friction[j], e, arm)

@@ -244,19 +244,16 @@ class StepRows:
         return [*found, *(Row(-self._reach(i)[0]) for i in kept)]
 
     def _torsion_rows(self) -> list[Row]:
-        """Eq. 27, +-MT - mu (ca P1 + cb P2) <= 0: linear, with m_i >= abs(X_i) in the sides P_i."""
         return [Row(sign * self.f.MT - self._resistance) for sign in (1.0, -1.0)]
 
     @property
     def _resistance(self) -> cp.Expression:
-        """(ca P1 + cb P2) mu, which is no more than c_T mu N."""
         effective = [cp.multiply(self.sides[:, i], self.f.N) - 2.0 * self.f.m[i] for i in (0, 1)]
         slope = self.plane.slope
         return sum(cp.multiply(slope[:, i] * self.friction, effective[i]) for i in (0, 1))
 
     @property
     def _base(self) -> cp.Expression:
-        """-(ca P1 + cb P2) mu + (ca l1 + cb l2) u: resistance without the products."""
         return cp.multiply((self.plane.slope * self.sides).sum(axis=1), self.f.u) - self._resistance
 
     def _is_split(self, i: int) -> bool:
@@ -269,7 +266,6 @@ class StepRows:
         return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
 
     def _halved(self, i: int, turn: float, part: float) -> Product:
-        """With X+ or X- of a split axis."""
         f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
         assert self.slopes is not None
         along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
@@ -284,7 +280,6 @@ class StepRows:
         )
 
     def _whole(self, i: int, turn: float) -> Product:
-        """With abs(X) where its sign is kept, with m where it is free."""
         f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
         shear, there = self.point.shear[:, j], -slope * self._size
         y = -cp.multiply(slope, f.u)
@@ -301,7 +296,6 @@ class StepRows:
         return Product(x, y, self.plane.k[:, i], np.abs(self.point.centre[:, i]), there)
 
     def _reach(self, i: int) -> tuple[cp.Expression, FloatArray]:
-        """abs(X_i) where its sign is kept and zero elsewhere, and that sign."""
         if self.slopes is None:
             return cp.Constant(np.zeros(len(self.sides))), np.zeros(len(self.sides))
         centre = self.point.centre[:, i]
@@ -310,7 +304,6 @@ class StepRows:
 
     @property
     def _size(self) -> FloatArray:
-        """abs(V) / N at the point."""
         return np.asarray(np.linalg.norm(self.point.shear, axis=1))
 
 

@@ -142,7 +142,6 @@ def _turned(forces: FloatArray, turn: FloatArray) -> FloatArray:
 
 
 def _shifted(forces: FloatArray, offset: FloatArray) -> FloatArray:
-    """Moments about a point from which the forces' own reference lies at ``offset``."""
     x, y = offset.T
     result = forces.copy()
     result[:, COLUMN["M1"]] += y * forces[:, COLUMN["N"]]
@@ -214,7 +213,6 @@ def largest_centred(corners: FloatArray) -> Rectangle:
 
 
 def _chains(points: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper end of a convex counter-clockwise polygon at abscissae ``x``."""
     start = int(np.lexsort((points[:, 1], points[:, 0]))[0])
     loop = np.roll(points, -start, axis=0)
     right = int(np.lexsort((-loop[:, 1], -loop[:, 0]))[0])
@@ -228,7 +226,6 @@ def _chains(points: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _with_arm(found: Rectangle, corners: FloatArray, largest: float) -> Rectangle:
-    """With the least c_P(e) / c_R(e) over the rectangle, at most 1, less a margin."""
     half = np.array(found.half)
     if half.min() <= 0.0:
         return replace(found, arm_share=0.0)

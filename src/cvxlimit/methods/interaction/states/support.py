@@ -112,7 +112,6 @@ def independent_support(
 
 
 def _one_signed(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Boxes cut at zero where they hold both signs unevenly, and which box each part is of."""
     rows, parts = np.arange(len(boxes)), boxes
     for axis in (0, 1):
         cut = np.flatnonzero((mixed_sign(parts) & ~free_sign(parts))[:, axis])
@@ -127,7 +126,6 @@ def _one_signed(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
 def _quadrant_support(
     w: FloatArray, half: FloatArray, friction: FloatArray, boxes: FloatArray, halvings: int
 ) -> Support:
-    """The same for ranges of one sign, or of both evenly."""
     low, high = boxes[..., 0], boxes[..., 1]
     free = free_sign(boxes)
     sign = np.where(low + high >= 0.0, 1.0, -1.0)
@@ -206,7 +204,6 @@ class _Points:
         return _Points(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, other: _Points) -> _Points:
-        """These and ``other``."""
         pairs = {name: (values, getattr(other, name)) for name, values in vars(self).items()}
         return _Points(**{name: np.concatenate(pair) for name, pair in pairs.items()})
 
@@ -248,7 +245,6 @@ class _EdgeSearch:
         self._note(self.start, torsion)
 
     def refine(self, halvings: int) -> None:
-        """Halve the pieces that may hold more than the best value, as often as needed."""
         for _ in range(halvings):
             bound = self._bound()
             j = self.start.contact
@@ -262,7 +258,6 @@ class _EdgeSearch:
             self.start, self.end = self.start.joined(middle), middle.joined(self.end)
 
     def upper(self) -> FloatArray:
-        """An upper bound (n,) on the power, whatever pieces are left."""
         result = np.maximum(self.best, self.dropped)
         if len(self.start.contact):
             np.maximum.at(result, self.start.contact, self._bound())
@@ -291,7 +286,6 @@ class _EdgeSearch:
         return _Points(contact, eps, arm, slope, (self.moment[contact] * eps).sum(axis=1))
 
     def _note(self, points: _Points, power: FloatArray | None = None) -> None:
-        """Keep the best value and place of every contact."""
         j = points.contact
         if power is None:
             power = points.moment + self.friction[j] * points.arm * points.slope
@@ -300,7 +294,6 @@ class _EdgeSearch:
         self.where[j[top]] = (self.sign[j] * points.eps)[top]
 
     def _bound(self) -> FloatArray:
-        """Maximum of each piece's quadratic, from its Bernstein coefficients."""
         p, q = self.start, self.end
         mu = self.friction[p.contact]
         first = p.moment + mu * p.arm * p.slope

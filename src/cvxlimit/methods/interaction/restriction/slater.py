@@ -1,10 +1,10 @@
-"""Loads that admissible forces carry on their own: harmless live loads, dead loads that stand.
+"""Strictly feasible (Slater) states of a load alone: harmless live loads, dead loads that stand.
 
 Eq. 30 is homogeneous: forces that carry a load alone, strictly inside, carry any multiple of it
 with any other forces added far out, so a live load carried alone does no harm, and a dead load
 carried alone stands. What is asked of a convex step is then the largest share t <= 1 of the load;
 its rows are cones, so that share is 0 or 1, and where it is 0 the step was built at a wrong place.
-Soft steps find a better one: they may buy what is missing, at a price that grows.
+Penalty steps find a better one: they may buy what is missing, at a price that grows.
 
 Forces found are checked outside the solver
 (:func:`cvxlimit.methods.admissible.carried_exactly`); where none are found nothing is claimed.
@@ -19,27 +19,20 @@ from numpy.typing import NDArray
 
 from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.climb.lower_bound import TrueStrength, central_states
-from cvxlimit.methods.interaction.climb.safe_step import SafeStep, StepState
+from cvxlimit.methods.interaction.restriction.lower_bound import TrueStrength, central_states
+from cvxlimit.methods.interaction.restriction.safe_step import SafeStep, StepState
+from cvxlimit.methods.interaction.settings import PROOF, STEPS
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
 
-_PRICES = (None, 1.0, 10.0, 100.0, 1000.0, None)
-"""Prices of slack, scaled: hard steps (None) first and last, and soft ones between. On eight random
-walls with harmless loads and four readings 10 to 1000 were enough; the first hard step alone in
-half of the cases."""
-
 _SHRINK = 0.005
-"""Steps are built this share nearer to the middle than the last forces: see :class:`Signed`."""
+"""Steps are built this share nearer to the middle than the last forces."""
 
 _CARRIED = 0.5
 """Share of the load from which it counts as carried: it is 0 or 1 but for rounding."""
-
-_PRESSED = 1e-7
-"""Compression, over the total load, from which a pressure centre means something."""
 
 
 def carrying_forces(
@@ -89,15 +82,14 @@ def _candidates(
         step = SafeStep(alone, run.moments)
     middle = Point.middle(step.statics.contacts)
     if forces is not None:
-        yield from _stepped(run, step, step.point(forces, middle, _PRESSED), ladder)
+        yield from _stepped(run, step, step.point(forces, middle, PROOF.pressed), ladder)
     yield from _stepped(run, step, middle, ladder)
 
 
 def _stepped(
     run: Run, step: SafeStep, point: Point, ladder: Sequence[SolverSettings]
 ) -> Iterator[FloatArray]:
-    """Steps at ``point`` and where they lead; those that carry the load without slack."""
-    for price in _PRICES:
+    for price in STEPS.prices:
         at = point.shrunk(_SHRINK)
 
         def solver(rung: SolverSettings, at: Point = at, price: float | None = price) -> StepState:
@@ -106,11 +98,10 @@ def _stepped(
         state, _ = run.try_solvers(solver, ladder)
         if (forces := _carried(state)) is not None:
             yield forces
-            point = step.point(forces, point, _PRESSED)
+            point = step.point(forces, point, PROOF.pressed)
 
 
 def _carried(state: LimitState) -> FloatArray | None:
-    """The forces that carry the whole load, if the state has any."""
     if state.forces is None or not state.load_factor or state.load_factor < _CARRIED:
         return None
     return state.forces / state.load_factor

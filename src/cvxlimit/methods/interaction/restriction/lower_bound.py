@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LargestFactor, LimitProblem
@@ -24,29 +25,6 @@ from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-ACCEPTED = 1e-7
-"""Equilibrium residual and excess of Eq. 9 and 30, over the total load, beyond which forces are
-refused."""
-
-_CLOSE = 1e-9
-"""The same, up to which little of the load factor is spent on a proof."""
-
-_LOST = 0.1
-"""Share of the load factor beyond which an estimate of what they are worth refuses forces too:
-beside a block of a million times its weight, a pebble would stand on 1e-9 of the total load."""
-
-_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
-"""Shares of a dead-load state mixed in, smallest first, to be strictly admissible."""
-
-_PROOF = 1e-5
-"""Largest share spent on turning a bound from forces within :data:`_CLOSE` into a proved one; other
-forces may cost more."""
-
-_RESERVES = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
-"""Shares of friction and of the contacts' size that dead-load states may use, most demanding
-first. Eq. 30 is not convex: what is inside may lead outside when mixed in, unless its shear is
-small and its pressure central (then it never does)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +41,9 @@ class LowerBound:
         The one with which they are in equilibrium; ``value`` if that is proved.
     is_proved : bool
         True if they satisfy Eq. 9 and 30 and equilibrium to rounding; otherwise they do so
-        within :data:`ACCEPTED` of the total load, and ``value`` is ``load_factor`` less what that
-        is worth if no rate of the exact mechanism exceeds ten times that of the block with
-        the least live load, moving alone.
+        within :attr:`ProofSettings.accepted` of the total load, and ``value`` is ``load_factor``
+        less what that is worth if no rate of the exact mechanism exceeds ten times that of the
+        block with the least live load, moving alone.
     excess, residual : float
         Largest excess of Eq. 9 and 30 and largest equilibrium residual, over the total load.
     """
@@ -110,16 +88,16 @@ class LowerBounds:
         given = np.asarray(forces, dtype=float)
         if not (np.isfinite(given).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
-        balanced = self._balanced(given, load_factor)
-        plain = self._checked(balanced, load_factor)
+        balanced = self.balanced(given, load_factor)
+        plain = self.checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
-        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= _CLOSE
-        most = _PROOF if is_close else _SHARES[-1]
-        for share in (share for share in _SHARES if share <= most):
+        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= PROOF.close
+        most = PROOF.most_spent if is_close else PROOF.shares[-1]
+        for share in (share for share in PROOF.shares if share <= most):
             for reserve in self.reserves:
                 mixed = (1.0 - share) * balanced + share * reserve
-                bound = self._checked(mixed, (1.0 - share) * load_factor)
+                bound = self.checked(mixed, (1.0 - share) * load_factor)
                 if bound.is_proved:
                     return bound
         return plain
@@ -131,22 +109,21 @@ class LowerBounds:
         return found or self._solved_state()
 
     def _solved_state(self) -> tuple[FloatArray, ...]:
-        """What a solver finds where projections find nothing: the middle of all such forces."""
         if not np.any(self.statics.dead):
             return ()
         alone = self.assemblage.alone(self.statics.dead)
         state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
             return ()
-        balanced = self._balanced(state.forces / state.load_factor, 0.0)
+        balanced = self.balanced(state.forces / state.load_factor, 0.0)
         return (balanced,) if self._is_inside(balanced) else ()
 
     def _is_inside(self, state: FloatArray) -> bool:
-        """True if forces carry the dead load strictly inside Eq. 9 and 30."""
         finite = bool(np.isfinite(state).all())
         return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
 
-    def _checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
+    def checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
+        """What the forces prove as they are."""
         if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
         over = np.maximum(self._excess(forces), 0.0)
@@ -156,11 +133,18 @@ class LowerBounds:
         rate = REFERENCE * self.statics.rate_of_the_lightest(self.scaling.length)
         lost = 0.0 if proved else float(over.sum() + rest.sum()) * rate
         unit = self.scaling.unit(load_factor)
-        accepted = proved or (max(excess, residual) <= ACCEPTED and lost <= _LOST * unit)
+        is_near = max(excess, residual) <= PROOF.accepted and lost <= PROOF.most_lost * unit
+        accepted = proved or is_near
         value = float(load_factor) - lost if accepted else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
-    def _balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+    def is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
+        """Equilibrium, rocking and Eq. 30, but for rounding of the total load."""
+        bound = self.checked(forces, load_factor)
+        return max(bound.excess, bound.residual) <= PROOF.close
+
+    def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        """The nearest forces (n, 6) in equilibrium at ``load_factor``."""
         return self.assemblage.balance.balanced(forces, load_factor, self.statics)
 
     def _excess(self, forces: FloatArray) -> FloatArray:
@@ -206,7 +190,7 @@ def plain_witnesses(assemblage: Assemblage) -> Witnesses:
 def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
     """Forces (n, 6) that carry the dead load with little shear, and pressure near the centres."""
     whole = assemblage.contacts
-    for friction, size in _RESERVES:
+    for friction, size in PROOF.reserves:
         smaller = replace(
             whole,
             friction=friction * whole.friction,

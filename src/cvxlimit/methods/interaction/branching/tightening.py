@@ -1,0 +1,171 @@
+"""Bound tightening: ranges of pressure centres, cut by what cannot reach the bound from below.
+
+How far from the middle of its contact can pressure act if the load factor is to exceed the bound
+that is known from below (:class:`Reach`)? What lies beyond is cut off after a certified
+bound has shown the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
+from cvxlimit.methods.interaction.branching.splitting import scores
+from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.methods.interaction.relaxation.hull import CopyColumns, HullProblem, stacked
+from cvxlimit.methods.interaction.relaxation.upper import missed_copies
+from cvxlimit.methods.interaction.settings import NODES
+from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.solvers import SolverSettings
+from cvxlimit.solvers.program import ConeProgram
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def tightened_root(relaxer: Relaxer, root: Node, goal: Goal) -> Explored:
+    """The root after tightening as long as that gains; without a lower bound nothing is cut."""
+    relaxer.begun()
+    node = root
+    while node.bound > goal.cut > -np.inf:
+        gap = node.bound - goal.cut
+        node = _Tightening(relaxer, node, goal).tightened()
+        if gap - (node.bound - goal.cut) < NODES.gain * gap:
+            break
+    return relaxer.explored([node], goal)
+
+
+class _Tightening:
+    """One round over all ranges of a node that carry the gap."""
+
+    def __init__(self, relaxer: Relaxer, node: Node, goal: Goal) -> None:
+        self.relaxer, self.node, self.goal = relaxer, node, goal
+        self.boxes, self._is_missing = node.boxes.copy(), False
+
+    def tightened(self) -> Node:
+        relaxer, node = self.relaxer, self.node
+        if node.forces is None or node.mechanism is None:
+            return node
+        self._aim()
+        centre = relaxer.centre(node.forces)
+        for j in np.flatnonzero(scores(relaxer, node) > 0.0).tolist():
+            for axis in (0, 1):
+                for side, sign in ((0, -1.0), (1, 1.0)):
+                    low, high = self.boxes[j, axis]
+                    beyond = sign * (self.boxes[j, axis, side] - centre[j, axis])
+                    if beyond >= NODES.cut * (high - low):
+                        self.boxes[j, axis, side] = self._reached(j, axis, sign)
+        if np.array_equal(self.boxes, node.boxes):
+            return self.node
+        changed = np.flatnonzero((self.boxes != node.boxes).any(axis=(1, 2)))
+        added = self.node.added.without(changed)
+        return relaxer.evaluated(replace(self.node, boxes=self.boxes, added=added), self.goal)
+
+    def _aim(self) -> None:
+        copies = self.relaxer.moments.box_copies(self.relaxer.contacts, self.node.boxes)
+        self.reach = Reach(self.relaxer.problem, copies.joined(self.node.added), self.goal.cut)
+
+    def _reached(self, j: int, axis: int, sign: float) -> float:
+        relaxer, boxes, side = self.relaxer, self.boxes, int(sign > 0.0)
+        present, width = float(boxes[j, axis, side]), float(np.ptp(boxes[j, axis]))
+        for _ in range(NODES.attempts):
+            relaxer.solves += 1
+            found = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
+            if found is None:
+                break
+            at = sign * (found[0] + NODES.beyond * width)
+            if sign * (present - at) < NODES.cut * width:
+                break
+            slab = boxes.copy()
+            slab[j, axis, 1 - side] = at
+            if self._is_shut(slab, found[1], j):
+                return at
+            if not self._is_missing:
+                break
+            self._aim()
+        return present
+
+    def _is_shut(self, slab: FloatArray, mechanism: FloatArray, j: int) -> bool:
+        """True if a mechanism proves that states pressed in ``slab`` do not reach the bound; else
+        copies that it missed are added."""
+        relaxer, node, goal = self.relaxer, self.node, self.goal
+        flow = InteractionFlow(relaxer.contacts, relaxer.moments, slab)
+        certifier = relaxer.certifier.with_flow(flow)
+        assert node.mechanism is not None
+        tilt = NODES.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()
+        rates = mechanism + tilt * node.mechanism
+        bound = certifier.certificate(node.forces, None, rates).upper
+        if bound <= goal.cut + 0.1 * goal.width:
+            relaxer.closed = max(relaxer.closed, bound)
+            return True
+        power, new = float(relaxer.statics.live @ rates.ravel()), Copies.none()
+        if power > 0.0:
+            worth = NODES.worth_a_copy * goal.width
+            new = missed_copies(flow, certifier, rates / power, worth).without(np.array([j]))
+        self._is_missing = len(new) > 0
+        self.node = replace(node, added=node.added.joined(new))
+        return False
+
+
+class Reach:
+    """How far from its contact's middle pressure can act if a load factor is to be reached.
+
+    The largest e = X / N over all states of a relaxation with a load factor of ``least`` or more
+    is one convex problem: by homogeneity states may be scaled to N = 1 at the contact asked about,
+    with the dead load scaled by t >= 0 (Charnes and Cooper). Its mechanism shows why pressure
+    beyond cannot act: it bounds the load factor of all such states by ``least``.
+
+    Parameters
+    ----------
+    problem : HullProblem
+        Of a whole scene.
+    copies : Copies
+    least : float
+        Load factor, in the user's units.
+    """
+
+    def __init__(self, problem: HullProblem, copies: Copies, least: float) -> None:
+        self.problem = problem
+        columns = CopyColumns(problem, copies)
+        plain = columns.program()
+        rows = plain.matrix.tocsr()
+        zero, self.width = plain.zero, plain.matrix.shape[1] + 1
+        dead = sp.csc_array(problem.dead[:, None])
+        alpha = least / problem.scaling.load_factor(1.0)
+        reached = [(np.array([0, 0, 1]), np.array([0, self.width - 1, self.width - 1]),
+                    np.array([-1.0, alpha, -1.0]))]  # fmt: skip
+        rest = sp.hstack([rows[zero:], sp.csc_array((rows.shape[0] - zero, 1))])
+        self.matrix = sp.vstack(
+            [sp.hstack([rows[:zero], dead]), stacked(reached, (2, self.width)), rest], format="csr"
+        )
+        self.counts = zero + 1, plain.nonneg + 2, plain.cones
+        self.meaning = columns.meaning.tocsr()
+
+    def furthest(
+        self, contact: int, axis: int, sign: float, settings: SolverSettings
+    ) -> tuple[float, FloatArray] | None:
+        """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6).
+
+        None if the solver has no answer, for contacts that do not press among them.
+        """
+        base = len(COMPONENTS) * contact
+        normal = self.meaning[[base + COLUMN["N"]]]
+        if not normal.nnz:
+            return None
+        moment, turn = (("M2", -1.0), ("M1", 1.0))[axis]
+        cost = np.zeros(self.width)
+        cost[:-1] = -sign * turn * self.meaning[[base + COLUMN[moment]]].toarray()[0]
+        unit = sp.hstack([normal, sp.csr_array((1, 1))])
+        matrix = sp.vstack([unit, self.matrix], format="csc")
+        right = np.zeros(matrix.shape[0])
+        right[0] = 1.0
+        _, x, y = ConeProgram(cost, matrix, right, *self.counts).solve(settings)
+        if x is None or y is None:
+            return None
+        at = float(-cost @ x) / float(self.problem.extent[contact, axis])
+        return at, self.problem.mechanism(y[1:])

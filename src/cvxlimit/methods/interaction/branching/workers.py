@@ -1,0 +1,80 @@
+"""Nodes explored in other processes."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
+from cvxlimit.methods.interaction.branching.splitting import explore
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.statics import Scaling, Statics
+from cvxlimit.scene import Scene
+from cvxlimit.solvers import (
+    SolverSettings,
+)
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """An relaxer on its way to another process: what it is made of, and ``key``, its name."""
+
+    key: str
+    scene: Scene
+    statics: Statics
+    scaling: Scaling
+    moments: Moments
+    ladder: tuple[SolverSettings, ...]
+    opening: FloatArray | None
+
+    @classmethod
+    def of(cls, key: str, relaxer: Relaxer, assemblage: Assemblage) -> Task:
+        """For the same scene, moments and solvers."""
+        opening = relaxer.certifier.witnesses.opening_field
+        return cls(
+            key, assemblage.scene, assemblage.statics, assemblage.scaling, relaxer.moments,
+            relaxer.ladder, opening,
+        )  # fmt: skip
+
+    def __call__(self, node: Node, goal: Goal) -> Explored:
+        """Explore a node in this process, which keeps the relaxer for the next one."""
+        relaxer = _known.get(self.key)
+        if relaxer is None:
+            balance = Balance(self.statics, corner_compressions(self.statics.contacts))
+            assemblage = Assemblage(self.scene, self.statics, self.scaling, balance)
+            relaxer = Relaxer(assemblage, self.moments, self.ladder, self.opening)
+            _known.clear()
+            _known[self.key] = relaxer
+        return explore(relaxer, node, goal)
+
+
+_known: dict[str, Relaxer] = {}
+"""The relaxer of this process, one at a time."""
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[Executor | None]:
+    """So many processes for :class:`BranchAndBound`, none for one; Ctrl-C does not reach them."""
+    if workers < 2:
+        yield None
+        return
+    pool = ProcessPoolExecutor(workers, initializer=_deaf)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _deaf() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,133 @@
+"""The numbers behind a certified bracket, one record for each part of the method.
+
+Where each was measured, with the command, is in docs/interaction-speed.md ("Where the numbers come
+from"). Only speed and width depend on them: bounds are checked outside of all problems. Forces and
+excess are shares of the total load, places fractions of contacts' half extents.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ProofSettings:
+    """When forces count, and how they are proved."""
+
+    accepted: float = 1e-7  # residual and excess of Eq. 9 and 30 beyond which forces are refused
+    close: float = 1e-9  # the same, up to which they count as admissible but for rounding
+    most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
+    # shares of a dead-load state mixed in to be strictly admissible, and the largest for close ones
+    shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
+    most_spent: float = 1e-5
+    # shares of friction and size that such states may use: with little shear and central pressure
+    # what is mixed in never leads outside, although Eq. 30 is not convex
+    reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
+    margins: tuple[float, ...] = (1e-6, 1e-5, 3e-5, 1e-4)  # of friction and size, with centres held
+    most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
+    pressed: float = 1e-7  # compression from which a pressure centre means something
+    idle: float = 1e-9  # compression up to which a contact carries nothing in a proof
+
+
+@dataclass(frozen=True)
+class HullSettings:
+    """The relaxation of a whole run, and copies added to it."""
+
+    noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
+    worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
+    beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
+    most_rounds: int = 12  # solves with added copies
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """Safe, long and penalty steps to a lower bound."""
+
+    penalty_steps: int = 4  # at most
+    price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
+    price_growth: float = 3.0  # per step
+    bought: float = 1e-5  # slack in all, over total load x contact size, that counts as none
+    long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
+    long_gain: float = 1e-3  # relative gain below which they end
+    inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
+    retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
+    frozen: float = 1e-10  # tolerance of frozen problems, whose excess is taken off the bound
+    relaxed: float = 1e-4  # tolerance of a stricter reading's relaxation
+    lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
+    hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
+    first_ratio: float = 0.7  # of one gain to the one before, until there are two
+    most_boxed: int = 500  # contacts up to which boxes are tried unasked
+    # prices of slack, scaled, where forces are sought that carry a load alone; None: a safe step
+    prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, None)
+
+
+@dataclass(frozen=True)
+class BoxSettings:
+    """Boxes of pressure centres that follow a relaxation to admissible forces."""
+
+    first: float = 0.8  # half width about given pressure centres
+    largest: float = 2.0  # the whole contact from wherever the centre is
+    exploring: int = 8  # boxes that may grow
+    settling: int = 12  # boxes that only shrink
+    shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
+    growth: float = 1.5  # factor where they do not
+    settle: float = 0.6  # factor of all others
+    over: float = 1e-6  # excess from which a box is too large: what leading solvers leave
+    nearly: float = 3e-2  # excess of all contacts from which frozen problems follow
+    settled: float = 1e-2  # the same from which steps follow
+    retry: float = 0.5  # share of it at which safe problems are tried again
+    noise: float = 2e-5  # largest excess that may be due to loose solves alone
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """What is done at a node of branch and bound."""
+
+    narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
+    worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
+    rounds: int = 3  # solves per node, with copies added
+    speed_at_rest: float = 1e-3  # share of the largest with which contacts at rest count
+    at_rest: float = 0.1  # share of the gap in power below which a node's excess is at rest
+    moves: float = 1e-3  # share of the largest speed from which a contact moves
+    layers: int = 3  # parts that may be glued in turn,
+    far: float = 3.0  # while what is left collapses at less than this times the node's bound
+    cut: float = 0.1  # least share of a range that tightening must cut off
+    beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
+    attempts: int = 3  # its solves per end of a range
+    gain: float = 0.1  # share of the gap that a round of it must close for another one
+    closed: float = 0.9  # share of the gap asked for at which nodes are closed
+    tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Branch and bound as a whole."""
+
+    safe_reach: float = 0.02  # reach of safe states in a node's widest range
+    settled: int = 8  # frozen problems in a row at most
+    steps: int = 16  # places tried on the way between two force states
+    halvings: int = 25  # after the last good one
+    price: float = 10.0  # of the dead load over root bounds: closes nodes without states
+    tried: int = 3  # contacts tried for a split,
+    tried_nodes: int = 60  # for so many nodes; then the one that carries most of the gap
+    climbs: tuple[int, ...] = (1, 5, 15, 30, 60, 120, 240, 480, 960)  # nodes before safe steps
+    climb_solves: int = 16  # of each
+    rarely: int = 64  # longest wait for another search for better forces, in nodes
+    told: float = 0.98  # the history has a line when the gap is this share of the last one told
+
+
+@dataclass(frozen=True)
+class BracketSettings:
+    """The certified method as a whole."""
+
+    good: float = 0.05  # width that counts as an answer where no tolerance is asked for
+    outer: float = 1e-4  # width at which copies and branching end where none is asked for
+    dead: float = 1e-5  # the same where only 1 / 2 decides: whether the dead load stands
+    narrow: float = 0.005  # width below which no further start is taken unasked
+    few: int = 6  # contacts up to which branch and bound follows unasked,
+    branching: float = 60.0  # for so many seconds,
+    idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap
+
+
+PROOF, HULL, STEPS = ProofSettings(), HullSettings(), StepSettings()
+BOXES, NODES, SEARCH, BRACKET = BoxSettings(), NodeSettings(), SearchSettings(), BracketSettings()

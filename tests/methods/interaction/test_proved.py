@@ -1,0 +1,32 @@
+"""Lower bounds are proved where forces slide fully, too: their pressure centres are held."""
+
+from __future__ import annotations
+
+import pytest
+
+from cvxlimit import Scene, builtin_scene, solve
+from cvxlimit.masonry import random_wall
+from cvxlimit.methods.certified import Certified
+from helpers import interaction_excess
+
+
+@pytest.mark.parametrize("seed", [2, 9])
+def test_signed_brackets_of_irregular_walls_are_proved(seed: int) -> None:
+    """Most contacts are at full slip there, where mixing in another state turns more than it
+    spares: the bounds of these walls rested on an assumption."""
+    assert_proved(random_wall(seed))
+
+
+@pytest.mark.exhaustive
+def test_signed_bracket_of_the_tuff_wall_is_proved() -> None:
+    assert_proved(builtin_scene("tuff-wall"))
+
+
+def assert_proved(scene: Scene) -> None:
+    """By the checker of the package and by one of the tests, at 1e-15 of the weight."""
+    found = solve(scene, method=Certified(branching_seconds=0.0), moments="signed")
+    assert found.bracket.is_proved
+    assert "lower bound proved" in found.note
+    assert found.forces is not None
+    excess = interaction_excess(found.forces, scene.contacts, "signed").max()
+    assert excess <= 1e-15 * scene.total_weight
