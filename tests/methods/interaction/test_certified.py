@@ -66,15 +66,16 @@ def scanned(scene: Scene, moments: str) -> float:
     Eq. 30 is not convex; bisection its end.
     """
     statics = Statics.of(scene)
-    matrix = statics.matrix.toarray()
+    loads = -np.stack([statics.dead, statics.live], axis=1)
+    at_rest, pushed = np.linalg.solve(statics.matrix.toarray(), loads).T
 
     def admissible(factor: float) -> bool:
-        x = np.linalg.solve(matrix, -(statics.dead + factor * statics.live)).reshape(-1, 6)
+        x = (at_rest + factor * pushed).reshape(-1, 6)
         l1, l2 = scene.contacts.sides.T
         inside = (np.abs(x[:, 4]) <= x[:, 2] * l1 / 2) & (np.abs(x[:, 3]) <= x[:, 2] * l2 / 2)
         return bool(inside.all() and interaction_excess(x, scene.contacts, moments).max() <= 0.0)
 
-    grid = np.linspace(0.0, 20.0, 20_001)
+    grid = np.linspace(0.0, 20.0, 2_001)
     last = max(i for i, factor in enumerate(grid) if admissible(factor))
     low, high = grid[last], grid[last + 1]
     for _ in range(60):

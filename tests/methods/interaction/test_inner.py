@@ -295,7 +295,7 @@ def brute_force(blocks: int, live: tuple[float, ...], moments: str) -> float:
             result = max(result, torque - c * (0.55 * normal - shear), shear - 0.55 * normal)
         return result
 
-    grid = np.linspace(0.0, 60.0, 30_001)
+    grid = np.linspace(0.0, 60.0, 3_001)
     last = max(i for i, factor in enumerate(grid) if worst(factor) <= 0.0)
     low, high = grid[last], grid[last + 1]
     for _ in range(50):
