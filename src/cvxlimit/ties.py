@@ -87,7 +87,7 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
     if not ties:
         return contacts
     k = len(ties)
-    side = _SIZE * float(np.median(np.sqrt(contacts.area)))
+    side = _SIZE * contacts.typical_size
     square = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     start, end = (np.array([getattr(tie, name) for tie in ties]) for name in ("start", "end"))
     place = {key: i for i, key in enumerate(contacts.block_ids)}

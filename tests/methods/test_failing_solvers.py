@@ -35,6 +35,8 @@ def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
         return Outcome(NOWHERE, 0.0, 0.0)
 
     monkeypatch.setattr("cvxlimit.model.problem.run", broken)
+    program = "cvxlimit.solvers.program.ConeProgram.solve"
+    monkeypatch.setattr(program, lambda *_: (broken(), None, None))
 
 
 @pytest.mark.usefixtures("nobody_solves")

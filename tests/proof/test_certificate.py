@@ -302,10 +302,18 @@ class TestWitnesses:
     def test_none_where_none_can_be(self) -> None:
         falling = stack(3, (1, 1, 0.2), shift=(0.5, 0.0))
         assert Certifier(falling, (Rocking(), TorsionShear())).witnesses.dead_state is None
-        icy = single_block(friction=0.0)
+        icy = single_block(friction=0.0).with_dead(Load(acceleration=(0.1, 0.0, -1.0)))
         assert Certifier(icy, (Rocking(), TorsionShear())).witnesses.dead_state is None
         wedged = Certifier(_between_walls(0.5), (Rocking(), TorsionShear())).witnesses
         assert wedged.opening_field is None
+
+    def test_on_ice_without_any_shear(self) -> None:
+        """A condition without resistance has no inside; a state without shear satisfies it."""
+        scene = single_block(friction=0.0)
+        state = Certifier(scene, (Rocking(), TorsionShear())).witnesses.dead_state
+        assert state is not None
+        np.testing.assert_allclose(state[:, 2].sum(), scene.total_weight, rtol=1e-9)
+        assert not state[:, [0, 1, 5]].any()
 
     @given(scene=piles())
     @settings(max_examples=15, deadline=None)

@@ -197,7 +197,7 @@ class TestOffers:
 
     def test_forces_outside_are_refused(self) -> None:
         scene = single_block(friction=0.0)
-        certifier = Certifier(scene, SURFACES)
+        certifier = Certifier(scene.with_dead(Load(acceleration=(0.1, 0.0, -1.0))), SURFACES)
         assert not certifier.offer_dead_state(self.resting(scene))
         assert certifier.witnesses.dead_state is None
 

@@ -194,6 +194,11 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         return result
 
     @cached_property
+    def typical_size(self) -> float:
+        """Median root of the areas: the unit of length of all that is measured against contacts."""
+        return float(np.median(np.sqrt(self.area)))
+
+    @cached_property
     def is_rectangle(self) -> NDArray[np.bool_]:
         """True for rectangles, (n,)."""
         return np.asarray(np.isfinite(self.sides).all(axis=1))

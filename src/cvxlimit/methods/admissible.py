@@ -52,7 +52,7 @@ def carried_exactly(
     whole = strength_of(assemblage)
     if whole.state(state) is None:
         return None
-    length = float(np.median(np.sqrt(whole.contacts.area)))
+    length = whole.contacts.typical_size
     owner = whole.model.contact if whole.is_internal else np.arange(len(whole.contacts))
     for kept in _cuts(block_sizes(whole.forces(state), length)):
         reached = _reached(assemblage, kept)

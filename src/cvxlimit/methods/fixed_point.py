@@ -93,19 +93,11 @@ class FixedPoint(Method):
     epsilon : float
         The paper's small number of Eq. 41, here in mean block weights: Eq. 31 divides by
         N + epsilon, so that contacts which carry next to nothing count as pressed near their
-        centres. The default is 0, its limit (contacts without compression then count as pressed at
-        their centres): with 1e-3 to 1e-1 the panel S12 ends within 1 % of where it ends with 0,
-        and the tuff wall wanders as widely (docs/interaction.md).
+        centres. The default is its limit: contacts without compression count as pressed there.
     regularisation : float
-        Weight of the squared norm of the forces that is taken off the load factor, so that the
-        forces which the next eccentricities are made of are the only ones there are: not those
-        that rounding picks. In scaled units, where a load factor is of order one: with 1e-3 it
-        falls by 2.7e-4 of itself on the tuff wall. It is no cure: with ``epsilon=1e-2`` beside it,
-        signed moments and three orders of the blocks by two solvers, ends on the tuff wall are 2e-5
-        apart (7e-3 without either) and on random walls 1e-4 at most, but 9e-3 on the S12-class
-        panel (3e-3 without) and 7 % on a wall with few loads (docs/atlas.md). The least norm among
-        optimal forces by a second problem was tried: from the second iterate on solvers do not
-        find it.
+        Weight of the squared norm of the forces that is taken off the scaled load factor, so that
+        the forces which the next eccentricities are made of are the only ones there are: not those
+        that rounding picks. It is no cure: docs/atlas.md has what it gains and where it does not.
 
     Example
     -------

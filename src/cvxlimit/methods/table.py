@@ -49,11 +49,6 @@ class Row:
     scenes: tuple[str, ...] = ()
     reduces: bool = False
 
-    @property
-    def has_moments(self) -> bool:
-        """True if a reading of Eq. 30 is one of its settings."""
-        return hasattr(self.method, "moments")
-
 
 EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
     {

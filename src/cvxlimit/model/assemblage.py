@@ -160,7 +160,14 @@ class Balance:
     @cached_property
     def solve(self) -> Solve:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
-        order = self._elimination_order()
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        a, b = number[contacts.a], number[contacts.b]
+        free = (a >= 0) & (b >= 0)
+        count = int(number.max()) + 1
+        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
+        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
+        blocks, each = nested_dissection(graph.tocsr()), self.matrix.shape[0] // count
+        order = (each * blocks[:, None] + np.arange(each)).ravel()
         ordered = self.matrix[order]
         square = ordered @ sp.diags_array(self.weights) @ ordered.T
         if self.statics.guides:  # rates that guides prevent: any value will do
@@ -191,14 +198,3 @@ class Balance:
             change = self.change(self.along(statics.residual(forces, load_factor).ravel()))
             forces = forces + (self.model.meaning @ change).reshape(-1, len(COMPONENTS))
         return forces
-
-    def _elimination_order(self) -> IntArray:
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        a, b = number[contacts.a], number[contacts.b]
-        free = (a >= 0) & (b >= 0)
-        count = int(number.max()) + 1
-        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
-        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
-        blocks = nested_dissection(graph.tocsr())
-        each = self.matrix.shape[0] // count
-        return (each * blocks[:, None] + np.arange(each)).ravel()

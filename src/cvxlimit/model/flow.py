@@ -101,10 +101,6 @@ class _Rows:
             every if condition.contact is None else condition.contact,
         )
 
-    @property
-    def count(self) -> int:
-        return self.resistance.shape[0]
-
 
 @dataclass(frozen=True, eq=False)
 class _Flow:
@@ -117,8 +113,8 @@ class _Flow:
 
     @classmethod
     def of(cls, rows: _Rows) -> _Flow:
-        multiplier = cp.Variable(rows.count, nonneg=True)
-        parts = [[cp.Variable(rows.count) for _ in norm] for norm in rows.norms]
+        multiplier = cp.Variable(len(rows.constant), nonneg=True)
+        parts = [[cp.Variable(len(rows.constant)) for _ in norm] for norm in rows.norms]
         limits = [c for part in parts for c in rows.cone.polar_epigraph(multiplier, part)]
         return cls(rows, multiplier, parts, limits)
 
@@ -169,6 +165,8 @@ class FlowRule:
         self._pressed = np.flatnonzero(self.model.nonneg)
         normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
         self._compression = np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
+        size = self.model.contacts.typical_size
+        self._reach = np.where(self.model.is_moment[self._free], size, 1.0)
         self._resistance = _stacked([rows.resistance for rows in every], width)
         self._constant = _joined([rows.constant for rows in every])
         # resistances of conditions without norms, empty rows for the others
@@ -180,7 +178,7 @@ class FlowRule:
         # make up for them.
         self._is_coupled = _joined(
             [
-                np.full(rows.count * len(norm), rows.resistance[:, self._free].nnz > 0.0)
+                np.full(len(rows.constant) * len(norm), rows.resistance[:, self._free].nnz > 0.0)
                 for rows, norm in normed
             ]
         ).astype(bool)
@@ -208,22 +206,20 @@ class FlowRule:
         Exact when the conditions determine the flow uniquely, and otherwise an upper bound, from
         the best decomposition found.
         """
-        inner = self._internal(rates)
+        inner = np.asarray(self.model.meaning.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, self._cheapest))
 
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, with as much opening to spare as can be."""
-        inner = self._internal(rates)
+        inner = np.asarray(self.model.meaning.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, self._most_open))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
-        found = self._completed(self._internal(rates), *self._nothing)
+        inner = np.asarray(self.model.meaning.T @ rates.ravel())
+        found = self._completed(inner, *self._nothing)
         resisted = np.abs(found.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
         return found.missing if resisted else np.full(len(found.missing), np.inf)
-
-    def _internal(self, rates: FloatArray) -> FloatArray:
-        return np.asarray(self.model.meaning.T @ rates.ravel())
 
     def _completed(
         self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
@@ -237,34 +233,25 @@ class FlowRule:
         taken = self._linear.T @ multipliers - matrix.T @ held
         taken = taken + self._resistance.T @ self._multipliers(held)
         target = -(rates - taken)[self._free]
-        missing = target - norms.T @ flows
-        flows = flows + norms @ self._normal(missing)
+        flows = flows + norms @ self._normal(target - norms.T @ flows)
         least = self._multipliers(flows)
         rest = rates - self._linear.T @ multipliers
         rest = rest - (self._resistance.T @ least - matrix.T @ flows)
         lost = self._constant @ (least + multipliers) - self._norm_constants @ flows
-        return Shortfall(self._missing(rest), -rest[self._free] * self._reach, float(lost))
-
-    def _missing(self, opening: FloatArray) -> FloatArray:
-        result = np.full(len(self.model.contacts), -np.inf)
+        missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
         at = self.model.contact[self._pressed]
-        np.maximum.at(result, at, -opening[self._pressed] / self._compression)
-        return result
-
-    @cached_property
-    def _reach(self) -> FloatArray:
-        size = float(np.median(np.sqrt(self.model.contacts.area)))
-        return np.where(self.model.is_moment[self._free], size, 1.0)
+        np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
+        return Shortfall(missing, -rest[self._free] * self._reach, float(lost))
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
         result: list[FloatArray] = [np.zeros(0)]
         at = 0
         for rows in self._rows:
-            multiplier = np.zeros(rows.count)
+            multiplier = np.zeros(len(rows.constant))
             for norm in rows.norms:
-                part = [flows[at + i * rows.count : at + (i + 1) * rows.count]
+                part = [flows[at + i * len(rows.constant) : at + (i + 1) * len(rows.constant)]
                         for i in range(len(norm))]  # fmt: skip
-                at += len(norm) * rows.count
+                at += len(norm) * len(rows.constant)
                 multiplier = np.maximum(multiplier, rows.cone.polar_gauge(part))
             result.append(multiplier)
         return np.concatenate(result)

@@ -170,13 +170,8 @@ class ForceModel:
         ]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
         for _, condition, _ in written:
-            self._check_rows(condition)
-        return written
-
-    def _check_rows(self, condition: Condition) -> None:
-        rows = len(self.contacts) if condition.contact is None else len(condition.contact)
-        for form in condition.forms():
-            for name in form:
+            rows = len(self.contacts if condition.contact is None else condition.contact)
+            for name in (name for form in condition.forms() for name in form):
                 where = self.start.get(name)
                 size = rows if where is None or name in COLUMN else where.stop - where.start
                 if size != rows:
@@ -185,6 +180,7 @@ class ForceModel:
                         "entries: give the condition the contact of each entry, or, if a force "
                         f"component is meant, write one of {', '.join(COMPONENTS)}"
                     )
+        return written
 
     def rows(self, form: LinearForm, contact: IntArray | None) -> tuple[sp.csr_array, FloatArray]:
         """A linear form as rows on s: matrix (k, p) and constants (k,)."""
@@ -195,18 +191,14 @@ class ForceModel:
             factor = np.broadcast_to(np.asarray(number(coefficient), dtype=float), (len(at),))
             if name == CONSTANT:
                 constant = constant + factor
+            elif name in COLUMN:
+                unit = self.meaning[len(COMPONENTS) * at + COLUMN[name]]
+                matrix = matrix + sp.diags_array(factor) @ unit
             else:
-                matrix = matrix + sp.diags_array(factor) @ self._unit_rows(name, at)
+                where, rows = self.start[name], np.arange(len(at))
+                part = sp.csr_array((factor, (rows, where.start + rows)), shape=matrix.shape)
+                matrix = matrix + part
         return matrix.tocsr(), constant
-
-    def _unit_rows(self, name: str, at: IntArray) -> sp.csr_array:
-        if name in COLUMN:
-            return self.meaning[len(COMPONENTS) * at + COLUMN[name]]
-        where = self.start[name]
-        size = where.stop - where.start
-        shape = (size, self.meaning.shape[1])
-        index = np.arange(size)
-        return sp.csr_array((np.ones(size), (index, where.start + index)), shape=shape)
 
 
 Formulation = Callable[[Contacts], ForceModel]
@@ -400,10 +392,6 @@ class ForceVariables:
             components[name] = _component(maps, column, float(units[column]))
         return cls(maps, components, [])
 
-    def internal(self) -> FloatArray:
-        """Present values of all variables, scaled, one part after the other."""
-        return np.concatenate([np.asarray(v.value).ravel(order="F") for v, _ in self.maps])
-
     def values(self) -> FloatArray:
         """Forces (n, 6) of the present solution, scaled."""
         total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
@@ -425,14 +413,11 @@ def _component(
             continue
         rows = (unit * rows).tocsr()
         is_whole = rows.shape[0] == rows.shape[1] == rows.nnz
-        if is_whole and (rows.data == rows.data[0]).all() and _is_diagonal(rows):
+        is_whole = is_whole and bool((rows.indices == np.arange(rows.shape[0])).all())
+        if is_whole and (rows.data == rows.data[0]).all():
             terms.append(times_unit(float(rows.data[0]), variable))
         else:
             terms.append(rows @ variable)
     if not terms:
         return cp.Constant(np.zeros(maps[0][1].shape[0] // len(COMPONENTS)))
     return sum(terms[1:], start=terms[0])
-
-
-def _is_diagonal(rows: sp.csr_array) -> bool:
-    return bool((rows.indices == np.arange(rows.shape[0])).all())

@@ -338,4 +338,5 @@ class LimitProblem(StaticProblem):
 
     def _internal(self) -> FloatArray:
         units = np.where(self.model.is_moment, self.scaling.length, 1.0) * self.scaling.force
-        return self.forces.internal() * units
+        values = [np.asarray(v.value).ravel(order="F") for v, _ in self.forces.maps]
+        return np.concatenate(values) * units

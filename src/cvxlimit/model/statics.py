@@ -201,7 +201,7 @@ class Scaling:
         InputError
             If a load is so small that its square is lost in rounding.
         """
-        length = float(np.median(np.sqrt(scene.contacts.area)))
+        length = scene.contacts.typical_size
         for what, forces in (("live", scene.live_forces), ("dead", scene.dead_forces)):
             if np.any(forces) and not _total(forces, length) > _N.smallest:
                 raise InputError(

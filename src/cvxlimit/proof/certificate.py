@@ -144,7 +144,7 @@ class Certifier:
         self.witnesses = Witnesses(self.assemblage, self.strength)
         self.surfaces, self.formulation = tuple(surfaces), formulation
         self._can_reduce = flow is None
-        self.size = float(np.median(np.sqrt(self.statics.contacts.area)))
+        self.size = self.statics.contacts.typical_size
 
     def with_flow(self, flow: Flow) -> Certifier:
         """The same under another flow rule; reference states are kept, not sought again."""
@@ -166,21 +166,16 @@ class Certifier:
         ModelError
             If there is not one row per contact.
         """
-        balanced = self._balanced(forces)
-        if balanced is None:
+        given = self.strength.state(forces)
+        if given is None:
+            return False
+        balanced = self.strength.balanced(given, 0.0, self.statics)
+        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)):
             return False
         reserve, present = self._reserve(balanced), self.witnesses.easy_dead_state
         if reserve > (0.0 if present is None else self._reserve(present)):
             self.witnesses.dead_state = balanced
         return reserve > 0.0
-
-    def _balanced(self, forces: ArrayLike) -> FloatArray | None:
-        given = self.strength.state(forces)
-        if given is None:
-            return None
-        balanced = self.strength.balanced(given, 0.0, self.statics)
-        good = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
-        return balanced if good else None
 
     def offer_opening_field(self, rates: ArrayLike) -> bool:
         """True if block rates (free, 6) open every contact; then they are kept.
@@ -260,13 +255,14 @@ class Certifier:
     def _lower(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
         load = self._total_load(alpha)
         forces = self.strength.forces(x)
-        residual = float((self._generalised(self.statics.residual(forces, alpha)) / load).max())
+        rest = block_sizes(self.statics.residual(forces, alpha), self.size)
+        residual = float(rest.max()) / load
         excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x))) / load
         x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
             return -np.inf, False, residual, excess
         forces = self.strength.forces(x)
-        rest = self._generalised(self.statics.residual(forces, alpha)).sum()
+        rest = block_sizes(self.statics.residual(forces, alpha), self.size).sum()
         over = sum(float(np.maximum(y, 0.0).sum()) for y in self.strength.excess(x))
         error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
@@ -388,12 +384,9 @@ class Certifier:
     def _is_balanced(self, state: FloatArray, alpha: float) -> bool:
         return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
 
-    def _generalised(self, residual: FloatArray) -> FloatArray:
-        return block_sizes(residual, self.size)
-
     def _total_load(self, alpha: float) -> float:
         dead, live = (
-            float(self._generalised(f.reshape(-1, DOF)).sum())
+            float(block_sizes(f.reshape(-1, DOF), self.size).sum())
             for f in (self.statics.dead, self.statics.live)
         )
         return dead + abs(alpha) * live or live
@@ -404,12 +397,8 @@ class Certifier:
             return np.inf
         relative = self.statics.relative_rates(mechanism)
         openings = np.abs(corner_openings(relative, self.statics.contacts)).max()
-        return float(max(self._generalised_rate(mechanism).max(), openings)) / live
-
-    def _generalised_rate(self, mechanism: FloatArray) -> FloatArray:
-        turning = self.size * np.linalg.norm(mechanism[:, 3:], axis=1)
-        result: FloatArray = np.linalg.norm(mechanism[:, :3], axis=1) + turning
-        return result
+        largest = block_sizes(mechanism, 1.0 / self.size).max()
+        return float(max(largest, openings)) / live
 
 
 def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:

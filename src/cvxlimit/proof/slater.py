@@ -357,7 +357,8 @@ class Witnesses:
             if self._is_inside(z, 0.1 * compression):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
                 if self._is_inside(z, 0.1 * compression):
-                    return self._balance.model.forces(z)
+                    forces = self._balance.model.forces(z)
+                    return forces if self._is_carried(forces) else None
             z = self._carried(z + _N.overshoot * (self._pushed_inside(z, compression) - z))
         return None
 
@@ -369,6 +370,12 @@ class Witnesses:
         if (z[self._balance.model.nonneg] < compression).any():
             return False
         return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
+
+    def _is_carried(self, forces: FloatArray) -> bool:
+        """False where the load pushes a block in a way that nothing resists."""
+        is_held = self._balance.held is not None
+        length = self.statics.contacts.typical_size
+        return not is_held or self.statics.is_balanced(forces, 0.0, length)
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model
