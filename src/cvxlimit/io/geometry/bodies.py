@@ -125,7 +125,8 @@ def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
 
 def _part(body: Body, faces: IntArray, name: str) -> Body:
     chosen = [body.faces[i] for i in faces.tolist()]
-    used, number = np.unique(np.concatenate(chosen), return_inverse=True)
+    corners: IntArray = np.concatenate(chosen)
+    used, number = np.unique(corners, return_inverse=True)
     ends = np.cumsum([len(face) for face in chosen])[:-1]
     own = [part.tolist() for part in np.split(np.asarray(number).reshape(-1), ends)]
     return replace(body, name=name, vertices=body.vertices[used], faces=own)
