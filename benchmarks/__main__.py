@@ -14,8 +14,8 @@ from rich.console import Console
 from benchmarks import headline
 from benchmarks.cases import Case, all_cases
 from benchmarks.results import Record, environment, read, write
+from benchmarks.runs import Limits
 from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
-from cvxlimit.compare.runs import Limits
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
 HERE = Path(__file__).parent

@@ -12,10 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from benchmarks.results import Record
+from benchmarks.results import Record, fitted_exponent
 from cvxlimit.compare.chart import (
     draw_time_against_error,
-    fitted_exponent,
     sparse,
     style,
 )

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from benchmarks.baselines import Literal, LiteralConic, ScipyLinprog
 from benchmarks.cases import s10_class, s12_class
 from benchmarks.cases.panel import build as panel_of
-from benchmarks.results import environment
-from cvxlimit.compare.chart import fitted_exponent
+from benchmarks.results import environment, fitted_exponent
+from benchmarks.runs import Limits, run_apart
 from cvxlimit.compare.models import Method, Model
-from cvxlimit.compare.rows import Row, side_by_side
-from cvxlimit.compare.runs import Limits
+from cvxlimit.compare.rows import Row, Runner, side_by_side
 from cvxlimit.solvers.sparse import best_backend
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
@@ -87,12 +87,19 @@ def run(repeat: int, limits: Limits, folder: Path, quick: bool, say: Say) -> str
     return text
 
 
+def apart(limits: Limits) -> Runner:
+    """Runs in processes of their own."""
+    return partial(run_apart, limits=limits)
+
+
 def speed_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
     """Ours and the baselines on the two panels."""
     rows = []
     for name, build in PANELS.items():
         methods = (OURS, OCTAGON, *AGAINST)
-        rows += side_by_side(methods, build(), repeat, limits, lambda m, n=name: say(f"{n}: {m}"))
+        rows += side_by_side(
+            methods, build(), repeat, lambda m, n=name: say(f"{n}: {m}"), apart(limits)
+        )
     return rows
 
 
@@ -102,7 +109,7 @@ def all_core_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
     method = ALL_CORES
     rows = []
     for name, build in PANELS.items():
-        rows += side_by_side([method], build(), repeat, free, reference_limits=limits)
+        rows += side_by_side([method], build(), repeat, run=apart(free), refer=apart(limits))
         say(f"{name}: {method.name}")
     return rows
 
@@ -111,7 +118,9 @@ def growth_rows(sizes: Sequence[int], repeat: int, limits: Limits, say: Say) -> 
     """Ours over the sizes, on panels with two returns; no reference is needed for that."""
     rows = []
     for size in sizes:
-        rows += side_by_side([OURS], panel_of(size), repeat, limits, reference_limits=Limits(1.0))
+        rows += side_by_side(
+            [OURS], panel_of(size), repeat, run=apart(limits), refer=apart(Limits(1.0))
+        )
         say(f"panel of {rows[-1].contacts} contacts")
     return rows
 

@@ -14,6 +14,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cvxlimit.compare.rows import Row
 from cvxlimit.files import write_file
 
@@ -111,3 +113,14 @@ def _flat(record: Record) -> dict[str, Any]:
 def _columns() -> list[str]:
     own = [column.name for column in fields(Record) if column.name != "row"]
     return own + [column.name for column in fields(Row)]
+
+
+def fitted_exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """p of the least-squares fit of value = constant x size^p; NaN for fewer than two sizes.
+
+    >>> round(fitted_exponent([10, 100, 1000], [3, 300, 30000]), 6)
+    2.0
+    """
+    if len(set(sizes)) < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])

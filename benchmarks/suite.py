@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import partial
 
 from benchmarks.baselines import baselines
 from benchmarks.cases import Case
+from benchmarks.frozen import frozen_methods
 from benchmarks.results import Record
+from benchmarks.runs import Limits, run_apart
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare.models import Method
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Row, Truth, row_of, side_by_side
-from cvxlimit.compare.runs import Failure, Limits
+from cvxlimit.compare.rows import Failure, Row, Truth, row_of, side_by_side
 
 GROWTH = (
     "cvxlimit",
@@ -66,7 +68,7 @@ def methods_of(case: Case) -> list[Method]:
     """All methods that make sense for a case."""
     if case.interaction:
         return list(interaction_registry().values())
-    return [*registry().values(), *baselines().values()]
+    return [*registry().values(), *frozen_methods().values(), *baselines().values()]
 
 
 def growth_methods(case: Case) -> list[Method]:
@@ -120,9 +122,9 @@ def run_size(
         wanted,
         scene,
         plan.repeat,
-        plan.limits,
         lambda done: say(f"{case.name}, {contacts} contacts: {done}"),
-        plan.reference_limits,
+        partial(run_apart, limits=plan.limits),
+        partial(run_apart, limits=plan.reference_limits),
     )
     for row in rows:
         if "limit" in row.reason:

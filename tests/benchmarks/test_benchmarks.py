@@ -15,6 +15,7 @@ from benchmarks.cases import SIZES, all_cases
 from benchmarks.charts import exponent
 from benchmarks.dome import least_thickness
 from benchmarks.results import Record, environment, read, write
+from benchmarks.runs import Limits
 from benchmarks.suite import (
     GROWTH,
     PER_CONTACT_LIMIT,
@@ -30,8 +31,7 @@ from cvxlimit import builtin_scene
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare.models import Measurement
 from cvxlimit.compare.registry import registry
-from cvxlimit.compare.rows import Row, Truth, row_of
-from cvxlimit.compare.runs import Failure, Limits
+from cvxlimit.compare.rows import Failure, Row, Truth, row_of
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch
 from cvxlimit.model.statics import Statics

@@ -42,7 +42,7 @@ STRENGTH = "plotting.strength"
 """Sees surfaces and readings of Eq. 30: how much of its strength a contact uses they say."""
 
 
-OWN_PICKLES = {"compare.runs", "methods.interaction.branching.workers", "studies.rows"}
+OWN_PICKLES = {"methods.interaction.branching.workers", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 

@@ -42,17 +42,6 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def fitted_exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
-    """p of the least-squares fit of value = constant x size^p; NaN for fewer than two sizes.
-
-    >>> round(fitted_exponent([10, 100, 1000], [3, 300, 30000]), 6)
-    2.0
-    """
-    if len(set(sizes)) < 2:
-        return float("nan")
-    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
-
-
 def on_front(rows: Sequence[Row]) -> set[str]:
     """Names of the methods on the Pareto front of total time against true error.
 

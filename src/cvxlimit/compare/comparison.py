@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvxlimit.compare.chart import draw_time_against_error, on_front
-from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.models import Method
 from cvxlimit.compare.registry import (
     choose,
     interaction_registry,
@@ -20,7 +20,6 @@ from cvxlimit.compare.registry import (
     registry,
 )
 from cvxlimit.compare.rows import Interrupted, Row, number_of_steps, side_by_side
-from cvxlimit.compare.runs import Limits, check_portable
 from cvxlimit.errors import ModelError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
-
-__all__ = ["DEFAULT_MODELS", "Comparison", "Limits", "Model", "Row", "compare"]
 
 DEFAULT_MODELS = (
     "cvxlimit",
@@ -151,12 +148,11 @@ def compare(
     models: str | Method | Sequence[str | Method] | None = None,
     *,
     repeat: int = 3,
-    progress: bool = True,
-    limits: Limits | None = None,
+    progress: bool | Callable[[str], None] = True,
 ) -> Comparison:
-    """Time, memory and true error of several models on one scene.
+    """Time and true error of several models on one scene.
 
-    Every run is a process of its own; models take turns, and figures are medians. Errors are
+    Models take turns in this process, and figures are medians. Errors are
     relative to a reference certified to 1e-8 where that can be had (``row.reference`` says),
     never to a model's own claim; with interaction to the certified bracket.
 
@@ -170,10 +166,8 @@ def compare(
         None is :data:`DEFAULT_MODELS`.
     repeat : int
         Runs per model.
-    progress : bool
-        Show a bar on stderr.
-    limits : Limits or None
-        Seconds, memory and threads for every run.
+    progress : bool or callable
+        Show a bar on stderr, or call this with a line of text after every run.
 
     Returns
     -------
@@ -192,7 +186,7 @@ def compare(
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.solvers import settings_for
+    >>> from cvxlimit.compare import Model, settings_for
     >>> loose = Model("loose", surface="octagon", solver=settings_for("CLARABEL", 1e-3))
     >>> result = compare(builtin_scene("single-block"), [loose], repeat=1, progress=False)
     >>> result.rows[0].failed
@@ -201,15 +195,13 @@ def compare(
     if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
         raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
     check_scene(scene)
-    if limits is not None and not isinstance(limits, Limits):
-        raise ModelError(f"limits must be Limits, got {limits!r}: Limits(seconds=30) makes them")
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
     is_interrupted = False
     steps = number_of_steps(methods, repeat)
     with progress_bar("comparing", steps, progress) as advance:
         try:
-            rows = side_by_side(methods, scene, repeat, limits or Limits(), advance)
+            rows = side_by_side(methods, scene, repeat, advance)
         except Interrupted as interrupt:
             if not interrupt.rows:
                 raise
@@ -233,7 +225,6 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
         for method in choose([model], known) if isinstance(model, str) else [model]:
             if not isinstance(method, Method):
                 raise ModelError(f"models must be names or Model objects, got {method!r}")
-            check_portable(method)
             if result.setdefault(method.name, method) != method:
                 raise ModelError(f"two models are called {method.name!r}: rename one")
     if not result:

@@ -6,83 +6,34 @@ import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from cvxlimit.bracket import known
-from cvxlimit.checks import finite_vector, positive
-from cvxlimit.compare.models import PHASES, Measurement, Method, Model
+from cvxlimit.checks import finite_vector
+from cvxlimit.compare.models import Measurement, Method
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.scene import Scene
 
 
-@dataclass(frozen=True)
-class Strengthened(Model):
-    """A model of the scene with other strengths of its joints.
+def strengthened(scene: Scene, **strengths: float) -> Scene:
+    """With cohesion and strengths as multiples of the mean pressure on the supports.
 
-    Strengths are multiples of the mean pressure on the supports, the scene's weight over the area
-    of its contacts with them, so that one model means the same on small and on large scenes.
+    That is the weight of the free blocks over the area of the contacts with supports, so that one
+    model means the same on small and on large scenes.
 
-    Attributes
-    ----------
-    compressive, tensile, cohesion : float or None
-        None leaves the scene's own.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> weak = Strengthened("weak", compressive=10.0)
-    >>> weak.measure(builtin_scene("single-block")).load_factor < 0.4
+    >>> from cvxlimit import builtin_scene, solve
+    >>> weak = strengthened(builtin_scene("single-block"), compressive_strength=10)
+    >>> solve(weak).load_factor < 0.4
     True
     """
-
-    compressive: float | None = None
-    tensile: float | None = None
-    cohesion: float | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("compressive", "tensile", "cohesion"):
-            if getattr(self, name) is not None:
-                positive(getattr(self, name), f"{name} of model {self.name!r}")
-
-    def measure(self, scene: Scene) -> Measurement:
-        """See :class:`~cvxlimit.compare.models.Method`."""
-        unit = mean_pressure(scene)
-        if self.cohesion is not None:
-            scene = scene.with_cohesion(self.cohesion * unit)
-        compressive = None if self.compressive is None else self.compressive * unit
-        tensile = None if self.tensile is None else self.tensile * unit
-        return super().measure(scene.with_strength(compressive, tensile))
-
-
-def mean_pressure(scene: Scene) -> float:
-    """Weight of the free blocks over the area of the contacts with supports.
-
-    >>> from cvxlimit import builtin_scene
-    >>> scene = builtin_scene("single-block")
-    >>> bool(mean_pressure(scene) * scene.contacts.area.sum() == scene.total_weight)
-    True
-    """
-    contacts: Contacts = scene.contacts
+    contacts = scene.contacts
     fixed = {i for i, block in enumerate(scene.blocks) if block.id in scene.supports}
     rests = [a in fixed or b in fixed for a, b in zip(contacts.a, contacts.b, strict=True)]
-    return float(scene.total_weight / contacts.area[rests].sum())
+    pressure = float(scene.total_weight / contacts.area[rests].sum())
+    return scene.with_joints(**{name: times * pressure for name, times in strengths.items()})
 
 
-@dataclass(frozen=True)
-class Untied(Model):
-    """A model of the scene without its ties: what they are worth.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> round(Untied("untied").measure(builtin_scene("single-block")).load_factor, 5)
-    0.4
-    """
-
-    def measure(self, scene: Scene) -> Measurement:
-        """See :class:`~cvxlimit.compare.models.Method`."""
-        return super().measure(replace(scene, ties=()))
+def untied(scene: Scene) -> Scene:
+    """Without its ties: what they are worth."""
+    return replace(scene, ties=())
 
 
 @dataclass(frozen=True)
@@ -122,14 +73,6 @@ class Settlement(Method):
 
     def measure(self, scene: Scene) -> Measurement:
         """See :class:`~cvxlimit.compare.models.Method`."""
-        start = time.perf_counter()
+        started = time.perf_counter()
         found = settlement(scene, self.support, self.direction, self.which)
-        return Measurement(
-            str(found.solution.status),
-            found.value,
-            known(found.bracket.lower),
-            known(found.bracket.upper),
-            {k: v for k, v in found.solution.seconds.items() if k in PHASES},
-            time.perf_counter() - start,
-            len(scene.contacts),
-        )
+        return Measurement.of(found.solution, started)

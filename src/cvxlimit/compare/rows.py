@@ -2,20 +2,44 @@
 
 from __future__ import annotations
 
+import gc
+import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cvxlimit.bracket import Bracket, known
 from cvxlimit.compare.models import PHASES, Measurement, Method
-from cvxlimit.compare.reference import Reference
-from cvxlimit.compare.runs import Failure, Limits, run_apart
+from cvxlimit.errors import CvxlimitError
+from cvxlimit.masonry import single_block
+from cvxlimit.methods.solving import solve
 from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.solvers import default_ladder, settings_for
+
+WIDTH = 1e-8
+"""Relative width that a reference without interaction must have."""
+
+_AIM = 1e-9
+"""Relative width at which the search for a narrower bracket stops."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run without an answer, and why."""
+
+    reason: str
+    is_timeout: bool = False
+
 
 Advance = Callable[[str], None]
+Runner: TypeAlias = "Callable[[Method, Scene], Measurement | Failure]"
+"""How one run is made; elsewhere, for those who want it isolated."""
+
 _Question = tuple[str, str, bool]
 
 
@@ -32,7 +56,8 @@ class Row:
 
     ``error`` is relative to the reference, so that what a linearisation loses counts. Seconds by
     phase, and in ``total`` from the scene to the answer, contact detection included; memory in
-    MB. ``reason`` says why there is no answer, and is empty otherwise.
+    MB where runs have processes of their own. ``reason`` says why there is no answer, and is
+    empty otherwise.
     """
 
     scene: str
@@ -84,12 +109,62 @@ class Interrupted(KeyboardInterrupt):
         self.rows = rows
 
 
-def find_truth(method: Method, scene: Scene, limits: Limits) -> Truth:
-    """The reference that fits the method's interaction, in a process of its own."""
+@dataclass(frozen=True)
+class Reference(Method):
+    """The bracket against which others are measured: cone, no interaction or the certified one."""
+
+    name: str = "reference"
+    line: str = "reference"
+    interaction: str = "none"
+    moments: str = "independent"
+
+    def measure(self, scene: Scene) -> Measurement:
+        """The best bracket; ``load_factor`` is its middle."""
+        started = time.perf_counter()
+        if self.interaction == "none":
+            found = _narrowest(scene)
+            status = f"{'proved' if found.is_proved else 'bracketed'} to {found.gap:.1e}"
+        else:
+            found = solve(scene, method="certified", moments=self.moments)
+            status = str(found.status)
+        finite = bool(np.isfinite([found.lower, found.upper]).all())
+        middle = 0.5 * (found.lower + found.upper) if finite else None
+        return replace(Measurement.of(found, started), status=status, load_factor=middle)
+
+
+def _narrowest(scene: Scene) -> Solution:
+    """Two exact solvers, each as far as rounding lets it go; all others only if they fall short."""
+    first, *others = default_ladder()
+    found = solve(scene, tolerance=_AIM, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
+    if found.gap <= WIDTH or not found.status.has_answer:
+        return found
+    more = solve(scene, tolerance=WIDTH, ladder=others)
+    return min(found, more, key=lambda solution: solution.gap)
+
+
+def run_here(method: Method, scene: Scene) -> Measurement | Failure:
+    """One run of a method on a copy of the scene; whatever it raises is a failure's reason.
+
+    What earlier runs left is collected before: a full collection takes Python 30 ms and would fall
+    into whichever phase comes first.
+    """
+    gc.collect()
+    try:
+        found = method.measure(replace(scene))
+    except MemoryError:
+        return Failure("out of memory")
+    except CvxlimitError as error:
+        return Failure(str(error))
+    except Exception as error:
+        return Failure(f"{type(error).__name__}: {' '.join(str(error).split())[:160]}")
+    return Failure(f"no load factor: {found.status}") if found.load_factor is None else found
+
+
+def find_truth(method: Method, scene: Scene, run: Runner) -> Truth:
+    """The reference that fits the method's interaction."""
     if not method.is_load_factor:
         return Truth(Bracket(), "no reference: no load factor")
-    reference = Reference(interaction=method.interaction, moments=method.moments)
-    found = run_apart(reference, scene, limits)
+    found = run(Reference(interaction=method.interaction, moments=method.moments), scene)
     if isinstance(found, Failure):
         return Truth(Bracket(), f"no reference: {found.reason}")
     lower = -np.inf if found.lower is None else found.lower
@@ -101,13 +176,14 @@ def side_by_side(
     methods: Sequence[Method],
     scene: Scene,
     repeat: int,
-    limits: Limits,
     advance: Advance = lambda done: None,
-    reference_limits: Limits | None = None,
+    run: Runner | None = None,
+    refer: Runner | None = None,
 ) -> list[Row]:
     """Measure all methods on one scene in turns, so that a busy machine hits them alike.
 
-    A method that fails is not run again. ``advance`` is told after every run.
+    A method that fails is not run again. ``advance`` is told after every run; ``run`` and ``refer``
+    run methods and references elsewhere.
 
     Raises
     ------
@@ -117,14 +193,17 @@ def side_by_side(
     truths: dict[_Question, Truth] = {}
     for method in methods:
         if _question(method) not in truths:
-            truths[_question(method)] = find_truth(method, scene, reference_limits or limits)
+            truths[_question(method)] = find_truth(method, scene, refer or run or run_here)
             advance("reference")
     tallies = [_Tally(method, scene, truths[_question(method)]) for method in methods]
     try:
-        for _ in range(repeat):
+        for turn in range(repeat):
             for tally in tallies:
+                if run is None and turn == 0:
+                    with suppress(Exception):  # what is imported and compiled once is not timed
+                        tally.method.measure(single_block())
                 if tally.failure is None:
-                    tally.add(run_apart(tally.method, scene, limits))
+                    tally.add((run or run_here)(tally.method, scene))
                 advance(tally.method.name)
     except KeyboardInterrupt as error:
         raise Interrupted([tally.row for tally in tallies if tally.has_run]) from error

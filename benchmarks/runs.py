@@ -1,32 +1,31 @@
 """Runs in processes of their own: a crash or a timeout is a failed run with its reason.
 
 Every run starts a fresh Python, so that its peak memory is its own and nothing is warm that
-another method warmed; the process itself is warmed up on one block before the clock starts, and
-what that left is collected: a full collection of all imported objects takes Python 30 ms, and
-would fall into whichever phase comes first.
+another method warmed; the process itself is warmed up on one block before the clock starts.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cvxlimit.compare.models import Measurement, Method
-from cvxlimit.errors import CvxlimitError, ModelError
+from cvxlimit.compare.rows import Failure, run_here
+from cvxlimit.errors import ModelError
 from cvxlimit.extras import needed
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
 
-_TASK, _RESULT = "task.pickle", "result.pickle"
-_SERVE = "import sys; from cvxlimit.compare.runs import serve; serve(sys.argv[1])"
+_TASK, _RESULT, _ERRORS = "task.pickle", "result.pickle", "errors.txt"
+_SERVE = "import sys; from benchmarks.runs import serve; serve(sys.argv[1])"
 _THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -43,6 +42,9 @@ _OUT_OF_MEMORY = (
 )
 """What libraries write before they give up, in lower case."""
 
+_LOOK = 0.02
+"""Seconds between two looks at a run's memory."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -53,7 +55,7 @@ class Limits:
     seconds : float
         Wall-clock time, the process's start included.
     memory : float or None
-        Address space in GB, where the operating system can limit it.
+        Resident memory in GB, where the operating system says what a process has.
     threads : int or None
         Threads of solvers and linear algebra; None leaves them to the machine.
     """
@@ -76,18 +78,9 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A run without an answer, and why."""
-
-    reason: str
-    is_timeout: bool = False
-
-
-@dataclass(frozen=True)
 class _Task:
     method: Method
     scene: Scene
-    memory: float | None
 
 
 def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Failure:
@@ -99,28 +92,42 @@ def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Fai
         If the method cannot be sent to another process.
     """
     with tempfile.TemporaryDirectory(prefix="cvxlimit-") as folder:
-        _write_task(Path(folder), _Task(method, scene, limits.memory))
-        command = [sys.executable, "-W", "ignore", "-c", _SERVE, folder]
-        try:
-            done = subprocess.run(
-                command,
-                env=_environment(limits),
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=limits.seconds,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            return Failure(f"time limit of {limits.seconds:g} s", is_timeout=True)
-        result = Path(folder) / _RESULT
+        task, result = Path(folder) / _TASK, Path(folder) / _RESULT
+        task.write_bytes(_packed(_Task(method, scene), method))
+        code, reason = _watched(Path(folder), limits)
+        if reason is not None:
+            return reason
         if not result.exists():
-            return Failure(_crash(done.returncode, done.stderr.decode(errors="replace"), limits))
+            return Failure(_crash(code, (Path(folder) / _ERRORS).read_text(errors="replace")))
         found: Measurement | Failure = pickle.loads(result.read_bytes())
         return found
 
 
-def _write_task(folder: Path, task: _Task) -> None:
-    (folder / _TASK).write_bytes(_packed(task, task.method))
+def _watched(folder: Path, limits: Limits) -> tuple[int, Failure | None]:
+    """Run the task there; its exit code, or which limit it was stopped for.
+
+    Memory is looked at from outside. Were the address space limited instead, libraries would fail
+    in ways of their own: OpenBLAS tries for a minute to start, which looks like a lack of time.
+    """
+    command = [sys.executable, "-W", "ignore", "-c", _SERVE, str(folder)]
+    end = time.monotonic() + limits.seconds
+    with (folder / _ERRORS).open("wb") as errors:
+        process = subprocess.Popen(
+            command, env=_environment(limits), stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=errors,
+        )  # fmt: skip
+        try:
+            while True:
+                with suppress(subprocess.TimeoutExpired):
+                    return process.wait(_LOOK), None
+                used = peak_memory(process.pid)
+                if limits.memory is not None and used is not None and used > 1e3 * limits.memory:
+                    return -1, Failure(f"memory limit of {limits.memory:g} GB")
+                if time.monotonic() > end:
+                    return -1, Failure(f"time limit of {limits.seconds:g} s", is_timeout=True)
+        finally:
+            process.kill()
+            process.wait()
 
 
 def check_portable(method: Method) -> None:
@@ -157,11 +164,11 @@ def _environment(limits: Limits) -> dict[str, str]:
     return environment
 
 
-def _crash(code: int, stderr: str, limits: Limits) -> str:
+def _crash(code: int, stderr: str) -> str:
     lines = stderr.strip().splitlines()
     last = f": {lines[-1][:160]}" if lines else ""
-    if limits.memory is not None and any(word in stderr.lower() for word in _OUT_OF_MEMORY):
-        return f"memory limit of {limits.memory:g} GB{last}"
+    if any(word in stderr.lower() for word in _OUT_OF_MEMORY):
+        return f"out of memory{last}"
     if code < 0:
         with suppress(ValueError):
             return f"crashed with {signal.Signals(-code).name}{last}"
@@ -171,51 +178,28 @@ def _crash(code: int, stderr: str, limits: Limits) -> str:
 def serve(folder: str) -> None:
     """The fresh process's side: read a task, run it, leave a result."""
     task: _Task = pickle.loads((Path(folder) / _TASK).read_bytes())
-    _limit_memory(task.memory)
-    result = _guarded(task)
+    with suppress(Exception):  # what is imported and compiled once is not timed
+        task.method.measure(single_block())
+    result = run_here(task.method, task.scene)
+    if isinstance(result, Measurement):
+        result = replace(result, memory=peak_memory(os.getpid()))
     partial = Path(folder) / "partial"
     partial.write_bytes(pickle.dumps(result))
     partial.rename(Path(folder) / _RESULT)
 
 
-def _guarded(task: _Task) -> Measurement | Failure:
-    """Whatever a solver throws becomes the reason of a failed run."""
-    with suppress(Exception):
-        task.method.measure(single_block())
-    gc.collect()
-    try:
-        measurement = task.method.measure(task.scene)
-    except MemoryError:
-        return Failure(f"memory limit of {task.memory:g} GB" if task.memory else "out of memory")
-    except CvxlimitError as error:
-        return Failure(str(error))
-    except Exception as error:
-        return Failure(f"{type(error).__name__}: {' '.join(str(error).split())[:160]}")
-    if measurement.load_factor is None:
-        return Failure(f"no load factor: {measurement.status}")
-    return replace(measurement, memory=peak_memory())
-
-
-def _limit_memory(gigabytes: float | None) -> None:
-    if gigabytes is None or sys.platform != "linux":
-        return
-    import resource
-
-    limit = int(gigabytes * 1e9)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-
-
-def peak_memory() -> float | None:
-    """Peak resident memory of this process, MB; None where it cannot be known.
+def peak_memory(process: int) -> float | None:
+    """Peak resident memory of a process, MB; None where it cannot be known.
 
     On Linux from /proc: getrusage there counts the parent's memory as well, from before the
-    new program was loaded.
+    new program was loaded. Elsewhere of this process only.
     """
-    status = Path("/proc/self/status")
-    if status.exists():
-        for line in status.read_text().splitlines():
+    with suppress(OSError):
+        for line in Path(f"/proc/{process}/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6
+    if process != os.getpid():
+        return None
     try:
         import resource
     except ImportError:

@@ -1,0 +1,90 @@
+"""The frozen surface of Eq. 32 as a method of the benchmarks: what changed Parameters cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cvxlimit.bracket import known
+from cvxlimit.compare.models import Measurement, Method, Model
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.driver import Clock
+from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.scene import Scene
+from cvxlimit.solvers import settings_for
+from cvxlimit.surfaces import Cone, parse_cone
+
+
+@dataclass(frozen=True)
+class FrozenModel(Model):
+    """The surface with interaction coefficients as CVXPY Parameters, solved twice.
+
+    The first solve, at eccentricity zero, is the problem without interaction and gives the load
+    factor; the second, at the first one's eccentricities, shows what changed Parameters cost.
+
+    Attributes
+    ----------
+    parameters : str
+        ``"dpp"``: compiled once with the Parameters in it; ``"recompiled"``: afresh every time.
+    """
+
+    parameters: str = "dpp"
+
+    CHOICES: ClassVar[tuple[str, ...]] = ("dpp", "recompiled")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.surface, (str, Cone)):
+            raise ModelError(f"surface must be a name or a cone, got {self.surface!r}")
+        if self.parameters not in self.CHOICES:
+            raise ModelError(
+                f"parameters must be one of {', '.join(self.CHOICES)}, got {self.parameters!r}"
+            )
+
+    def axes(self) -> dict[str, str]:
+        """See :class:`Method`."""
+        return {**super().axes(), "parameters": self.parameters}
+
+    def measure(self, scene: Scene) -> Measurement:
+        """See :class:`Method`."""
+
+        settings = self.solver or settings_for("CLARABEL", 1e-8)
+        clock = Clock()
+        with clock.phase("detect"):
+            contacts = scene.contacts
+        with clock.phase("compile"):
+            cone, moments = parse_cone(str(self.surface)), parse_moments(self.moments)
+            frozen = FrozenProblem(scene, cone, moments)
+            frozen.ignore_dpp = self.parameters == "recompiled"
+            centred = Pressure.of(np.zeros((len(contacts), 6)), contacts)
+            state = frozen.solve(centred, settings)
+            clock.book(state.outcome)
+        if state.forces is not None:
+            clock.seconds["reparametrise"] = 0.0
+            with clock.phase("reparametrise"):
+                again = frozen.solve(Pressure.of(state.forces, contacts), settings)
+                clock.seconds["solve"] += again.outcome.solve_seconds
+        with clock.phase("certify"):
+            bounds = Certifier(scene, frozen.surfaces(centred)).certificate(
+                state.forces, state.load_factor, state.mechanism
+            )
+        return Measurement(
+            state.outcome.status, state.load_factor, known(bounds.lower), known(bounds.upper),
+            clock.seconds, clock.elapsed, len(contacts),
+        )  # fmt: skip
+
+
+def frozen_methods() -> dict[str, Method]:
+    """Both choices by name."""
+    made = (
+        FrozenModel(f"frozen/{choice}", "conic, Parameters, Clarabel qdldl",
+                    solver=settings_for("CLARABEL", 1e-8, "Clarabel qdldl"), tolerance=1e-8,
+                    parameters=choice)
+        for choice in FrozenModel.CHOICES
+    )  # fmt: skip
+    return {model.name: model for model in made}

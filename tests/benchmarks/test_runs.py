@@ -1,0 +1,129 @@
+"""Runs in processes of their own: crashes, hangs and limits are failures with their reason."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pytest
+from benchmarks.frozen import FrozenModel, frozen_methods
+from benchmarks.results import fitted_exponent
+from benchmarks.runs import Limits, run_apart
+
+from cvxlimit import builtin_scene
+from cvxlimit.compare.models import PHASES, Measurement, Method, Model
+from cvxlimit.compare.registry import registry
+from cvxlimit.compare.rows import Failure, side_by_side
+from cvxlimit.errors import ModelError
+from cvxlimit.model.formulations import resultants
+
+LIMITS = Limits(600.0)
+"""Seconds that no run needs, however busy the machine is."""
+
+
+@dataclass(frozen=True)
+class Misbehaving(Method):
+    """Fails in the way it is told to."""
+
+    name: str
+    how: str
+    line: str = "misbehaving"
+
+    def measure(self, scene) -> Measurement:
+        if len(scene.contacts) > 1 or self.how == "crash":
+            if self.how == "crash":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            if self.how == "hang":
+                signal.pause()
+            if self.how == "memory":
+                np.ones(int(1e12))
+            if self.how == "raise":
+                raise ZeroDivisionError("by\nnought")
+        status = "infeasible" if self.how == "no answer" else "optimal"
+        factor = None if self.how == "no answer" else 0.4
+        return Measurement(status, factor, None, None, {}, 0.1, len(scene.contacts))
+
+
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("crash", "SIGSEGV"),
+        ("hang", "time limit of 4 s"),
+        ("memory", "memory"),
+        ("raise", "ZeroDivisionError: by nought"),
+        ("no answer", "no load factor: infeasible"),
+    ],
+)
+def test_failures_become_rows(how, reason):
+    limits = Limits(4.0) if how == "hang" else LIMITS
+    failure = run_apart(Misbehaving("bad", how), builtin_scene("stack"), limits)
+    assert isinstance(failure, Failure)
+    assert reason in failure.reason
+    assert failure.is_timeout is (how == "hang")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is looked at on Linux only")
+@pytest.mark.parametrize("gigabytes", [0.01, 0.05])
+def test_a_limit_too_small_for_the_libraries_is_named(gigabytes):
+    """NumPy, SciPy and CVXPY take more than 0.1 GB when they are loaded."""
+    failure = run_apart(registry()["cvxlimit"], builtin_scene("stack"), Limits(600.0, gigabytes))
+    assert isinstance(failure, Failure)
+    assert failure.reason == f"memory limit of {gigabytes:g} GB"
+    assert not failure.is_timeout
+
+
+def test_memory_of_a_run_is_its_own():
+    found = run_apart(registry()["cvxlimit"], builtin_scene("stack"), LIMITS)
+    assert isinstance(found, Measurement)
+    assert found.load_factor == pytest.approx(0.4, rel=1e-5)
+    assert found.memory is None or 20.0 < found.memory < 1e4
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Limits(seconds=-1), "seconds of a run must be a number above 0, got -1"),
+        (lambda: Limits(memory=0.0), "memory of a run must be a number above 0, got 0.0"),
+        (lambda: Limits(threads=0), "threads must be a whole number above 0 or None, got 0"),
+        (lambda: FrozenModel("x", parameters="none"), "one of dpp, recompiled, got 'none'"),
+    ],
+)
+def test_refused_before_anything_runs(make, message):
+    with pytest.raises(ModelError, match=message):
+        make()
+
+
+def test_what_cannot_be_sent_is_refused_by_name():
+    model = Model("mine", formulation=partial(resultants, lock=threading.Lock()))
+    with pytest.raises(ModelError, match="'mine' cannot be sent"):
+        run_apart(model, builtin_scene("single-block"), LIMITS)
+
+
+def test_functions_that_no_module_holds_are_sent_by_value():
+    model = Model("mine", formulation=lambda contacts: resultants(contacts))
+    found = run_apart(model, builtin_scene("single-block"), LIMITS)
+    assert isinstance(found, Measurement)
+    assert found.load_factor == pytest.approx(0.4, rel=1e-5)
+
+
+def test_parameters_have_their_own_phase():
+    method = frozen_methods()["frozen/dpp"]
+    (row,) = side_by_side([method], builtin_scene("tuff-wall"), 1)
+    assert row.parameters == "dpp"
+    assert row.reparametrise > 0.0
+    assert row.error < 1e-5
+    phases = [getattr(row, phase) or 0.0 for phase in PHASES]
+    assert 0.0 < sum(phases) <= row.total * (1.0 + 1e-9)
+
+
+def test_fitted_exponent():
+    sizes = np.array([500.0, 1900.0, 5000.0, 16452.0])
+    noise = np.array([1.02, 0.99, 0.98, 1.01])
+    assert fitted_exponent(sizes, 3e-4 * sizes**1.4) == pytest.approx(1.4)
+    assert fitted_exponent(sizes, 3e-4 * sizes**1.4 * noise) == pytest.approx(1.4, abs=0.02)
+    assert np.isnan(fitted_exponent([5.0, 5.0], [1.0, 2.0]))
