@@ -76,7 +76,7 @@ class Comparison:
 
     def table(self) -> str:
         """Plain text: one line per model, ``*`` for those on the Pareto front."""
-        head = ("", "model", "load factor", "true error", "seconds", "of it solver", "MB", "status")
+        head = ("", "model", "load factor", "true error", "seconds", "of it solver", "status")
         best = set(self.front)
         lines = [head, *(("*" if row.method in best else "", *_cells(row)) for row in self.rows)]
         notes = [*dict.fromkeys(_reference_note(row) for row in self.rows)]
@@ -249,7 +249,6 @@ def _cells(row: Row) -> tuple[str, ...]:
         _figure(row.error, "{:.1e}"),
         _figure(row.total, "{:.3f}"),
         _figure(row.solve, "{:.3f}"),
-        _figure(row.memory, "{:.0f}"),
         row.reason or row.status,
     )
 
@@ -260,7 +259,7 @@ def _figure(value: float | None, style: str) -> str:
 
 def _aligned(lines: Sequence[tuple[str, ...]]) -> list[str]:
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    numbers = {2, 3, 4, 5, 6}
+    numbers = {2, 3, 4, 5}
     return [
         "  ".join(
             cell.rjust(width) if i in numbers else cell.ljust(width)
