@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from cvxlimit.methods.convex import Convex as Convex
     from cvxlimit.methods.driver import Method as Method
     from cvxlimit.methods.driver import Run as Run
-    from cvxlimit.methods.driver import Steps as Steps
     from cvxlimit.methods.exact_friction import ExactFriction as ExactFriction
     from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
     from cvxlimit.methods.gilbert import Gilbert as Gilbert
@@ -93,7 +92,6 @@ _HOME = {
     "Scene": "scene",
     "Solution": "solution",
     "Status": "solution",
-    "Steps": "methods.driver",
     "Tie": "ties",
     "Units": "scene",
     "ZeroDilatancy": "methods.zero_dilatancy",

@@ -42,32 +42,25 @@ class _Numbers:
     spread: float = 0.7
     """Standard deviation of the weights' logarithms. With equal weights the paths of symmetrical
     scenes (dome) meet branches and stop there."""
-
     ends: float = 1e-06
     """Share of the load factor, and of typical forces and rates, that may be left at the end; the
     polish goes on from there. Below 1e-8 rounding keeps correctors from their aim."""
-
     near: float = 0.1
     clamp: float = 0.5
     """Relative error of products at which the path is left for the next predictor, and the largest
     relative change by a corrector: with 0.7 and no limit correctors left the path at folds (dome,
     house corner: 4 of 8 paths ended, 7 of 8 so)."""
-
     longest: float = 2.0
     first: float = 0.5
     shortest: float = 0.0001
     """Largest, first and least change of any product's factor by a predictor, over its size."""
-
     rests: float = 0.01
     """Largest rest of linear equations, in typical forces and rates, for a predictor."""
-
     correctors: int = 7
     """Correctors before a predictor is tried again, a quarter as long."""
-
     air: float = 0.9
     down: float = 0.97
     """Share of the way to the boundary, and of tau, that one step may take."""
-
     damping: float = 1e-12
     """Added to the diagonal of the stiffness, over typical force by rate: blocks may be loose."""
 

@@ -43,23 +43,18 @@ class _Numbers:
 
     steps: int = 25
     """Most steps of one polish; where it converges, 5 to 20 are enough."""
-
     tries: int = 6
     """Dampings tried for a step that must make residuals smaller, each 8 times the last."""
-
     damping: float = 0.001
     least_damping: float = 1e-10
     factor: float = 8.0
-
     rounding: float = 1e-13
     """Least damping over the largest diagonal entry: with less, rounding made matrices indefinite,
     and SuperLU's symmetric mode, which does not pivot, did not return."""
-
     slow: float = 0.7
     patience: int = 3
     """Steps that leave more than this share of the squared residual are slow; so many end the
     polish: on the tuff wall and the panel S12 they did not recover."""
-
     exact: float = 1e-24
     """Sum of squared residuals, in typical forces and rates, where rounding begins."""
 

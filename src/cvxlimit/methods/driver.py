@@ -44,7 +44,6 @@ class _Numbers:
     boundless: float = 1000000.0
     """Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether
     the live load does any harm."""
-
     laps: int = 3
     longest: int = 8
     """A cycle is one of 2 to 8 values that were run through three times: two could be chance."""

@@ -37,10 +37,8 @@ class _Numbers:
     price: float = 1000.0
     """Of power on a mechanism, in scaled load factors: a penalty that is exact once it exceeds the
     multiplier; solutions are checked in any case."""
-
     nudge: float = 0.02
     """Size of random costs of normal forces, in load factors per total load."""
-
     little: float = 0.001
     """Size of random costs, beside power at ``price``."""
 

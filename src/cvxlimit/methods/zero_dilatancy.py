@@ -58,26 +58,20 @@ class _Numbers:
     """Largest random price where no iterate has told its size yet, over friction at a rate at which
     the whole live load does power 1: blocks that wedge each other need some price to have a
     solution."""
-
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
     """Random prices over the last iterate's largest, in turn: on a wall of six blocks whose
     solutions a mixed-integer search knows, only prices far above found the lowest branch."""
-
     polish: int = 10
     """Iterates between attempts to solve the equations of the fixed point from where it is: an
     attempt takes as long as about five iterates."""
-
     widths: tuple[float, ...] = (0.1, 1.0)
     """How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive
     more often."""
-
     steps: int = 400
     """Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
     solve; of the paths that arrive most need 80 to 360."""
-
     promising: float = 100.0
     """Residual over the tolerance up to which a path's end is polished."""
-
     walk: int = 6
     """Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
 

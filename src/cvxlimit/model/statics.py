@@ -24,10 +24,8 @@ class _Numbers:
 
     balanced: float = 1e-11
     """Residual of a block that counts as rounding, as a share of the forces acting on it."""
-
     smallest: float = 1e-100
     """Smallest total load: squares of smaller ones underflow."""
-
     zero: float = 1e-06
     """Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
 

@@ -52,27 +52,20 @@ class _Numbers:
 
     huge: float = 1e100
     """Forces and rates beyond this are refused like infinite ones: their products overflow."""
-
     overshoot: float = 1.5
     """Relaxation of the alternating projections, between 1 and 2."""
-
     spare: float = 0.1
     """Share of the yield function's range that a dead-load state keeps in reserve."""
-
     opening_reserve: float = 0.2
-
     opening_overshoot: float = 1.9
-
     opening_iterations: int = 50
     """Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
     iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On
     propped walls of 1,000 contacts and more they do not end at all: a solver does
     (:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
-
     attempts: tuple[tuple[float, int], ...] = ((0.1, 25), (0.1, 100), (0.01, 100), (0.0001, 60))
     """Least corner compression, as a share of what the lighter of the two blocks would give if its
     load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
-
     most_states: int = 100
     """States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
 

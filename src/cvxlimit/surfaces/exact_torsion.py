@@ -31,7 +31,6 @@ class _Numbers:
     """Centres of rotation farther off than this many sizes of the contact count as translations,
     with the rotation's share bounded from above: relative error 1e-9 at this distance, falling with
     its cube, where the closed form has lost as many digits."""
-
     grid: int = 25
     rounds: int = 5
     reach: float = 3.0
