@@ -346,7 +346,7 @@ class Certifier:
             return mechanism
         found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
         missing = found.missing + self._rounding(mechanism)
-        result: FloatArray = mechanism + max(float((missing / spare).max()), 0.0) * field
+        result: FloatArray = mechanism + _share(missing, spare) * field
         return result
 
     def _opened(
@@ -355,7 +355,7 @@ class Certifier:
         spare = self._spare_opening(field)
         if not spare.min() > 0.0:
             return np.inf, False
-        share = max(float((missing / spare).max()), 0.0)
+        share = _share(missing, spare)
         u = u + share * field
         if not self.strength.is_cone and share > 0.0:
             opened = self.strength.flow.opened(self.statics.relative_rates(field))
@@ -407,6 +407,15 @@ def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
         return second if gain > 0.0 else first
     price = _N.price * abs(first[0]) if np.isfinite(first[0]) else 0.0
     return second if second[1] and gain >= -price else first
+
+
+def _share(missing: FloatArray, spare: FloatArray) -> float:
+    """Of a field with ``spare`` opening > 0 (n,), what makes up for all that is ``missing`` (n,).
+
+    A contact without any state misses -inf and has inf to spare: it asks for nothing.
+    """
+    asks = missing > 0.0
+    return float(np.max(missing[asks] / spare[asks], initial=0.0))
 
 
 def _is_resisted(unresisted: FloatArray, rates: FloatArray) -> bool:
