@@ -107,8 +107,16 @@ class Bracket:
         """The nearest load factor inside."""
         return float(np.clip(load_factor, self.lower, max(self.lower, self.upper)))
 
+    def shown(self, digits: int) -> str:
+        """Both ends, rounded outwards to so many digits.
+
+        >>> Bracket(0.4230561, 0.4230593).shown(5)
+        '[0.42305, 0.42306]'
+        """
+        return f"[{rounded_down(self.lower, digits)}, {rounded_up(self.upper, digits)}]"
+
     def __str__(self) -> str:
-        return f"[{rounded_down(self.lower)}, {rounded_up(self.upper)}]"
+        return self.shown(7)
 
 
 def rounded_down(value: float, digits: int = 7) -> str:

@@ -202,7 +202,7 @@ class TestAnimation:
         assert not list(tmp_path.iterdir())
 
     def test_what_cannot_be_animated(self, moving, tmp_path) -> None:
-        with pytest.raises(InputError, match=r"written as .gif or .mp4, got 'block.avi'"):
+        with pytest.raises(InputError, match=r"'block.avi': give a name that ends in .gif or .mp4"):
             moving.save(tmp_path / "block.avi")
         solution = solve(builtin_scene("single-block"))
         with pytest.raises(ModelError, match="must be even, got 5"):

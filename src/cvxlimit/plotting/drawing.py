@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import io
-import os
 import textwrap
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +25,6 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
 from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import INK, draw_axes
 from cvxlimit.plotting.camera import default_camera
@@ -41,9 +38,9 @@ from cvxlimit.plotting.look import (
     MARK_COLOUR,
     STONE_COLOUR,
     SUPPORT_COLOUR,
+    Saved,
     printable,
     scene_title,
-    with_suffix,
 )  # fmt: skip
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Picture, paint
@@ -68,8 +65,10 @@ line to line."""
 DPI = 150
 
 
-class SceneFigure(Figure):
+class SceneFigure(Figure, Saved):
     """A Matplotlib figure that notebooks show without any set-up."""
+
+    suffixes = IMAGES
 
     def _repr_png_(self) -> bytes:
         return self.file("png")
@@ -92,18 +91,6 @@ class SceneFigure(Figure):
         canvas.draw()  # type: ignore[no-untyped-call]
         shown = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         return shown[:, :, :3].copy()
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a ``.png``, ``.svg`` or ``.pdf``, complete or not at all; returns its path.
-
-        Raises
-        ------
-        InputError
-            For another suffix or a folder that cannot be written to.
-        """
-        target = with_suffix(path, IMAGES)
-        write_file(target, self.file(target.suffix.lower().removeprefix(".")))
-        return target
 
 
 def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.bracket import rounded
 from cvxlimit.errors import InputError
+from cvxlimit.files import write_file
 from cvxlimit.plotting.annotations import JointKind
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
@@ -109,6 +111,9 @@ def block_colours(
     return colours
 
 
+DIGITS = 5
+"""Of load factors on pictures."""
+
 _FRICTION = {"conic": "Coulomb friction", "octagon": "octagonal friction"}
 _BENDING = {
     "certified": "interaction with bending",
@@ -139,17 +144,9 @@ def title(solution: Solution) -> str:
     if solution.load_factor is None:
         return f"{what}: {solution.status}"
     doubt = "" if solution.status.is_good else f" ({solution.status})"
-    digits = _decimals(solution.load_factor)
-    inside = f" in {outward_bracket(solution)}" if solution.bracket.has_any else ""
-    what += f": {printable(solution.quantity)}"
-    return f"{what} {solution.load_factor:.{digits}f}{inside}{doubt}"
-
-
-def outward_bracket(solution: Solution) -> str:
-    """The bracket with its ends rounded outwards to the load factor's five digits."""
-    digits = _decimals(solution.load_factor or solution.upper)
-    ends = _outward(solution.lower, digits, -1), _outward(solution.upper, digits, 1)
-    return ", ".join(ends)
+    inside = f" in {solution.bracket.shown(DIGITS)}" if solution.bracket.has_any else ""
+    value = f"{printable(solution.quantity)} {rounded(solution.load_factor, DIGITS)}"
+    return f"{what}: {value}{inside}{doubt}"
 
 
 def scene_title(scene: Scene) -> str:
@@ -167,26 +164,6 @@ def scene_title(scene: Scene) -> str:
     return f"{printable(scene.name)}: {blocks}, {supports}"
 
 
-def _decimals(value: float) -> int:
-    """Decimals that show five significant digits of ``value``."""
-    if not (math.isfinite(value) and value):
-        return 5
-    return max(0, 4 - math.floor(math.log10(abs(value)) + 1e-12))
-
-
-def _outward(value: float, digits: int, side: int) -> str:
-    """An end of the bracket, rounded away from its middle; open where it is infinite."""
-    if not math.isfinite(value):
-        return "(-\N{INFINITY}" if side < 0 else "\N{INFINITY})"
-    shift = 10.0**digits
-    steps = value * shift
-    rounded = round(steps)
-    if abs(steps - rounded) > 1e-6:
-        rounded = math.ceil(steps) if side > 0 else math.floor(steps)
-    text = f"{rounded / shift:.{digits}f}"
-    return f"[{text}" if side < 0 else f"{text}]"
-
-
 def printable(text: str) -> str:
     """``text`` with replacements for characters that do not print."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
@@ -196,13 +173,32 @@ IMAGES = (".png", ".svg", ".pdf")
 """Files of figures. In SVG and PDF the painted blocks are an image; everything else is lines."""
 
 
-def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """The path, if its name ends as it should.
+class Saved:
+    """What can be written to a file: ``suffixes`` say how, ``file`` gives the bytes."""
 
-    Raises
-    ------
-    InputError
-    """
+    suffixes: ClassVar[tuple[str, ...]]
+
+    def file(self, kind: str) -> bytes:
+        """Content of a file of that kind: a suffix without its dot."""
+        raise NotImplementedError
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write a file, complete or not at all; the suffix of its name says what. Returns its path.
+
+        Raises
+        ------
+        InputError
+            For a suffix that there is not, or a folder that cannot be written to.
+        ModelError
+            If something is needed for it that is not installed.
+        """
+        target = with_suffix(path, self.suffixes)
+        write_file(target, self.file(target.suffix.lower().removeprefix(".")))
+        return target
+
+
+def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:
+    """The path, refused unless its name ends as it should."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         raise InputError(

@@ -8,7 +8,7 @@ from html import escape
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting.annotations import refused
-from cvxlimit.plotting.look import outward_bracket, printable
+from cvxlimit.plotting.look import DIGITS, printable
 from cvxlimit.plotting.movement import motion, still
 from cvxlimit.plotting.registry import figures
 from cvxlimit.scene import Scene
@@ -51,7 +51,7 @@ def _solution_rows(solution: Solution) -> Rows:
     factor = "none" if solution.load_factor is None else f"<b>{solution.load_factor:.6g}</b>"
     yield "load factor", factor
     if solution.bracket.has_any:
-        yield "bracket", outward_bracket(solution)
+        yield "bracket", solution.bracket.shown(DIGITS)
     yield "status", str(solution.status)
     surface = solution.surface
     if solution.interaction != "none":

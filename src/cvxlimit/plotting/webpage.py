@@ -5,16 +5,13 @@ from __future__ import annotations
 import html
 import json
 import math
-import os
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
 from cvxlimit.plotting.camera import default_camera, upright
@@ -26,10 +23,10 @@ from cvxlimit.plotting.look import (
     SPEED_STOPS,
     SPEED_TEXT,
     STONE_COLOUR,
+    Saved,
     block_colours,
     scene_title,
     title,
-    with_suffix,
 )  # fmt: skip
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
@@ -46,8 +43,10 @@ PLACE = "/*DATA*/"
 """Where the template takes the data."""
 
 
-class Page(str):
+class Page(str, Saved):
     """A complete HTML page; notebooks show it in a frame of its own."""
+
+    suffixes = (".html",)
 
     def _repr_html_(self) -> str:
         return (
@@ -55,17 +54,9 @@ class Page(str):
             f'srcdoc="{html.escape(self)}"></iframe>'
         )
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the page, complete or not at all; returns its path.
-
-        Raises
-        ------
-        InputError
-            For another suffix than ``.html`` or a folder that cannot be written to.
-        """
-        target = with_suffix(path, (".html",))
-        write_file(target, self.encode("utf-8"))
-        return target
+    def file(self, kind: str) -> bytes:
+        """The page in UTF-8."""
+        return self.encode("utf-8")
 
 
 def page(scene: Scene, solution: Solution) -> Page:

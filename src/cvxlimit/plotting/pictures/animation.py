@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 from cvxlimit.checks import count
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
-from cvxlimit.files import write_file
 from cvxlimit.plotting.contents import Viewer
+from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import displaced
 from cvxlimit.plotting.picture import frame_of, paint
@@ -34,7 +33,7 @@ SECONDS = 2.4
 
 
 @dataclass(frozen=True, eq=False)
-class Animation:
+class Animation(Saved):
     """Frames of a moving picture; notebooks show it when it ends a cell.
 
     Attributes
@@ -44,6 +43,8 @@ class Animation:
     seconds : float
         Of one such cycle.
     """
+
+    suffixes = (".gif", ".mp4")
 
     frames: Sequence[Bytes]
     seconds: float = SECONDS
@@ -88,25 +89,9 @@ class Animation:
             except (OSError, RuntimeError) as error:
                 raise ModelError(f"ffmpeg could not write the video: {error}") from error
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a ``.gif`` or ``.mp4``; returns the file's path.
-
-        Raises
-        ------
-        InputError
-            For another suffix or a folder that cannot be written to.
-        ModelError
-            If an MP4 is asked for and ffmpeg is not installed.
-        """
-        target = Path(path)
-        suffix = target.suffix.lower()
-        if suffix not in (".gif", ".mp4"):
-            raise InputError(
-                f"an animation is written as .gif or .mp4, got {target.name!r}: a page (.html) "
-                "moves as well"
-            )
-        write_file(target, self.gif if suffix == ".gif" else self.mp4)
-        return target
+    def file(self, kind: str) -> bytes:
+        """As a ``gif`` or ``mp4``."""
+        return self.gif if kind == "gif" else self.mp4
 
     def _repr_html_(self) -> str:
         data = base64.b64encode(self.gif).decode("ascii")
