@@ -58,34 +58,33 @@ def table_of(solution: Solution, what: str) -> DataFrame:
 def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
     contacts, length, force = scene.contacts, scene.units.length, scene.units.force
     ids = np.array([block.id for block in scene.blocks], dtype=object)
+    found = contact_forces(scene, solution)
+    forces = np.full((len(contacts), 6), np.nan) if found is None else found
+    centre, place = pressure_centres(contacts, forces)
     columns: Columns = {
         "a": (ids[contacts.a], "", "block out of which the normal points"),
         "b": (ids[contacts.b], "", "block into which it points, and on which the forces act"),
         "friction": (contacts.friction, "", "Coulomb coefficient"),
         "area": (contacts.area, f"{length}\u00b2", "of the contact"),
     }
-    found = contact_forces(scene, solution)
-    forces = np.full((len(contacts), 6), np.nan) if found is None else found
     for name, values in zip(COMPONENTS, forces.T, strict=True):
-        is_moment = name.startswith("M")
-        columns[name] = (
-            values,
-            f"{force}\u00b7{length}" if is_moment else force,
-            f"{_COMPONENTS[name]}, on block b",
-        )
-    columns["shear"] = (np.hypot(forces[:, 0], forces[:, 1]), force, "size of (V1, V2)")
-    centre, place = pressure_centres(contacts, forces)
-    columns |= {
-        f"e{i + 1}": (centre[:, i], length, f"pressure centre from the contact's, along t{i + 1}")
-        for i in range(2)
-    }
-    columns |= {
-        f"p{axis}": (place[:, i], length, f"{axis} of the pressure centre")
-        for i, axis in enumerate("xyz")
-    }
+        unit = f"{force}\u00b7{length}" if name.startswith("M") else force
+        columns[name] = values, unit, f"{_COMPONENTS[name]}, on block b"
+    columns["shear"] = np.hypot(forces[:, 0], forces[:, 1]), force, "size of (V1, V2)"
+    for i, values in enumerate(centre.T, 1):
+        columns[f"e{i}"] = values, length, f"pressure centre from the contact's, along t{i}"
+    columns |= _along("p", place, length, "{} of the pressure centre")
     for name, used in utilisations(solution, scene).items():
-        columns[name] = (used, "", _USED.get(name, "share of the strength of that surface in use"))
+        columns[name] = used, "", _USED.get(name, "share of the strength of that surface in use")
     return list(contacts.names), columns | _rates(solution, scene)
+
+
+def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
+    """Three columns for vectors (n, 3)."""
+    return {
+        f"{name}{axis}": (each, unit, text.format(axis))
+        for axis, each in zip("xyz", values.T, strict=True)
+    }
 
 
 _COMPONENTS = {
@@ -109,45 +108,44 @@ _USED = {
 
 
 def _rates(solution: Solution, scene: Scene) -> Columns:
-    length = scene.units.length
-    rate, turn = f"{length}\u00b7rate", "rad\u00b7rate"
+    rate = f"{scene.units.length}\u00b7rate"
     moving = motion(scene, solution)
-    what, nothing = moving.contacts, np.full(len(scene.contacts), np.nan)
-    columns: Columns = {
-        "opening": (what.widest, rate, "largest opening rate over the corners, live power 1"),
-        "slip": (what.slip, rate, "largest sliding rate over the corners, live power 1"),
-        "twist": (what.twist, turn, "relative rotation rate about the normal, live power 1"),
-    }
-    if not moving.moves:
-        columns = {name: (nothing, unit, text) for name, (_, unit, text) in columns.items()}
+    what, blank = moving.contacts, 1.0 if moving.moves else np.nan
     states = [STATES[ContactKind(k)] if moving.moves else "" for k in what.kind.tolist()]
-    return columns | {"state": (states, "", "closed, opens, slides or twists in the mechanism")}
+    return {
+        "opening": (
+            blank * what.widest,
+            rate,
+            "largest opening rate over the corners, live power 1",
+        ),
+        "slip": (blank * what.slip, rate, "largest sliding rate over the corners, live power 1"),
+        "twist": (
+            blank * what.twist,
+            "rad\u00b7rate",
+            "relative rotation rate about the normal, live power 1",
+        ),
+        "state": (states, "", "closed, opens, slides or twists in the mechanism"),
+    }
 
 
 def _blocks(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
-    length, force = scene.units.length, scene.units.force
+    blocks, length = scene.blocks, scene.units.length
     moving = motion(scene, solution)
-    fixed = set(scene.supports)
-    rates = moving.rates if moving.moves else np.full((len(scene.blocks), 6), np.nan)
+    blank = 1.0 if moving.moves else np.nan
+    weight = np.array([np.nan if b.density is None else b.weight for b in blocks])
+    volume = np.array([b.volume for b in blocks])
+    centroids = np.array([b.centroid for b in blocks])
+    rates, fixed = blank * moving.rates, set(scene.supports)
     columns: Columns = {
-        "weight": (
-            np.array([np.nan if b.density is None else b.weight for b in scene.blocks]),
-            force,
-            "density times volume",
-        ),
-        "volume": (np.array([b.volume for b in scene.blocks]), f"{length}\u00b3", "of the block"),
+        "weight": (weight, scene.units.force, "density times volume"),
+        "volume": (volume, f"{length}\u00b3", "of the block"),
+        **_along("", centroids, length, "{} of the centroid"),
+        **_along("u", rates[:, :3], f"{length}\u00b7rate", "velocity along {}, live power 1"),
+        **_along("r", rates[:, 3:], "rad\u00b7rate", "rotation about {}, live power 1"),
+        "speed": (blank * moving.speed, "", "largest corner speed over the largest of all"),
+        "is_support": (np.array([b.id in fixed for b in blocks]), "", "fixed block"),
     }
-    centroids = np.array([b.centroid for b in scene.blocks])
-    columns |= {x: (centroids[:, i], length, f"{x} of the centroid") for i, x in enumerate("xyz")}
-    for i, x in enumerate("xyz"):
-        columns[f"u{x}"] = (rates[:, i], f"{length}\u00b7rate", f"velocity along {x}, live power 1")
-    for i, x in enumerate("xyz"):
-        columns[f"r{x}"] = (rates[:, 3 + i], "rad\u00b7rate", f"rotation about {x}, live power 1")
-    speed = moving.speed if moving.moves else rates[:, 0]
-    columns["speed"] = (speed, "", "largest corner speed over the largest of all")
-    support = np.array([b.id in fixed for b in scene.blocks])
-    columns["is_support"] = (support, "", "fixed block")
-    return [b.id for b in scene.blocks], columns
+    return [b.id for b in blocks], columns
 
 
 def _history(solution: Solution, pandas: Any) -> DataFrame:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 Table = Literal["contacts", "blocks", "history"]
-"""Tables of :meth:`Solution.to_dataframe`."""
 
 
 class Status(StrEnum):
@@ -327,9 +326,8 @@ class Solution:
         Example
         -------
         >>> from cvxlimit import builtin_scene, solve
-        >>> contacts = solve(builtin_scene("single-block")).to_dataframe()
-        >>> round(float(contacts["utilisation_rocking"].iloc[0]), 4), contacts["state"].iloc[0]
-        (1.0, 'opens')
+        >>> solve(builtin_scene("single-block")).to_dataframe()["state"].iloc[0]
+        'opens'
         """
         from cvxlimit.frames import table_of  # tables see solutions, not they them
 

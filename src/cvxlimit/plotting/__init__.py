@@ -64,10 +64,6 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
         raise AttributeError(f"module 'cvxlimit.plotting' has no attribute {name!r}")
 
 
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
-
 def picture_of(
     solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
 ) -> Any:

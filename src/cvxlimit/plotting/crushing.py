@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.movement import Motion, contact_forces, displaced
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -45,23 +46,20 @@ def crushed_zones(scene: Scene, forces: FloatArray) -> list[Zone]:
     >>> [zone.contact for zone in crushed_zones(scene, solve(scene).forces)]
     [0]
     """
-    contacts = scene.contacts
-    zones = []
-    ties = len(scene.ties)
-    for j in range(len(contacts) - ties):
-        strength = float(contacts.compressive_strength[j])
-        pressed = float(forces[j, COLUMN["N"]])
-        if not (np.isfinite(strength) and contacts.is_rectangle[j] and pressed > 0.0):
-            continue
-        centre = np.array([-forces[j, COLUMN["M2"]], forces[j, COLUMN["M1"]]]) / pressed
-        half = contacts.sides[j] / 2.0 - np.abs(centre)
-        if (half > 0.0).all() and pressed < (1.0 - _AT_STRENGTH) * strength * 4.0 * half.prod():
-            continue
-        signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        flat = centre + signs * np.maximum(half, 0.0)
-        points = contacts.origin[j] + flat @ contacts.axes[j, :2]
-        zones.append(Zone(j, points))
-    return zones
+    c, normal = scene.contacts, forces[:, COLUMN["N"]]
+    centre, _ = pressure_centres(c, forces)
+    half = c.sides / 2.0 - np.abs(centre)
+    is_limited = np.isfinite(c.compressive_strength)
+    strength = np.where(is_limited, c.compressive_strength, 0.0)
+    can_crush = is_limited & c.is_rectangle & ~np.isnan(half[:, 0])
+    can_crush[len(c) - len(scene.ties) :] = False
+    most = (1.0 - _AT_STRENGTH) * strength * 4.0 * half.prod(axis=1)
+    is_full = (half <= 0.0).any(axis=1) | (normal >= most)
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return [
+        Zone(j, c.origin[j] + (centre[j] + signs * np.maximum(half[j], 0.0)) @ c.axes[j, :2])
+        for j in np.flatnonzero(can_crush & is_full).tolist()
+    ]
 
 
 def yielding(scene: Scene, forces: FloatArray) -> NDArray[np.bool_]:

@@ -17,6 +17,9 @@ from cvxlimit.solution import Solution
 _MOST_BLOCKS = 3000
 """Blocks beyond which no picture is drawn unasked: it would take more than two seconds."""
 
+_STRESSED = {"load factor": ("<b>", "</b>")}
+"""Rows whose value stands out."""
+
 Rows = Iterator[tuple[str, str]]
 
 
@@ -48,8 +51,7 @@ def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
 
 
 def _solution_rows(solution: Solution) -> Rows:
-    factor = "none" if solution.load_factor is None else f"<b>{solution.load_factor:.6g}</b>"
-    yield "load factor", factor
+    yield "load factor", "none" if solution.load_factor is None else f"{solution.load_factor:.6g}"
     if solution.bracket.has_any:
         yield "bracket", solution.bracket.shown(DIGITS)
     yield "status", str(solution.status)
@@ -66,11 +68,13 @@ def _solution_rows(solution: Solution) -> Rows:
 
 def _card(title: str, rows: Rows, image: bytes | None) -> str:
     """A table, and the picture on its left; texts from the scene are data, never markup."""
-    cells = "".join(
-        f'<tr><td style="text-align:left;opacity:.7">{escape(name)}</td>'
-        f'<td style="text-align:left">{_text(value)}</td></tr>'
-        for name, value in rows
-    )
+    cells = ""
+    for name, value in rows:
+        shown = escape(printable(value)).join(_STRESSED.get(name, ("", "")))
+        cells += (
+            f'<tr><td style="text-align:left;opacity:.7">{escape(name)}</td>'
+            f'<td style="text-align:left">{shown}</td></tr>'
+        )
     picture = ""
     if image is not None:
         data = base64.b64encode(image).decode("ascii")
@@ -82,11 +86,6 @@ def _card(title: str, rows: Rows, image: bytes | None) -> str:
         '<div style="display:flex;gap:18px;align-items:center">'
         f"{picture}<div><b>{escape(title)}</b><table>{cells}</table></div></div>"
     )
-
-
-def _text(value: str) -> str:
-    bold = value.startswith("<b>") and value.endswith("</b>")
-    return f"<b>{escape(value[3:-4])}</b>" if bold else escape(printable(value))
 
 
 def _image(

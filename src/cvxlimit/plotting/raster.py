@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.geometry.mesh import cross
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -41,7 +43,9 @@ class Canvas:
         """
         corners: list[list[float]] = polygon.tolist()  # few: quicker one by one than as arrays
         x, y, _ = zip(*corners, strict=True)
-        normal, middle = _plane(corners)
+        spokes = polygon[1:] - polygon[0]
+        normal = cross(spokes[:-1], spokes[1:]).sum(axis=0)
+        middle = polygon.mean(axis=0)
         if abs(normal[2]) < 1e-6:
             return
         height, width = self.seen.shape
@@ -81,20 +85,3 @@ class Canvas:
             result[first] |= differ
             result[second] |= differ
         return result
-
-
-def _plane(corners: list[list[float]]) -> tuple[list[float], list[float]]:
-    """Area vector, doubled, and mean of a polygon's corners."""
-    x0, y0, z0 = corners[0]
-    normal, total = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-    ax, ay, az = (last - first for last, first in zip(corners[-1], corners[0], strict=True))
-    for x, y, z in corners:
-        bx, by, bz = x - x0, y - y0, z - z0  # from a corner: differences of large numbers are less
-        normal[0] += (ay - by) * (az + bz)
-        normal[1] += (az - bz) * (ax + bx)
-        normal[2] += (ax - bx) * (ay + by)
-        total[0] += x
-        total[1] += y
-        total[2] += z
-        ax, ay, az = bx, by, bz
-    return normal, [value / len(corners) for value in total]
