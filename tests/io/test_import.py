@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from broken_meshes import text_stl
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.triangles import triangulated
@@ -474,3 +477,18 @@ def test_exports_are_refused_with_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it does not belong to it"):
         export(WALL, tmp_path / "w.csv", other)
     assert not list(tmp_path.iterdir())
+
+
+def test_what_trimesh_gets_over_is_not_shown(tmp_path: Path) -> None:
+    """Normals of a text STL are not needed: a broken one printed a traceback to stderr."""
+    (tmp_path / "wall.stl").write_text(text_stl().replace("facet normal", "facet normal x", 1))
+    code = (
+        "from cvxlimit.io import read_bodies\n"
+        "try:\n print(len(read_bodies('wall.stl')))\n"
+        "except ValueError as error:\n print(error)\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.count("\n") == 1
+    assert found.stderr == ""

@@ -7,6 +7,7 @@ buffers in the same folder is opened, and whatever trimesh stumbles over becomes
 from __future__ import annotations
 
 import io
+import logging
 import os
 import re
 import struct
@@ -33,6 +34,8 @@ _GLB_HEADER = 20
 
 _GLB_TEXT = 0x4E4F534A
 
+_QUIET = logging.NullHandler()
+
 _MADE_UP = re.compile(r"geometry_\d+")
 """Names that trimesh gives to what has none."""
 
@@ -51,6 +54,8 @@ def read_mesh(path: Path) -> list[Body]:
     """
     what = f"{path.suffix} files (.obj, .json and .csv work without)"
     trimesh = needed("trimesh", "mesh", what)
+    # It logs tracebacks of what it gets over, which would go to stderr where nobody listens.
+    logging.getLogger("trimesh").addHandler(_QUIET)
     kind = path.suffix.lower()[1:]
     data = read_bytes(path)
     options: dict[str, Any] = {"process": False}
