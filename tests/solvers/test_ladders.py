@@ -115,7 +115,7 @@ class TestLadder:
 
     def test_rungs_that_do_not_even_return(self) -> None:
         solution = solve(builtin_scene("tuff-wall"), ladder=[UNKNOWN, UNFIT])
-        assert solution.status is Status.NOT_CERTIFIED
+        assert solution.status is Status.SOLVER_FAILED
         assert (solution.lower, solution.upper) == (-np.inf, np.inf)
         assert solution.load_factor is None
         assert solution.forces is None

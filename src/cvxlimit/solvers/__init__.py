@@ -5,7 +5,7 @@ put on a ladder even without. One that CVXPY does not know is a class like :clas
 may stand on a ladder itself, or in such a row.
 """
 
-from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.interior import Blockwise
 from cvxlimit.solvers.ladders import (
     Ladder,
     Shape,

@@ -60,7 +60,7 @@ class LadderNumbers:
     blockwise_from: Mapping[str, Mapping[str, float]] = field(
         default_factory=lambda: MappingProxyType(
             {
-                "conic": {"superlu": 4.5e8, "cholmod": 1.4e8, "beside QOCO": 1.4e8},
+                "conic": {"superlu": 1e8, "cholmod": 5e7, "beside QOCO": 5e7},
                 "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
                 "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
             }

@@ -12,7 +12,7 @@ from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from numpy.typing import NDArray
 
-from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.interior import Blockwise
 
 FloatArray = NDArray[np.float64]
 

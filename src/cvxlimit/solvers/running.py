@@ -74,8 +74,8 @@ class LimitState:
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
     """Solve and leave the values in the problem; failures come back as a status, not as errors.
 
-    Never from a solver object that CVXPY kept (``warm_start``): its interface to QOCO 0.3 then
-    returned the solution for the Parameters of the run before.
+    Only solvers whose row says so start from what CVXPY kept of the run before: its interface to
+    QOCO 0.3 then returned the solution for the Parameters of that run.
 
     CVXPY's warning about inaccurate solutions is not shown: the status says the same, is kept in
     the history, and the certificate decides what the solution is worth.
@@ -93,7 +93,7 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
             )
             compiled = time.perf_counter()
             raw = chain.solve_via_data(
-                problem, data, warm_start=False, verbose=False, solver_opts=options
+                problem, data, warm_start=row.starts_warm, verbose=False, solver_opts=options
             )
             solved = time.perf_counter()
             problem.unpack_results(raw, chain, inverse)

@@ -68,7 +68,13 @@ class SuperLU:
     """SciPy's LU, kept symmetric: no pivoting, no reordering."""
 
     def __init__(self, indices: Indices, indptr: Indices) -> None:
-        self.indices, self.indptr = indices.astype(np.int32), indptr.astype(np.int32)
+        n = len(indptr) - 1
+        number = np.arange(1, len(indices) + 1)
+        given = sp.csc_array((number, indices, indptr), shape=(n, n))
+        if sp.triu(given, 1).nnz == 0:  # the lower half stands for all
+            given = (given + sp.tril(given, -1).T).tocsc()
+        self.place = given.data - 1
+        self.indices, self.indptr = given.indices.astype(np.int32), given.indptr.astype(np.int32)
 
     def factorise(self, data: FloatArray) -> Solve:
         """Solver of the matrix with these entries, in the order of the pattern by columns.
@@ -80,7 +86,7 @@ class SuperLU:
         """
         n = len(self.indptr) - 1
         factor = splu(
-            sp.csc_array((data, self.indices, self.indptr), shape=(n, n)),
+            sp.csc_array((data[self.place], self.indices, self.indptr), shape=(n, n)),
             permc_spec="NATURAL",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},

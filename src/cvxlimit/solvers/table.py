@@ -20,7 +20,7 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.blockwise import Blockwise
+from cvxlimit.solvers.interior import Blockwise
 from cvxlimit.solvers.rescaled import Rescaled
 from cvxlimit.solvers.sparse import best_backend
 from cvxlimit.versions import __version__, version_of
@@ -49,6 +49,8 @@ class Solver:
         False if it solves linear problems only.
     is_tried : bool
         True if it is on the default ladder, below Clarabel, where it is installed.
+    starts_warm : bool
+        True if a problem solved again starts from the answer before.
     splits_equations : bool
         True if CVXPY's interface to it takes equations and cones apart.
     distribution : str
@@ -69,6 +71,7 @@ class Solver:
     iterations: str = "max_iter"
     has_cones: bool = True
     is_tried: bool = False
+    starts_warm: bool = False
     splits_equations: bool = False
     distribution: str = ""
     pace: tuple[float, float] = (3.2e-7, 1.6)
@@ -86,7 +89,7 @@ _ROWS = (
     # tolerances save little and cost the bracket (docs/solvers.md).
     Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL),
     Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(1.7e-5, 1.2),
-           plug_in=Blockwise),
+           starts_warm=True, plug_in=Blockwise),
     Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
            plug_in=Rescaled),
     # At tolerances below 1e-8 its brackets are no narrower.

@@ -1,7 +1,8 @@
-"""The plug-in solver: its algebra by definition, its answers by other solvers and by hand."""
+"""Our own solver: its algebra by definition, its answers by other solvers and by hand."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import cvxpy as cp
@@ -18,8 +19,9 @@ from cvxlimit.masonry import arch, panel, running_bond, wall
 from cvxlimit.model.formulations import resultants
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import Blockwise, Shape, SolverSettings, default_ladder, limit_ladder
-from cvxlimit.solvers.blockwise.cones import Cones, Scaling
-from cvxlimit.solvers.blockwise.elimination import NewtonSystem
+from cvxlimit.solvers.interior.cones import Cones, Scaling
+from cvxlimit.solvers.interior.elimination import NewtonSystem
+from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
 from cvxlimit.solvers.sparse import BACKENDS
 from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import assert_certified, named_scene, scenes
@@ -33,7 +35,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 def random_cones(rng: np.random.Generator) -> Cones:
     """Up to a dozen cones of sizes 1 to 5, some of equal size."""
-    return Cones(int(rng.integers(0, 5)), rng.integers(1, 6, rng.integers(1, 8)).tolist())
+    slabs = [tuple(map(int, rng.integers(1, 6, 2))) for _ in range(int(rng.integers(1, 5)))]
+    return Cones(int(rng.integers(0, 5)), slabs)  # type: ignore[arg-type]
 
 
 def inside(cones: Cones, rng: np.random.Generator, margin: float = 0.1) -> FloatArray:
@@ -51,17 +54,16 @@ class TestCones:
         s, z = inside(cones, rng, 1e-3), inside(cones, rng, 1e-3)
         scaling = Scaling(cones, s, z)
         v = rng.normal(size=cones.size)
-        np.testing.assert_allclose(scaling.times(z), scaling.lam, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(scaling.over(s), scaling.lam, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(scaling.times(scaling.over(v)), v, rtol=1e-9, atol=1e-9)
-        twice = scaling.times(scaling.times(v))
-        np.testing.assert_allclose(scaling.squared(v), twice, rtol=1e-9, atol=1e-9)
-        twice = scaling.over(scaling.over(v))
-        np.testing.assert_allclose(scaling.over_squared(v), twice, rtol=1e-9, atol=1e-9)
-        blocks = list(scaling.inverse_blocks())
-        for i, block in zip(cones.soc, blocks, strict=True):
-            applied = np.einsum("kij,kj->ki", block, v[i])
-            np.testing.assert_allclose(applied, scaling.over(v)[i], rtol=1e-9, atol=1e-9)
+        close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
+        close(scaling.times(z), scaling.lam)
+        close(scaling.times(scaling.lam), s)
+        close(scaling.squared(v), scaling.times(scaling.times(v)))
+        close(scaling.squared(scaling.squared(v), -1.0), v)
+        for slab, (place, shape) in enumerate(zip(cones.places, cones.shapes, strict=True)):
+            applied = scaling.over(slab, v[place].reshape(shape)[:, None])
+            whole = np.zeros_like(v)
+            whole[place] = applied.ravel()
+            close(scaling.times(whole)[place], v[place])
 
     @given(seed=SEEDS)
     @settings(max_examples=50, deadline=None)
@@ -98,7 +100,7 @@ class TestCones:
         np.testing.assert_allclose(cones.clipped(clipped, 0.2, 1.5), clipped, atol=1e-12)
 
     def test_a_point_on_the_boundary_has_no_scaling(self) -> None:
-        cones = Cones(1, [3])
+        cones = Cones(1, [(3, 1)])
         with pytest.raises(FloatingPointError, match="left the cones"):
             Scaling(cones, np.array([1.0, 1.0, 1.0, 0.0]), cones.identity)
 
@@ -108,18 +110,19 @@ class TestNewtonSystem:
     def test_agrees_with_a_dense_solution(self, backend: str) -> None:
         """The whole matrix, written out; 1e-9 because the right-hand sides are of order one."""
         rng = np.random.default_rng(3)
-        cones = Cones(8, [3, 3, 4, 3])
         G = sp.block_diag(  # rows in another order than the cones, so that blocks mix both kinds
             [rng.normal(size=(7, 3)), rng.normal(size=(7, 4)), rng.normal(size=(7, 2))]
         ).tocsr()
         order = [0, 1, 7, 8, 14, 15, 16, 17, 2, 3, 4, 9, 10, 11, 5, 6, 18, 19, 12, 13, 20]
         G = sp.hstack([G[order], sp.csr_array((21, 1))]).tocsr()
         E = sp.csr_array(rng.normal(size=(5, 10)))
-        system = NewtonSystem(E, G, cones, backend)
+        system = NewtonSystem(sp.vstack([E, G]).tocsr(), 5, 8, [3, 3, 4, 3], backend)
+        cones = system.cones
         scaling = Scaling(cones, inside(cones, rng), inside(cones, rng))
         system.factorise(scaling)
         right = rng.normal(size=10), rng.normal(size=5), rng.normal(size=21)
         W = np.stack([scaling.times(row) for row in np.eye(21)])
+        G, E = G[system.rows][:, system.columns], E[:, system.columns]
         whole = np.block(
             [
                 [np.zeros((10, 10)), E.toarray().T, G.toarray().T],
@@ -128,7 +131,7 @@ class TestNewtonSystem:
             ]
         )
         expected = np.linalg.solve(whole, np.concatenate(right))
-        np.testing.assert_allclose(np.concatenate(system.solve(*right)), expected, atol=1e-9)
+        np.testing.assert_allclose(np.concatenate(system.solve(right)), expected, atol=1e-9)
 
     def test_a_bounded_variable_in_all_equations(self, backend: str) -> None:
         """It borders the Schur complement although it has a cone row: max t, t <= 2 or less."""
@@ -176,7 +179,7 @@ class TestAnswers:
 
     def test_duals_have_cvxpys_signs(self) -> None:
         problem = random_program(np.random.default_rng(5))
-        problem.solve(solver="CLARABEL")
+        problem.solve(solver="CLARABEL", tol_gap_abs=1e-11, tol_gap_rel=1e-11, tol_feas=1e-11)
         expected = [c.dual_value for c in problem.constraints]
         problem.solve(solver=Blockwise())
         for constraint, dual in zip(problem.constraints, expected, strict=True):
@@ -251,6 +254,87 @@ class TestAnswers:
     def test_other_formulation(self) -> None:
         state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).solve(OWN)
         assert state.load_factor == pytest.approx(0.423056, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def program() -> InteriorPoint:
+    return _program(builtin_scene("tuff-wall"))
+
+
+@pytest.fixture(scope="module")
+def cold(program: InteriorPoint) -> Result:
+    return program.minimise(1e-8, 100)
+
+
+class TestWarmStarts:
+    """A start costs or saves time; the answer is that of a cold solve."""
+
+    @pytest.mark.parametrize("friction", [0.55, 0.6, 0.9])
+    def test_a_neighbours_point_is_the_way_to_the_answer(
+        self, cold: Result, friction: float
+    ) -> None:
+        """Two solves to 1e-8 agree to 1e-7."""
+        other = _program(builtin_scene("tuff-wall").with_friction(friction))
+        own, warm = other.minimise(1e-8, 100), other.minimise(1e-8, 100, cold.middle)
+        assert warm.status == own.status == "solved"
+        assert warm.objective == pytest.approx(own.objective, rel=1e-7)
+
+    @pytest.mark.parametrize("seed", range(4))
+    @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+    def test_noise(self, program: InteriorPoint, cold: Result, seed: int, size: float) -> None:
+        rng = np.random.default_rng(seed)
+        x, y, z, s = (size * rng.normal(size=len(v)) for v in _parts(cold.point))
+        found = program.minimise(1e-8, 150, Point(x, y, np.abs(z), np.abs(s)))
+        if found.status == "solved":
+            assert found.objective == pytest.approx(cold.objective, rel=1e-7)
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+    def test_nothing_to_start_from(
+        self, program: InteriorPoint, cold: Result, value: float
+    ) -> None:
+        start = Point(*(np.full_like(v, value) for v in _parts(cold.point)))
+        found = program.minimise(1e-8, 100, start)
+        assert (found.status, found.objective) == (cold.status, cold.objective)
+
+    def test_another_scenes_point(self, program: InteriorPoint, cold: Result) -> None:
+        other = _program(builtin_scene("stack")).minimise(1e-8, 100)
+        found = program.minimise(1e-8, 100, other.middle)
+        assert (found.status, found.objective) == (cold.status, cold.objective)
+
+    def test_iterates_are_strictly_admissible(self, program: InteriorPoint, cold: Result) -> None:
+        """In equilibrium to rounding, and inside all cones: a state with a reserve."""
+        middle = cold.middle
+        assert middle is not None
+        system = program.system
+        np.testing.assert_allclose(system.E @ middle.x, program.f, atol=1e-12)
+        assert system.cones.margin(program.h - system.G @ middle.x) > 0.0
+
+    def test_cvxpy_hands_the_start_over(self) -> None:
+        """The second answer, warm, is that of a solver which has seen nothing else."""
+        friction = cp.Parameter(nonneg=True, value=0.5)
+        x = cp.Variable(3)
+        problem = cp.Problem(
+            cp.Maximize(x[0]), [cp.norm(x[:2]) <= friction * x[2], x[2] == 2.0, x[1] == 0.1]
+        )
+        for value in (0.5, 0.6):
+            friction.value = value
+            found = problem.solve(solver=Blockwise(), warm_start=True)
+            assert found == pytest.approx(np.sqrt((2.0 * value) ** 2 - 0.01), rel=1e-8)
+
+
+def _program(scene: Scene) -> InteriorPoint:
+    """The limit problem as arrays, from CVXPY."""
+    problem = LimitProblem(scene).problem
+    data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
+    dims = data["dims"]
+    matrix, right = sp.csr_array(data["A"]), np.asarray(data["b"])
+    return InteriorPoint(
+        np.asarray(data["c"]), matrix, right, dims.zero, dims.nonneg, list(dims.soc), "superlu"
+    )
+
+
+def _parts(point: Point) -> tuple[FloatArray, ...]:
+    return point.x, point.y, point.z, point.s
 
 
 def _flat(dual: Any) -> FloatArray:

@@ -1,0 +1,105 @@
+"""The interior point for contacts beside Clarabel and QOCO: CPU seconds, cold and warm.
+
+    .venv/bin/python -m benchmarks.engine [--repeat 5] [SCENE[:SURFACE] ...]
+
+Medians; methods in turns. Cold: the limit problem, by tolerance. Warm: the same with friction 1 %
+higher, from a point on the way to the first answer (``middle``). Times are the solver's alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from statistics import median
+
+import numpy as np
+import scipy.sparse as sp
+from cvxlimit.surfaces.presets import surfaces_of
+from threadpoolctl import threadpool_limits
+
+from cvxlimit import Scene, builtin_scene
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.solvers import Blockwise, settings_for
+from cvxlimit.solvers.interior.iteration import InteriorPoint
+from cvxlimit.solvers.sparse import BACKENDS
+
+SCENES = (
+    "tuff-wall", "tuff-wall:octagon", "arch", "dome", "facade", "s12-panel", "s12-panel:octagon",
+    "s10-panel",
+)  # fmt: skip
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+
+
+def arrays(scene: Scene, surface: str, backend: str) -> Callable[[], InteriorPoint]:
+    """What sets up the engine for a limit problem."""
+    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
+    dims, matrix = data["dims"], sp.csr_array(data["A"])
+    c, b = np.asarray(data["c"]), np.asarray(data["b"])
+    return lambda: InteriorPoint(c, matrix, b, dims.zero, dims.nonneg, list(dims.soc), backend)
+
+
+def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:
+    """Clarabel and QOCO through CVXPY's interfaces, without its compiling."""
+    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    runs: dict[str, Callable[[], object]] = {}
+    for name, tolerance in (("CLARABEL", 1e-8), ("QOCO", 1e-8), ("QOCO", 1e-6)):
+        options = dict(settings_for(name, tolerance).options)
+        data, chain, _ = problem.get_problem_data(name, solver_opts=options)
+
+        def run(chain=chain, data=data, options=options) -> None:  # type: ignore[no-untyped-def]
+            chain.solve_via_data(problem, data, solver_opts=options)
+
+        runs[f"{name} {tolerance:g}"] = run
+    return runs
+
+
+def measured(name: str, repeat: int) -> dict[str, str]:
+    """Median CPU milliseconds and iterations, by method."""
+    scene_name, _, surface = name.partition(":")
+    scene, surface = builtin_scene(scene_name), surface or "conic"
+    runs = others(scene, surface)
+    found: dict[str, str] = {}
+    for backend in BACKENDS:
+        setup = arrays(scene, surface, backend)
+        stronger = arrays(
+            scene.with_friction(1.01 * float(scene.contacts.friction[0])), surface, backend
+        )
+        start = setup().minimise(1e-6, 100).middle
+        for tolerance in TOLERANCES:
+
+            def cold(setup=setup, tolerance=tolerance):  # type: ignore[no-untyped-def]
+                return setup().minimise(tolerance, 100)
+
+            def warm(setup=stronger, tolerance=tolerance, start=start):  # type: ignore[no-untyped-def]
+                return setup().minimise(tolerance, 100, start)
+
+            runs[f"own {backend} {tolerance:g}"] = cold
+            runs[f"own {backend} {tolerance:g} warm"] = warm
+    seconds: dict[str, list[float]] = {label: [] for label in runs}
+    for _ in range(repeat):
+        for label, run in runs.items():
+            began = time.process_time()
+            result = run()
+            seconds[label].append(time.process_time() - began)
+            found[label] = str(getattr(result, "iterations", ""))
+    return {label: f"{1e3 * median(s):.0f} ({found[label]})" for label, s in seconds.items()}
+
+
+def main() -> None:
+    """Print a table: scenes down, methods across."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", default=SCENES)
+    parser.add_argument("--repeat", type=int, default=5)
+    options = parser.parse_args()
+    with threadpool_limits(1, user_api="blas"):
+        for name in options.scenes:
+            cells = measured(name, options.repeat)
+            text = ", ".join(f"{label} {cell}" for label, cell in cells.items())
+            sys.stdout.write(f"{name}: {text}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,365 @@
+"""Infeasible-start interior-point iteration for cone programs.
+
+    min c'x  subject to  E x = f,  G x + s = h,  s in K
+
+Nesterov-Todd scaling; Mehrotra's predictor and corrector; further correctors after J. Gondzio,
+Multiple centrality corrections, 1996. Not the homogeneous embedding: after the first full step
+every iterate satisfies its equations exactly and is strictly inside the cones, so that it is a
+state with a reserve, and its bounds lose nothing but the gap.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.errors import SolverError
+from cvxlimit.solvers.interior.cones import Scaling
+from cvxlimit.solvers.interior.elimination import LIMITS, NewtonSystem, largest
+
+FloatArray = NDArray[np.float64]
+Pair = tuple[FloatArray, FloatArray]
+
+SOLVED, ALMOST, STALLED = "solved", "almost solved", "stalled"
+INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of the iteration.
+
+    Attributes
+    ----------
+    reach : float
+        Share of the way to the boundary.
+    correctors, widen, band, gain, long_step : int, float, float, float, float
+        Gondzio's correctors: most of them, longer step aimed at, band for the products around the
+        target, share of the aim that makes another one worth it, step beyond which none is.
+    patience : int
+        Iterations without a gain of a factor 2 before the iteration stops, near the end.
+    shortest : float
+        Step below which rounding has ended the iteration.
+    solved, almost : float
+        Worst gap and residual called solved, and almost solved.
+    no_answer : float
+        Residual of a proof that there is no optimum; the certificate decides in the end.
+    middle : float
+        Relative gap of the point kept on the way, from which the next problem may start.
+    floor : float
+        Least eigenvalue of a cold start, over the mean of the other unknowns of its side.
+    shift : float
+        A start is moved inside by this share of its mean entries.
+    """
+
+    reach: float = 0.99
+    correctors: int = 2
+    widen: float = 0.3
+    band: float = 0.03
+    gain: float = 0.1
+    long_step: float = 0.9
+    patience: int = 5
+    shortest: float = 1e-6
+    solved: float = 1e-8
+    almost: float = 1e-4
+    no_answer: float = 1e-9
+    middle: float = 1e-2
+    floor: float = 0.1
+    shift: float = 0.1
+
+
+NUMBERS = Numbers()
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """An iterate: x (n,), duals of equations y (p,) and cones z (m,), slacks s (m,)."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    s: FloatArray
+
+    def moved(self, primal: float, dual: float, d: Point) -> Point:
+        """The point further along ``d``, by a step for (x, s) and one for (y, z)."""
+        return Point(
+            self.x + primal * d.x,
+            self.y + dual * d.y,
+            self.z + dual * d.z,
+            self.s + primal * d.s,
+        )
+
+    @property
+    def is_finite(self) -> bool:
+        """True without inf and NaN."""
+        return all(np.isfinite(part).all() for part in (self.x, self.y, self.z, self.s))
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Status; the answer, in the order of the program given; a point on the way to start from."""
+
+    status: str
+    point: Point
+    objective: float
+    iterations: int
+    seconds: float
+    middle: Point | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Measure:
+    """What is missing at a point, and how good the point is."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    mu: float
+    gap: float
+    infeasibility: float
+    score: float
+
+    @property
+    def worst(self) -> float:
+        return max(self.gap, self.infeasibility)
+
+    def is_within(self, tolerance: float) -> bool:
+        return self.gap < tolerance and self.infeasibility < NUMBERS.solved
+
+
+class InteriorPoint:
+    """One cone program, min c'x with b - A x in {0}^zero x R+^orthant x second-order cones.
+
+    Of problems with the same A but for its numbers, the structure can be handed on.
+
+    Parameters
+    ----------
+    c : (n,), A : (m, n) sparse array, b : (m,)
+    zero, orthant : int
+    soc : sequence of int
+        Sizes of the second-order cones.
+    backend : str
+        One of :data:`~cvxlimit.solvers.sparse.BACKENDS`.
+
+    Raises
+    ------
+    SolverError
+        If the cone rows do not fall apart into small blocks.
+    """
+
+    def __init__(
+        self,
+        c: FloatArray,
+        A: sp.csr_array,
+        b: FloatArray,
+        zero: int,
+        orthant: int,
+        soc: list[int],
+        backend: str,
+    ) -> None:
+        self.system = NewtonSystem(sp.csr_array(A), zero, orthant, soc, backend)
+        self.cones = self.system.cones
+        self.c, self.f, self.h = c[self.system.columns], b[:zero], b[zero:][self.system.rows]
+        self._empty = np.flatnonzero((np.diff(self.system.E.indptr) == 0) & (self.f != 0.0))
+        entries = np.abs(self.f[self.f != 0.0])
+        self._unit = float(entries.mean()) if len(entries) else 1.0
+        self._loads = float(entries.sum()) or 1.0
+
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")
+    def minimise(self, tolerance: float, max_iter: int, start: Point | None = None) -> Result:
+        """Iterates until the gap, relative to the objective, is below the tolerance, or until
+        rounding allows no more; the best iterate is returned.
+
+        A start that is no use, of another size or with NaN, is not used.
+        """
+        began = time.perf_counter()
+        at = self._warm(start) or self._cold()
+        best, scores, worst, count = at, [np.inf], np.inf, 0
+        rank, enough = (True, np.inf), max(NUMBERS.solved, tolerance)
+        middle: Point | None = None
+        outcome: tuple[str, Point] | None = None
+        while True:
+            found = self._measured(at)
+            if (own := (not found.is_within(enough), found.score)) < rank:
+                best, rank = at, own
+            if middle is None and found.worst < NUMBERS.middle:
+                middle = at
+            scores.append(min(scores[-1], found.score))
+            worst = min(worst, found.worst)
+            outcome = self._no_answer(at)
+            if outcome is not None or self._is_done(found, tolerance, scores, worst):
+                break
+            moved = self._moved(at, found) if count < max_iter else None
+            if moved is None:
+                break
+            at, count = moved, count + 1
+        reached = SOLVED if not rank[0] else ALMOST if worst < NUMBERS.almost else STALLED
+        status, point = outcome or (reached, best)
+        objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(self.c @ point.x))
+        given = self._as_given(point)
+        seconds = time.perf_counter() - began
+        return Result(status, given, objective, count, seconds, middle)
+
+    def _as_given(self, point: Point) -> Point:
+        x, z, s = np.empty_like(point.x), np.empty_like(point.z), np.empty_like(point.s)
+        x[self.system.columns] = point.x
+        z[self.system.rows], s[self.system.rows] = point.z, point.s
+        return Point(x, point.y, z, s)
+
+    def _cold(self) -> Point:
+        """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""
+        e, nothing = self.cones.identity, np.zeros_like
+        try:
+            self.system.factorise(Scaling(self.cones, e, e))
+        except (np.linalg.LinAlgError, RuntimeError, ArithmeticError) as error:
+            raise SolverError(
+                "blockwise: some variables are neither in a cone nor in independent equations; "
+                "use another solver"
+            ) from error
+        x, _, z = self.system.solve((nothing(self.c), self.f, self.h))
+        s = self._inside(-z, x)
+        _, y, z = self.system.solve((-self.c, nothing(self.f), nothing(self.h)))
+        return Point(x, y, self._inside(z, y), s)
+
+    def _inside(self, v: FloatArray, beside: FloatArray) -> FloatArray:
+        """Moved so far that the least eigenvalue is of the order of the mean entry."""
+        margin = self.cones.margin(v)
+        size = max(float(np.abs(v).mean()), NUMBERS.floor * float(np.abs(beside).mean())) or 1.0
+        return v if margin > size else v + max(-2.0 * margin, size) * self.cones.identity
+
+    def _warm(self, start: Point | None) -> Point | None:
+        """A start, moved inside the cones; None if it is no use."""
+        if start is None or not start.is_finite:
+            return None
+        own = (self.c, self.f, self.h, self.h)
+        given = (start.x, start.y, start.z, start.s)
+        if any(a.shape != b.shape for a, b in zip(own, given, strict=True)):
+            return None
+        e = self.cones.identity
+        lifted = [v + NUMBERS.shift * float(np.abs(v).mean()) * e for v in (start.z, start.s)]
+        if not min(self.cones.margin(v) for v in lifted) > 0.0:
+            return None
+        return Point(start.x, start.y, *lifted)
+
+    def _measured(self, at: Point) -> _Measure:
+        system = self.system
+        p = system.equations
+        own = system.A @ at.x
+        rx = -(system.At @ np.concatenate([at.y, at.z]) + self.c)
+        ry, slack = self.f - own[:p], self.h - own[p:]
+        rz = slack - at.s
+        product = float(at.s @ at.z)
+        primal = float(self.c @ at.x)
+        gap = product / max(abs(primal), 1e-6)
+        dual_size = max(1.0, largest(at.z), largest(at.y))
+        primal_size = max(1.0, largest(at.x))
+        missing = largest(rx) / dual_size
+        infeasibility = max(max(largest(ry), largest(rz)) / primal_size, missing)
+        # What the certificate may lose: above, it has to open contacts where rates break the flow
+        # rule, and loads do work on that; below, forces have to be put into equilibrium again.
+        missing = max(missing, largest(rx) * self._loads / max(abs(primal), 1e-6))
+        outside = -self.cones.margin(slack)
+        violation = (largest(ry) + max(outside, 0.0)) / self._unit
+        mu = product / self.cones.degree
+        return _Measure(rx, ry, rz, mu, gap, infeasibility, gap + missing + violation)
+
+    def _no_answer(self, at: Point) -> tuple[str, Point] | None:
+        """A proof that there is no optimum: a certificate of infeasibility or a ray."""
+        system = self.system
+        if len(empty := self._empty):  # equations without variables that ask for something
+            y = np.zeros_like(at.y)
+            y[empty[0]] = -1.0 / self.f[empty[0]]
+            return INFEASIBLE, Point(at.x, y, np.zeros_like(at.z), at.s)
+        dual = -float(self.f @ at.y) - float(self.h @ at.z)
+        if dual > 0.0 and largest(system.Et @ at.y + system.Gt @ at.z) < NUMBERS.no_answer * dual:
+            return INFEASIBLE, Point(at.x, at.y / dual, at.z / dual, at.s)
+        primal = float(self.c @ at.x)
+        if primal < 0.0:
+            moves = max(largest(system.E @ at.x), largest(system.G @ at.x + at.s))
+            if moves < -NUMBERS.no_answer * primal:
+                return UNBOUNDED, Point(at.x / -primal, at.y, at.z, at.s / -primal)
+        return None
+
+    @staticmethod
+    def _is_done(found: _Measure, tolerance: float, scores: list[float], worst: float) -> bool:
+        """As good as asked, or no better for a while near the end."""
+        if found.is_within(tolerance):
+            return True
+        is_late = worst < NUMBERS.solved or found.gap < 1e-10
+        p = NUMBERS.patience
+        return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
+
+    def _moved(self, at: Point, found: _Measure) -> Point | None:
+        """The next iterate, or None where rounding ends the iteration."""
+        try:
+            direction, primal, dual = _Newton(self, at, found).best()
+        except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
+            return None
+        if not direction.is_finite:
+            return None
+        while max(primal, dual) > NUMBERS.shortest:
+            moved = at.moved(primal, dual, direction)
+            if self.cones.margin(moved.s) > 0.0 and self.cones.margin(moved.z) > 0.0:
+                return moved
+            primal, dual = 0.8 * primal, 0.8 * dual
+        return None
+
+
+class _Newton:
+    """Search directions from one iterate."""
+
+    def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
+        self.program, self.at, self.found, self.cones = program, at, found, program.cones
+        self.scaling = Scaling(program.cones, at.s, at.z)
+        program.system.factorise(self.scaling)
+        self.lam = self.scaling.lam
+
+    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> tuple[Point, Pair]:
+        """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim.
+
+        With it the scaled W^-1 ds and W dz.
+        """
+        found, times = self.found, self.scaling.times
+        own = self.cones.quotient(aim, self.lam)
+        x, y, z = self.program.system.solve((found.x, found.y, found.z - times(own)), rounds)
+        scaled_z = times(z)
+        scaled_s = own - scaled_z
+        return Point(x, y, z, times(scaled_s)), (scaled_s, scaled_z)
+
+    def lengths(self, scaled: Pair) -> tuple[float, float]:
+        """Steps of primal and dual that go most of the way to the boundary, at most 1."""
+        primal, dual = (self.cones.step(self.lam, d) for d in scaled)
+        return min(1.0, NUMBERS.reach * primal), min(1.0, NUMBERS.reach * dual)
+
+    def best(self) -> tuple[Point, float, float]:
+        """Predictor, corrector and as many further correctors as pay."""
+        cones, e, lam = self.cones, self.cones.identity, self.lam
+        squares = cones.product(lam, lam)
+        d, scaled = self.direction(-squares, 0)
+        primal, dual = self.lengths(scaled)
+        ahead = float((lam + primal * scaled[0]) @ (lam + dual * scaled[1])) / cones.degree
+        mu = self.found.mu
+        sigma = min(1.0, max(ahead / mu, 0.0)) ** 3
+        goal = max(sigma, 1e-8) * mu
+        aim = goal * e - squares - cones.product(*scaled)
+        d, scaled = self.direction(aim)
+        primal, dual = self.lengths(scaled)
+        for _ in range(NUMBERS.correctors):
+            step = min(primal, dual)
+            if step > NUMBERS.long_step:
+                break
+            wider = min(1.0, step + NUMBERS.widen)
+            products = cones.product(lam + wider * scaled[0], lam + wider * scaled[1])
+            inside = cones.clipped(products, NUMBERS.band * goal, goal / NUMBERS.band)
+            aim = aim + np.maximum(inside - products, -goal / NUMBERS.band)
+            new, new_scaled = self.direction(aim)
+            lengths = self.lengths(new_scaled)
+            pays = min(lengths) >= step + NUMBERS.gain * NUMBERS.widen
+            if min(lengths) > step:
+                d, scaled, (primal, dual) = new, new_scaled, lengths
+            if not pays:
+                break
+        return d, primal, dual
