@@ -125,7 +125,7 @@ def test_plot_draws_every_line_and_the_front(tuff):
 
 
 def test_without_matplotlib_the_error_names_the_extra(tuff, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cvxlimit.plotting.drawing", None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ModelError, match=r"cvxlimit\[plot\]"):
         tuff.plot()
 

@@ -213,11 +213,8 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     """Names looked up, patterns spread, each model once."""
     if isinstance(models, (str, Method)):
         models = [models]
-    known = [
-        *registry().values(),
-        *interaction_registry().values(),
-        *physics_registry().values(),
-    ]
+    made = registry() | interaction_registry() | physics_registry()
+    known = list(made.values())
     if not isinstance(models, Sequence):
         raise ModelError(f"models must be names or Model objects, got {models!r}")
     result: dict[str, Method] = {}

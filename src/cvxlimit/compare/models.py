@@ -216,7 +216,7 @@ class Model(Method):
         with clock.phase("compile"):
             problem = LimitProblem(scene, surfaces_of(self.surface)[0], self.formulation)
             state = problem.solve(settings)
-            clock.book(state.outcome)
+            clock.seconds["solve"] += state.outcome.solve_seconds
         with clock.phase("certify"):
             bounds = Certifier(scene, problem.surfaces, self.formulation).of(state)
         return Measurement(

@@ -65,32 +65,32 @@ class Row:
     contacts: int
     method: str
     line: str
-    surface: str
-    formulation: str
-    solver: str
-    tolerance: str
-    interaction: str
-    moments: str
-    parameters: str
-    status: str
-    reason: str
-    runs: int
-    load_factor: float | None
-    lower: float | None
-    upper: float | None
-    error: float | None
-    reference_lower: float | None
-    reference_upper: float | None
-    reference: str
-    detect: float | None
-    compile: float | None
-    reparametrise: float | None
-    solve: float | None
-    certify: float | None
-    total: float | None
-    total_min: float | None
-    total_max: float | None
-    memory: float | None
+    surface: str = ""
+    formulation: str = ""
+    solver: str = ""
+    tolerance: str = ""
+    interaction: str = ""
+    moments: str = ""
+    parameters: str = ""
+    status: str = "failed"
+    reason: str = ""
+    runs: int = 0
+    load_factor: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    error: float | None = None
+    reference_lower: float | None = None
+    reference_upper: float | None = None
+    reference: str = ""
+    detect: float | None = None
+    compile: float | None = None
+    reparametrise: float | None = None
+    solve: float | None = None
+    certify: float | None = None
+    total: float | None = None
+    total_min: float | None = None
+    total_max: float | None = None
+    memory: float | None = None
 
     @property
     def failed(self) -> bool:
@@ -253,22 +253,16 @@ def row_of(
     truth: Truth,
 ) -> Row:
     """Medians of ``runs``, or the failure with its reason."""
-    axes: dict[str, Any] = dict.fromkeys(
-        ("surface", "formulation", "solver", "tolerance", "parameters"), ""
-    )
-    figures = ("load_factor", "lower", "upper", "error", "total", "total_min", "total_max")
-    nothing: dict[str, Any] = dict.fromkeys((*figures, *PHASES, "memory"))
+    axes: dict[str, Any] = method.axes()
     row = Row(
         scene=scene.name,
         blocks=len(scene.free),
         contacts=len(scene.contacts),
         method=method.name,
         line=method.line,
-        **{**axes, **method.axes()},
-        status="failed",
+        **axes,
         reason=failure.reason if failure else "",
         runs=len(runs),
-        **nothing,
         reference_lower=known(truth.bracket.lower),
         reference_upper=known(truth.bracket.upper),
         reference=truth.note,
