@@ -74,6 +74,11 @@ class Clock:
             inside = sum(self.seconds.values()) - booked
             self.seconds[name] += time.perf_counter() - start - inside
 
+    def book(self, outcome: Outcome) -> None:
+        """Add what a solver took."""
+        self.seconds["compile"] += outcome.compile_seconds
+        self.seconds["solve"] += outcome.solve_seconds
+
 
 class Told(str):
     """A line of progress; ``has_bracket`` is true once the run would return one if interrupted."""
@@ -229,8 +234,7 @@ class Run:
         self.tell(f"solving with {settings}")
         with self.clock.phase("compile"):
             state = solver(settings)
-            self.clock.seconds["compile"] += state.outcome.compile_seconds
-            self.clock.seconds["solve"] += state.outcome.solve_seconds
+            self.clock.book(state.outcome)
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
             self.attempts.append((settings, state.outcome))
