@@ -72,6 +72,9 @@ class _Numbers:
     idle: float = 1e-09
     """Forces at a contact, over the largest of all, up to which it may be meant to carry
     nothing."""
+    unresisted: float = 1e-10
+    """Load factor, over the natural one, that rounding in equilibrium may hide where nothing
+    resists: ten times what counts as balanced. The dead-load state itself carries zero."""
     price: float = 1e-06
     """What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
     width of bracket that counts as certified."""
@@ -265,7 +268,10 @@ class Certifier:
         reserve = self.witnesses.dead_state
         if reserve is None or not (self._is_balanced(x, alpha) and self._is_balanced(reserve, 0.0)):
             return assumed, False, residual, excess
-        return (1.0 - self._mixing_share(x, reserve)) * alpha, True, residual, excess
+        lower = (1.0 - self._mixing_share(x, reserve)) * alpha
+        if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
+            lower = max(0.0, lower - _N.unresisted * self.assemblage.scaling.ratio)
+        return lower, True, residual, excess
 
     def _lower_without_idle(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
         can = self._can_reduce and not self.strength.is_internal
