@@ -285,7 +285,8 @@ class _Proof:
                     f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
                     f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
                 )
-                is_idle = stall.is_over(spent, search.upper - search.lower)
+                has_stalled = stall.is_over(spent, search.upper - search.lower)
+                is_idle = has_stalled and search.nodes >= BRACKET.least_nodes
                 is_over = spent > seconds or (self.rule.branching_seconds is None and is_idle)
                 if is_over or not search.can_go_on or run.best.bracket.is_below_zero:
                     return

@@ -110,7 +110,10 @@ def test_brute_force_lies_in_a_tight_bracket(
 
 @pytest.mark.parametrize(
     ("moments", "lower", "upper"),
-    [("independent", 0.2529, 0.3016), ("signed", 0.3413, 0.4231)],
+    [
+        pytest.param("independent", 0.2529, 0.3016, marks=pytest.mark.exhaustive),
+        ("signed", 0.3413, 0.4231),
+    ],
 )
 def test_tuff_wall(moments: str, lower: float, upper: float) -> None:
     """Issue and design: certified at least 0.2529, global upper at most 0.3016, and narrower than
@@ -126,6 +129,7 @@ def test_tuff_wall(moments: str, lower: float, upper: float) -> None:
     assert lowers == sorted(lowers)
 
 
+@pytest.mark.exhaustive
 def test_s12_class_panel_reaches_the_marks() -> None:
     scene = named_scene("s12-class")
     solution = solve(scene, interaction="certified", tolerance=0.02)
@@ -292,6 +296,7 @@ def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_borrowed_forces_are_admissible_and_as_good() -> None:
     """Without any bound of its own, signed moments have that of independent signs."""
     scene = random_wall(1)

@@ -379,6 +379,7 @@ def test_proved_bounds_need_no_tolerance() -> None:
 # Contacts that are not rectangles.
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 @given(piles(), st.sampled_from(MOMENTS))
 def test_any_convex_contact(scene: Scene, moments: str) -> None:

@@ -308,6 +308,7 @@ class TestLowerBounds:
                 mine = by_hand_at(x, contact.sides, contact.friction)
                 assert mine <= 1e-9 * _weight(scene)
 
+    @pytest.mark.exhaustive
     def test_branch_and_bound_closes_it(self) -> None:
         """On the incline below, mirrored axes have the closed form of statics."""
         scene, arm = _inclined()

@@ -126,7 +126,8 @@ class BracketSettings:
     narrow: float = 0.005  # width below which no further start is taken unasked
     few: int = 6  # contacts up to which branch and bound follows unasked,
     branching: float = 60.0  # for so many seconds,
-    idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap
+    idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap,
+    least_nodes: int = 30  # but not before so many nodes, however slow the machine
 
 
 PROOF, HULL, STEPS = ProofSettings(), HullSettings(), StepSettings()
