@@ -195,6 +195,7 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
             whole,
             friction=friction * whole.friction,
             corner_xy=size * whole.corner_xy,
+            pieces={j: tuple(size * p for p in parts) for j, parts in whole.pieces.items()},
             sides=size * whole.sides,
             area=size**2 * whole.area,
         )

@@ -168,6 +168,7 @@ def _replaced(
         corner_xy=np.concatenate(corners),
         sides=sides,
         area=area,
+        pieces={},
     )
 
 
