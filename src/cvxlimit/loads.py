@@ -14,6 +14,7 @@ from cvxlimit.arrays import RemadeFromFields
 from cvxlimit.checks import finite_vector, members, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.mesh import area_vectors, fan, polygon_vectors
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -311,14 +312,8 @@ def _point_action(i: int, block: Block, point: PointForce) -> Actions:
 
 def _pressure_action(i: int, block: Block, load: Pressure) -> Actions:
     """The resultant of a pressure, at its centre: the centroid of the loaded area."""
-    triangles = np.array(
-        [[face[0], face[k], face[k + 1]] for face in block.faces for k in range(1, len(face) - 1)]
-    )
-    owner = np.repeat(np.arange(len(block.faces)), [len(face) - 2 for face in block.faces])
-    corners = block.vertices[triangles]
-    areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros((len(block.faces), 3))
-    np.add.at(normals, owner, areas)
+    corners, owner = fan(block.vertices, block.faces)
+    normals = area_vectors(block.vertices, block.faces)
     towards = normals @ np.array(load.normal) / np.linalg.norm(normals, axis=1)
     if towards.max() < FACING:
         nearest = normals[int(towards.argmax())]
@@ -329,7 +324,7 @@ def _pressure_action(i: int, block: Block, load: Pressure) -> Actions:
             f"{np.round(nearest, 4).tolist()}"
         )
     chosen = (towards >= FACING)[owner]
-    vectors, middles = areas[chosen], corners[chosen].mean(axis=1)
+    vectors, middles = polygon_vectors(corners[chosen]), corners[chosen].mean(axis=1)
     along = vectors @ np.array(load.normal)
     centre = (along[:, None] * middles).sum(axis=0) / along.sum()
     forces = -load.pressure * vectors

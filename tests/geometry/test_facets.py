@@ -18,9 +18,9 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.geometry.facets import facets
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.polygons import mean_distance_over, united
 from cvxlimit.geometry.solids import solid
-from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.scene import Load, Scene
 
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)

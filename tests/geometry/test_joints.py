@@ -15,10 +15,10 @@ from cvxlimit import solve
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.detection import detect, detect_contacts
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.nearmisses import near_miss_sentence
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.solids import solid
-from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.io import scene_from_dict, scene_to_dict
 from cvxlimit.masonry import builtin_scene
 from cvxlimit.scene import Load, Scene, Units

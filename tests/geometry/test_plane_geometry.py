@@ -137,13 +137,14 @@ def hostile_pairs(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
 def check_overlaps(seed: int, count: int) -> None:
     """Areas as shapely has them, in whichever order it does better: it loses some of either."""
     first, second = hostile_pairs(seed, count)
+    sizes = [np.ptp(p, axis=1).max(axis=1) for p in (first, second)]
+    real = np.minimum(*sizes) > 1e-6 * np.maximum(*sizes)  # but for six corners in one place
+    first, second, size = first[real], second[real], np.minimum(*sizes)[real]
     areas = np.array([area_and_centroid(p)[0] if len(p) else 0.0
                       for p in convex_overlap(first, second)])  # fmt: skip
-    size = np.minimum(*(np.ptp(p, axis=1).max(axis=1) for p in (first, second)))
-    size = np.maximum(size, 1e-9)  # six corners in one place
     middle, unit = first[:, :1], size[:, None, None]
     a, b = (shapely.convex_hull(shapely.multipoints((p - middle) / unit)) for p in (first, second))
-    left, off = np.arange(count), np.empty(count)
+    left, off = np.arange(len(first)), np.empty(len(first))
     for one, other, grid in ((a, b, None), (b, a, None), (a, b, 1e-11)):
         found = shapely.area(shapely.intersection(one[left], other[left], grid_size=grid))
         off[left] = np.abs(found - areas[left] / size[left] ** 2)

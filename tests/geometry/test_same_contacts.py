@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cvxlimit import Block, builtin_scene
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
-from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.masonry import BUILTIN, random_wall
 from placements import OUTLINES, assert_same_contacts, shaped
 
@@ -48,6 +48,6 @@ def test_a_drum_with_a_hole_on_another() -> None:
     drum = manifold3d.CrossSection.circle(1.0, 24) - manifold3d.CrossSection.circle(0.4, 17)
     mesh = drum.extrude(0.5).to_mesh64()
     points, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).tolist()
-    low, high = (solid(f"d{z}", points + (0.0, 0.0, z), faces, 20.0) for z in (0.0, 0.5))
+    low, high = (solid(f"d{z}", points + np.array([0.0, 0.0, z]), faces, 20.0) for z in (0.0, 0.5))
     turned = high.moved([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     assert len(assert_same_contacts([low, turned])) == 1

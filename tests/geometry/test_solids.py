@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
-from cvxlimit.geometry.mesh import winding
+from cvxlimit.geometry.mesh import triangulated, winding
 from cvxlimit.geometry.solids import solid
-from cvxlimit.geometry.triangles import triangulated
 
 CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1))
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)

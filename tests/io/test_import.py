@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from broken_meshes import text_stl
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.triangles import triangulated
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.io import export, import_geometry, read_bodies
 from cvxlimit.io.geometry import Body
 from cvxlimit.io.geometry.bodies import separated

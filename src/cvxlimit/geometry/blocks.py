@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
-from cvxlimit.arrays import ReadOnlyArrays
+from cvxlimit.arrays import FloatArray, ReadOnlyArrays
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets
@@ -26,8 +26,6 @@ from cvxlimit.geometry.polyhedra import (
     default_tolerance,
     vertices_of,
 )
-
-FloatArray = NDArray[np.float64]
 
 BOX_FACES: Faces = (
     (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 4, 7, 3), (1, 2, 6, 5),

@@ -10,14 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import ReadOnlyArrays, read_only
+from cvxlimit.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
 from cvxlimit.strengths import PROPERTIES, JointValues, Pair
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 """Contact force components (Eq. 1), in the column order of every force array."""
@@ -202,6 +199,11 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def is_rectangle(self) -> NDArray[np.bool_]:
         """True for rectangles, (n,)."""
         return np.asarray(np.isfinite(self.sides).all(axis=1))
+
+    @property
+    def typical_size(self) -> float:
+        """A contact's usual size: the median square root of the areas."""
+        return float(np.median(np.sqrt(self.area)))
 
     @cached_property
     def torsion_arm(self) -> FloatArray:

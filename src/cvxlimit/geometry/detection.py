@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
@@ -23,10 +23,6 @@ from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.overlaps import Outlines, outlines
 from cvxlimit.geometry.penetration import check_no_interpenetration
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _STEEPEST = 0.1
 """Sine of the angle between two facets in contact, at most: beyond, a normal force could not be

@@ -11,17 +11,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cvxlimit.geometry.mesh import EdgeTable, Faces, area_vectors, plane_axes
-from cvxlimit.geometry.triangles import triangulated
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.geometry.mesh import EdgeTable, Faces, area_vectors, plane_axes, triangulated
 
 _SAME_WAY = 0.9
 """Cosine below which faces are not one facet, however small they are (26 degrees): a fillet

@@ -7,17 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import Facets
-from cvxlimit.geometry.mesh import Faces, cross
+from cvxlimit.geometry.mesh import Faces, cross, polygon_vectors
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 NEAR = 30.0
 """Joints that miss the joint tolerance by less than this factor are near misses."""
@@ -103,7 +99,7 @@ def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
             size[which], thickness[which] = blocks[which[0]].size, blocks[which[0]].thickness
             continue
         points = np.stack([blocks[i].vertices for i in which])
-        surface = np.linalg.norm(_vectors(_padded(points, faces)), axis=2).sum(axis=1)
+        surface = np.linalg.norm(polygon_vectors(_padded(points, faces)), axis=2).sum(axis=1)
         size[which] = np.linalg.norm(np.ptp(points, axis=1), axis=1)
         thickness[which] = 2.0 * np.array([blocks[i].volume for i in which]) / surface
     return size, thickness
@@ -113,13 +109,6 @@ def _padded(points: FloatArray, faces: Faces, width: int = 0) -> FloatArray:
     """Corners (n, f, k, 3) of the faces of bodies with vertices (n, v, 3), last ones repeated."""
     width = max(width, *(len(f) for f in faces))
     return points[:, [[*f, *f[-1:] * (width - len(f))] for f in faces]]
-
-
-def _vectors(corners: FloatArray) -> FloatArray:
-    """Area times normal of polygons (..., k, 3)."""
-    spokes = corners[..., 1:, :] - corners[..., :1, :]
-    result: FloatArray = 0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
-    return result
 
 
 def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
@@ -180,7 +169,9 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
     for size in np.unique(sizes).tolist():
         members = np.flatnonzero(sizes == size)
         corners = points[:, [shape.pieces[i] for i in members.tolist()]]
-        for piece, area in zip(members.tolist(), _vectors(corners).transpose(1, 0, 2), strict=True):
+        for piece, area in zip(
+            members.tolist(), polygon_vectors(corners).transpose(1, 0, 2), strict=True
+        ):
             vectors[:, owner[piece]] += area
         normals[size] = corners, members
     length = np.linalg.norm(vectors, axis=2)
@@ -210,7 +201,7 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
     """Rows of the blocks ``which`` have one shape, block by block."""
     n, pieces = len(which), len(shape.pieces)
     corners = _padded(np.stack([blocks[i].vertices for i in which.tolist()]), shape.pieces, width)
-    vectors = _vectors(corners)
+    vectors = polygon_vectors(corners)
     middle = np.stack(
         [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
     )

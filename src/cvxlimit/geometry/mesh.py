@@ -6,18 +6,18 @@ is refused with the place; :mod:`cvxlimit.geometry.solids` repairs before it ask
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Faces = tuple[tuple[int, ...], ...]
 
 
@@ -56,25 +56,29 @@ class EdgeTable:
         return order[::2], order[1::2]
 
 
+def by_size(faces: Sequence[Sequence[int]]) -> Iterator[tuple[IntArray, IntArray]]:
+    """Numbers (f,) and vertex indices (f, k) of the faces of k corners, for every k."""
+    sizes = np.array([len(f) for f in faces])
+    for size in np.unique(sizes).tolist():
+        members = np.flatnonzero(sizes == size)
+        yield members, np.array([faces[i] for i in members.tolist()])
+
+
 def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray, IntArray]:
     """Triangles (t, 3, 3) that make up the faces, and the face of each (t,).
 
     A face of more than three corners is fanned about the mean of its corners: for a flat face any
     fan has the same area and moments, for a warped one this does not depend on where it starts.
     """
-    sizes = np.array([len(f) for f in faces])
     corners, owners = [], []
-    for size in np.unique(sizes).tolist():
-        members = np.flatnonzero(sizes == size)
-        loops = points[np.array([faces[i] for i in members.tolist()])]
-        if size == 3:
-            corners.append(loops)
-            owners.append(members)
-            continue
-        middle = np.repeat(loops.mean(axis=1)[:, None], size, axis=1)
-        triangles = np.stack([middle, loops, np.roll(loops, -1, axis=1)], axis=2)
-        corners.append(triangles.reshape(-1, 3, 3))
-        owners.append(np.repeat(members, size))
+    for members, indices in by_size(faces):
+        loops, size = points[indices], indices.shape[1]
+        if size > 3:
+            middle = np.repeat(loops.mean(axis=1)[:, None], size, axis=1)
+            loops = np.stack([middle, loops, np.roll(loops, -1, axis=1)], axis=2).reshape(-1, 3, 3)
+            members = np.repeat(members, size)
+        corners.append(loops)
+        owners.append(members)
     return np.concatenate(corners), np.concatenate(owners)
 
 
@@ -85,12 +89,21 @@ def cross(u: FloatArray, v: FloatArray) -> FloatArray:
     return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=-1)
 
 
+def polygon_vectors(corners: FloatArray) -> FloatArray:
+    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not.
+
+    Counter-clockwise seen against the normal; repeated corners do no harm.
+    """
+    spokes = corners[..., 1:, :] - corners[..., :1, :]
+    result: FloatArray = 0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    return result
+
+
 def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
-    """Area times unit normal of every face, (f, 3)."""
-    triangles, face = fan(points, faces)
-    halves = 0.5 * cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    result = np.zeros((len(faces), 3))
-    np.add.at(result, face, halves)
+    """Area times unit normal (f, 3) of every face, by :func:`polygon_vectors`."""
+    result = np.empty((len(faces), 3))
+    for members, indices in by_size(faces):
+        result[members] = polygon_vectors(points[indices])
     return result
 
 
@@ -232,3 +245,72 @@ def plane_axes(normal: FloatArray) -> FloatArray:
 def place(point: FloatArray) -> str:
     """A point for a message."""
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist()) + ")"
+
+
+def triangulated(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray]:
+    """Triangles (t, 3) of vertex indices that make up the faces, and the face of each (t,).
+
+    A quadrilateral is cut along its shorter diagonal, if that lies inside, so that two blocks
+    which share a warped one are cut alike; larger faces by ear clipping in their own planes.
+    """
+    corners: list[IntArray] = []
+    owners: list[IntArray] = []
+    for members, loops in by_size(faces):
+        size = loops.shape[1]
+        if size == 3:
+            corners.append(loops)
+            owners.append(members)
+            continue
+        way, fits = _diagonals(points[loops]) if size == 4 else (loops[:, :1], None)
+        for row, number in enumerate(members.tolist()):
+            is_cut = fits is not None and fits[row]
+            cut = _WAYS[way[row]] if is_cut else _ears(points[loops[row]])
+            corners.append(loops[row][cut])
+            owners.append(np.full(len(cut), number))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(corners)[order].astype(np.int64), owner[order].astype(np.int64)
+
+
+_WAYS = np.array([[(0, 1, 2), (0, 2, 3)], [(1, 2, 3), (1, 3, 0)]])
+"""Triangles of a quadrilateral cut along its first or its second diagonal."""
+
+_EQUAL = 1e-9
+"""Diagonals whose lengths differ by less than this share are as long: a square's, rounded."""
+
+
+def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside.
+
+    The shorter one; of two as long, to rounding, the one whose middle is lower along x, y, z.
+    """
+    across = corners[:, [2, 3]] - corners[:, [0, 1]]
+    normal = cross(across[:, 0], across[:, 1])
+    spans = np.linalg.norm(across, axis=2)
+    middles = 0.5 * (corners[:, [0, 1]] + corners[:, [2, 3]])
+    lower = (middles[:, 0] - middles[:, 1]) / spans.max(axis=1)[:, None]
+    lead = np.abs(lower) > _EQUAL
+    first = np.take_along_axis(lower, lead.argmax(axis=1)[:, None], axis=1)[:, 0]
+    equal = np.abs(spans[:, 0] - spans[:, 1]) <= _EQUAL * spans[:, 0]
+    way = np.where(equal, first > 0.0, spans[:, 1] < spans[:, 0]).astype(np.int64)
+    cut = _WAYS[np.stack([way, 1 - way], axis=1)]  # q, way, triangle, corner
+    a, b, c = (
+        np.take_along_axis(corners[:, None, None], cut[..., i, None, None], axis=3)[..., 0, :]
+        for i in range(3)
+    )
+    areas = np.einsum("qwtk,qk->qwt", cross(b - a, c - a), normal)
+    fits = (areas > 0.0).all(axis=2)
+    return np.where(fits[:, 0], way, 1 - way), fits.any(axis=1)
+
+
+def _ears(corners: FloatArray) -> IntArray:
+    normal = polygon_vectors(corners)
+    return flat_triangles([corners @ plane_axes(normal / np.linalg.norm(normal)).T])
+
+
+def flat_triangles(loops: Sequence[FloatArray]) -> IntArray:
+    """Triangles (t, 3) of a plane region: outer loops counter-clockwise, holes clockwise.
+
+    They index the corners of all loops in the order given.
+    """
+    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(x) for x in loops]), np.int64)

@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cvxlimit.arrays import FloatArray, IntArray
 
 _FEW = 512
 """So many pairs of nodes take less time than boxes along the nodes' own axes."""

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from cvxlimit.arrays import FloatArray
 
 Kind = Literal["gap", "angle", "overlap", "sliver"]
 

@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.polygons import area_and_centroid, convex_overlap, united
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 """Signs of a rectangle's corners, counter-clockwise."""

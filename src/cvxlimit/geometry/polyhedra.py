@@ -7,13 +7,124 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.crossings import check_faces, check_no_crossing
-from cvxlimit.geometry.mesh import Faces, area_vectors, cross, outward, volume_and_centroid
+from cvxlimit.geometry.mesh import (
+    Faces,
+    area_vectors,
+    by_size,
+    cross,
+    outward,
+    place,
+    plane_axes,
+    triangulated,
+    volume_and_centroid,
+)
+from cvxlimit.geometry.nearby import nearby_pairs
 
-FloatArray = NDArray[np.float64]
+_CHUNK = 200_000
+"""Pairs of triangles looked at in one array operation: about 100 MB."""
+
+
+def check_faces(
+    id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
+) -> None:
+    """Refuse faces without area and faces whose own sides cross, seen along their normals."""
+    vectors = area_vectors(points, faces)
+    areas = np.linalg.norm(vectors, axis=1)
+    if not areas.min() > tolerance**2:
+        bad = int(areas.argmin())
+        raise GeometryError(
+            f"face {bad} of block {id!r} is degenerate: its area is {areas[bad]:g}",
+            points=points[list(faces[bad])],
+            blocks=(id,),
+        )
+    for number, face in enumerate(faces):
+        if len(face) > 3 and _crosses_itself(points[list(face)], vectors[number] / areas[number]):
+            raise GeometryError(
+                f"face {number} of block {id!r} crosses itself near "
+                f"{place(points[list(face)].mean(axis=0))}; list its vertices in order around it",
+                points=points[list(face)],
+                blocks=(id,),
+            )
+
+
+def _crosses_itself(corners: FloatArray, normal: FloatArray) -> bool:
+    """True if two sides of a polygon that do not follow each other cross in its own plane."""
+    flat = corners @ plane_axes(normal).T
+    along = np.roll(flat, -1, axis=0) - flat
+    turns = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
+    if len(corners) == 4 and (turns > 0.0).sum() >= 3:
+        return False
+    ends = flat + along
+
+    def side(points: FloatArray) -> FloatArray:
+        """Sign of the side of every line (rows) on which ``points`` (columns) lie."""
+        offset = points[None] - flat[:, None]
+        cross = along[:, None, 0] * offset[:, :, 1] - along[:, None, 1] * offset[:, :, 0]
+        noise = 1e-12 * float(np.abs(along).max()) ** 2
+        return np.where(np.abs(cross) > noise, np.sign(cross), 0.0)
+
+    apart = side(flat) * side(ends) < 0.0
+    return bool((apart & apart.T).any())
+
+
+def check_no_crossing(
+    id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
+) -> None:
+    """Refuse a surface where a side of one face passes through another by more than ``tolerance``.
+
+    Seen are crossings of at least that depth on both sides; surfaces that only touch pass.
+    """
+    corners, _ = triangulated(points, faces)
+    bodies = points[corners]
+    middle = bodies.mean(axis=1)
+    first, second = nearby_pairs(list(bodies), np.zeros(len(bodies)))
+    for at in range(0, len(first), _CHUNK):
+        chunk = slice(at, at + _CHUNK)
+        for i, k in ((first[chunk], second[chunk]), (second[chunk], first[chunk])):
+            hit = _pierced(points, corners[i], corners[k], tolerance)
+            if hit is not None:
+                pair, where = hit
+                raise GeometryError(
+                    f"block {id!r} cuts itself near {place(where)}: two of its faces cross; "
+                    "unite the parts before export, or make a block of each",
+                    points=np.vstack([bodies[i[pair]], bodies[k[pair]], middle[i[pair]][None]]),
+                    blocks=(id,),
+                )
+
+
+def _pierced(
+    points: FloatArray, lines: IntArray, faces: IntArray, tolerance: float
+) -> tuple[int, FloatArray] | None:
+    """First pair whose ``lines`` triangle has a side that passes through its ``faces`` triangle."""
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    wide = length > tolerance**2
+    normal = normal / np.where(wide, length, 1.0)[:, None]
+    for i, k in ((0, 1), (1, 2), (2, 0)):
+        ends = points[lines[:, i]], points[lines[:, k]]
+        high, low = (np.einsum("pk,pk->p", e - a, normal) for e in ends)
+        across = wide & (np.minimum(high, low) < -tolerance) & (np.maximum(high, low) > tolerance)
+        rows = np.flatnonzero(across)
+        if not len(rows):
+            continue
+        share = (high[rows] / (high[rows] - low[rows]))[:, None]
+        where = ends[0][rows] + share * (ends[1][rows] - ends[0][rows])
+        depth = np.full(len(rows), np.inf)
+        for p, q in ((a, b), (b, c), (c, a)):
+            along = q[rows] - p[rows]
+            inward = np.cross(normal[rows], along)
+            inward /= np.linalg.norm(along, axis=1)[:, None]
+            depth = np.minimum(depth, np.einsum("pk,pk->p", where - p[rows], inward))
+        inside = np.flatnonzero(depth > tolerance)
+        if len(inside):
+            return int(rows[inside[0]]), where[inside[0]]
+    return None
+
 
 RELATIVE_TOLERANCE = 1e-6
 """Exact shapes are told from inexact ones at this fraction of a block's size.
@@ -94,46 +205,38 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
     Most blocks are, and this way they take a tenth of the time of :func:`closed_body`.
     """
     tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    middle = points.mean(axis=0)
-    oriented = []
-    for face in faces:
-        corners = points[list(face)]
-        area = _area_vector(corners)
-        norm = float(np.linalg.norm(area))
-        if not norm > tolerance**2:
+    vectors = area_vectors(points, faces)
+    areas = np.linalg.norm(vectors, axis=1)
+    if not areas.min() > tolerance**2:
+        return None
+    normals, middles = vectors / areas[:, None], np.empty((len(faces), 3))
+    for members, indices in by_size(faces):
+        corners, normal = points[indices], normals[members, None]
+        middles[members] = corners.mean(axis=1)
+        edges = np.roll(corners, -1, axis=1) - corners
+        turns = (cross(edges, np.roll(edges, -1, axis=1)) * normal).sum(axis=2)
+        lengths = np.linalg.norm(edges, axis=2)
+        if not (lengths.min() > tolerance and (turns >= -tolerance * lengths).all()):
             return None
-        if area @ (corners.mean(axis=0) - middle) <= 0.0:
-            face, corners, area = face[::-1], corners[::-1], -area
-        if not _bounds_convex_body(points, corners, area / norm, tolerance):
+        if np.abs((corners - corners[:, :1]) @ normal.transpose(0, 2, 1)).max() > tolerance:
             return None
-        oriented.append(face)
-    edges = Counter((f[i - 1], f[i]) for f in oriented for i in range(len(f)))
-    if any(n != 1 or edges[e[::-1]] != 1 for e, n in edges.items()):
+    turned = np.einsum("fk,fk->f", normals, middles - points.mean(axis=0)) <= 0.0
+    normals[turned] *= -1.0
+    if not _all_behind(points, middles, normals, tolerance):
+        return None
+    own = np.einsum("fk,fk->f", middles, normals) - tolerance
+    if any(
+        (points[list(f)] @ n).min() < low for f, n, low in zip(faces, normals, own, strict=True)
+    ):
+        return None
+    oriented = tuple(f[::-1] if t else f for f, t in zip(faces, turned.tolist(), strict=True))
+    edges_of = Counter((f[i - 1], f[i]) for f in oriented for i in range(len(f)))
+    if any(n != 1 or edges_of[e[::-1]] != 1 for e, n in edges_of.items()):
         return None
     if len({i for f in faces for i in f}) < len(points):
         return None
     volume, centroid = volume_and_centroid(points, oriented)
-    return Body(tuple(oriented), volume, centroid, True) if volume > tolerance**3 else None
-
-
-def _area_vector(corners: FloatArray) -> FloatArray:
-    """Half the sum of cross products around a closed polygon: area times unit normal."""
-    spokes = corners[1:] - corners[0]
-    m = spokes[:-1].T @ spokes[1:]  # np.cross takes longer than all else a block needs
-    return 0.5 * np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
-
-
-def _bounds_convex_body(
-    points: FloatArray, corners: FloatArray, normal: FloatArray, tolerance: float
-) -> bool:
-    """True if a face is a flat convex polygon and has all points behind it."""
-    heights = (points - corners.mean(axis=0)) @ normal
-    if heights.max() > tolerance or ((corners - corners[0]) @ normal).min() < -tolerance:
-        return False
-    edges = np.roll(corners, -1, axis=0) - corners
-    turns = cross(edges, np.roll(edges, -1, axis=0)) @ normal
-    lengths = np.linalg.norm(edges, axis=1)
-    return bool(lengths.min() > tolerance and (turns >= -tolerance * lengths).all())
+    return Body(oriented, volume, centroid, True) if volume > tolerance**3 else None
 
 
 def closed_body(
@@ -180,7 +283,8 @@ def body_inside(
     areas = np.linalg.norm(vectors, axis=1)
     allowed = joint_tolerance or default_tolerance(volume, float(areas.sum()))
     check_flat(id, points, oriented, allowed)
-    is_convex = _all_behind(points, oriented, vectors / areas[:, None], allowed)
+    middles = np.array([points[list(face)].mean(axis=0) for face in oriented])
+    is_convex = _all_behind(points, middles, vectors / areas[:, None], allowed)
     if not is_convex:
         check_no_crossing(id, points, oriented, allowed)
     return Body(oriented, volume, centroid, is_convex)
@@ -216,12 +320,13 @@ def warps(points: FloatArray, faces: Faces) -> FloatArray:
     return result
 
 
-def _all_behind(points: FloatArray, faces: Faces, normals: FloatArray, tolerance: float) -> bool:
+def _all_behind(
+    points: FloatArray, middles: FloatArray, normals: FloatArray, tolerance: float
+) -> bool:
     """True if no vertex is in front of a face's plane; most shapes end in the first part."""
-    base = np.array([points[list(face)].mean(axis=0) for face in faces])
-    level = np.einsum("fk,fk->f", base, normals)
+    level = np.einsum("fk,fk->f", middles, normals)
     step = max(1, 1_000_000 // len(points))
     return all(
         ((normals[i : i + step] @ points.T).max(axis=1) <= level[i : i + step] + tolerance).all()
-        for i in range(0, len(faces), step)
+        for i in range(0, len(normals), step)
     )

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-
-FloatArray = NDArray[np.float64]
 
 CARRIES = 1e-6
 """Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to

@@ -6,15 +6,15 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block, Repair
-from cvxlimit.geometry.crossings import check_faces
 from cvxlimit.geometry.mesh import (
     EdgeTable,
     Faces,
@@ -23,22 +23,20 @@ from cvxlimit.geometry.mesh import (
     outward,
     place,
     surface,
+    triangulated,
     volume_and_centroid,
 )
 from cvxlimit.geometry.polyhedra import (
     JOINT_TOLERANCE,
     RELATIVE_TOLERANCE,
     body_inside,
+    check_faces,
     checked_faces,
     convex_body,
     default_tolerance,
     vertices_of,
     warps,
 )
-from cvxlimit.geometry.triangles import triangulated
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def solid(

@@ -47,7 +47,7 @@ def arch(
     density : float
         Weight per volume, kN/m3.
     friction : float
-        Coulomb coefficient of all joints.
+        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
     live : Load, optional
         Horizontal, along +x, in multiples of the weight, unless given. A load on the crown is
         ``Load(forces={"v10": (0, 0, -1, 0, 0, 0)})``.
@@ -142,7 +142,7 @@ def arch_on_piers(
     density : float
         Weight per volume, kN/m3.
     friction : float
-        Coulomb coefficient of all joints.
+        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
     live : Load, optional
         Horizontal, along +x, in multiples of the weight, unless given.
     name : str

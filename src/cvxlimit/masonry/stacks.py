@@ -33,7 +33,7 @@ def stack(
     density : float
         Weight per volume, kN/m3.
     friction : float
-        Coulomb coefficient of all joints.
+        Coulomb coefficient of all joints; 0.6, as in a :class:`Scene` of one's own.
     live : Load, optional
         Horizontal, along +x, in multiples of the weight, unless given.
     name : str

@@ -12,9 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.mesh import EdgeTable, area_vectors
-from cvxlimit.geometry.shared_volume import Body
-from cvxlimit.geometry.triangles import triangulated
+from cvxlimit.geometry.mesh import EdgeTable, area_vectors, triangulated
+from cvxlimit.geometry.penetration import Body
 from cvxlimit.plotting.movement import free_bounds, free_size
 from cvxlimit.scene import Scene
 

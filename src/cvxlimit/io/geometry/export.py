@@ -14,8 +14,8 @@ from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.pressure import pressure_centres
-from cvxlimit.geometry.triangles import triangulated
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
