@@ -16,7 +16,6 @@ from statistics import median
 
 import numpy as np
 import scipy.sparse as sp
-from cvxlimit.surfaces.presets import surfaces_of
 from threadpoolctl import threadpool_limits
 
 from cvxlimit import Scene, builtin_scene
@@ -24,6 +23,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, settings_for
 from cvxlimit.solvers.interior.iteration import InteriorPoint
 from cvxlimit.solvers.sparse import BACKENDS
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 SCENES = (
     "tuff-wall", "tuff-wall:octagon", "arch", "dome", "facade", "s12-panel", "s12-panel:octagon",
