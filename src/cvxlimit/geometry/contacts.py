@@ -200,11 +200,6 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         """True for rectangles, (n,)."""
         return np.asarray(np.isfinite(self.sides).all(axis=1))
 
-    @property
-    def typical_size(self) -> float:
-        """A contact's usual size: the median square root of the areas."""
-        return float(np.median(np.sqrt(self.area)))
-
     @cached_property
     def torsion_arm(self) -> FloatArray:
         """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
