@@ -1,0 +1,57 @@
+"""What is easily written wrong in a surface of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from cvxlimit import Contacts, solve
+from cvxlimit.errors import ModelError
+from cvxlimit.masonry import single_block
+from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface
+
+
+class Forgetful(YieldSurface):
+    """Its ``__init__`` does not call the base's."""
+
+    name = "forgetful"
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        size = Norm({"V1": 1}, {"V2": 1})
+        return [Condition([size], {"N": self.share * contacts.friction})]
+
+
+class Constant(YieldSurface):
+    """A constant where the contacts of the rows belong, or a number for a resistance."""
+
+    name = "constant"
+
+    def __init__(self, condition: Condition) -> None:
+        super().__init__()
+        self.condition = condition
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [self.condition]
+
+
+def test_without_super_its_cone_is_the_circle() -> None:
+    surface = Forgetful(0.5)
+    assert surface.cone == Conic()
+    found = solve(single_block(friction=0.4), [Rocking(), surface])
+    assert found.load_factor == pytest.approx(0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (Condition([Norm({"V1": 1})], {}, 20.0), "must be the contact of each row, got 20.0"),  # type: ignore[arg-type]
+        (Condition([Norm({"V1": 1})], 20.0), r"must state forces times numbers.*got 20.0"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_constant_in_the_wrong_place(condition: Condition, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        solve(single_block(), [Rocking(), Constant(condition)])
