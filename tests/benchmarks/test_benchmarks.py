@@ -224,6 +224,7 @@ def test_fitted_exponents_ignore_small_sizes():
     assert exponent([(50.0, 1.0), (500.0, 1.0)]) is None
 
 
+@pytest.mark.exhaustive
 def test_the_whole_command_on_one_small_case(tmp_path, capsys):
     options = ["--cases", "arch", "--sizes", "50", "--repeat", "1", "--out", str(tmp_path)]
     assert main(["run", *options, "--methods", "cvxlimit", "literal/conic/kN-m"]) == 0

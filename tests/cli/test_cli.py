@@ -478,6 +478,7 @@ def test_process_with_pipes() -> None:
     assert b"\x1b" not in done.stdout
 
 
+@pytest.mark.exhaustive
 def test_long_error_is_one_line_whatever_the_terminal(tmp_path: Path) -> None:
     name = str(tmp_path / ("long " * 40)) + "/s.json"
     done = subprocess.run(
@@ -491,6 +492,7 @@ def test_long_error_is_one_line_whatever_the_terminal(tmp_path: Path) -> None:
     assert done.stderr == f"cvxlimit: {name}: there is no such file; check the path\n"
 
 
+@pytest.mark.exhaustive
 def test_stdout_that_cannot_hold_the_characters(tmp_path: Path) -> None:
     write_scene(tower().with_name("Würfel ☃"), tmp_path / "s.json")
     done = subprocess.run(
@@ -503,6 +505,7 @@ def test_stdout_that_cannot_hold_the_characters(tmp_path: Path) -> None:
     assert rb"W\xfcrfel \u2603" in done.stdout
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_full_stdout_is_one_line() -> None:
     with open("/dev/full", "wb") as full:

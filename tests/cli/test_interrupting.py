@@ -19,6 +19,7 @@ from cvxlimit.methods.driver import Told
 if os.name != "posix":
     pytest.skip("signals and terminals of POSIX", allow_module_level=True)
 
+from exhaustive import mostly_slow
 from terminals import AMPLE, Terminal, listening
 
 
@@ -71,7 +72,7 @@ def test_during_imports(entry: tuple[str, ...], library: str, tmp_path: Path) ->
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "cvxlimit: interrupted\n")
 
 
-@pytest.mark.parametrize("command", ["solve", "settle", "sweep", "import"])
+@pytest.mark.parametrize("command", mostly_slow(["solve", "settle", "sweep", "import"], ["solve"]))
 def test_while_the_input_is_read(command: str, tmp_path: Path) -> None:
     """A pipe in place of the file says when the program is under way."""
     pipe = tmp_path / ("wall.obj" if command == "import" else "scene")

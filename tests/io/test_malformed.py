@@ -379,6 +379,7 @@ def bits(subject: Scene) -> bytes:
     return solution.forces.tobytes() + rates.tobytes() + bounds.tobytes()
 
 
+@pytest.mark.exhaustive
 def test_threads_processes_and_pickles_give_the_same_bits() -> None:
     subject = random_wall(0)
     known = bits(subject)
