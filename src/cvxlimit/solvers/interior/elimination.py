@@ -332,6 +332,7 @@ class _Blocks:
         total = len(sizes) + n
         links = sp.coo_array((np.ones(len(entries.row)), ends), shape=(total, total))
         count, label = connected_components(links, directed=False)
+        label = label.astype(np.int64)
         of_row, of_column = label[: len(sizes)][unit], label[len(sizes) :]
         touched = np.diff(E.indptr)
         width = np.bincount(of_column, minlength=count)
@@ -356,15 +357,9 @@ class _Blocks:
         self._starts = [
             np.concatenate([[0], np.cumsum(counts)[:-1]]) for counts in (width, height, reach)
         ]
-        place = np.empty(m, int)
-        place[self._by_row] = np.arange(m) - np.repeat(self._starts[1], height)
-        shape = np.zeros((count, int(height.max(initial=0)) + 1), int)
-        shape[:, 0] = width
-        shape[of_row, 1 + place] = np.where(np.arange(m) < orthant, 1, -sizes[unit])
-        members = np.flatnonzero(~is_border)
-        kinds, kind = np.unique(shape[members], axis=0, return_inverse=True)
         self._reach, self._equations = reach, E.shape[0]
-        found = [(k, members[kind.ravel() == i]) for i, k in enumerate(kinds)]
+        cone_of_row = np.where(np.arange(m) < orthant, 1, -sizes[unit])
+        found = self._alike(np.flatnonzero(~is_border), width, height, of_row, cone_of_row)
         edge_rows = np.flatnonzero(is_border[of_row])
         if np.any(edge_rows >= orthant):
             raise SolverError("blockwise: a border variable in a cone; use another solver")
@@ -388,6 +383,23 @@ class _Blocks:
                 f"blockwise: {width[worst]} variables in {height[worst]} cone rows are not bounded "
                 "by them; use another solver"
             )
+
+    def _alike(
+        self,
+        members: IntArray,
+        width: IntArray,
+        height: IntArray,
+        of_row: IntArray,
+        cone_of_row: IntArray,
+    ) -> list[tuple[IntArray, IntArray]]:
+        """Blocks of one shape: number of variables, then 1 or minus the cone's size, row by row."""
+        place = np.empty(len(of_row), int)
+        place[self._by_row] = np.arange(len(of_row)) - np.repeat(self._starts[1], height)
+        shape = np.zeros((len(width), int(height.max(initial=0)) + 1), int)
+        shape[:, 0] = width
+        shape[of_row, 1 + place] = cone_of_row
+        kinds, kind = np.unique(shape[members], axis=0, return_inverse=True)
+        return [(k, members[kind.ravel() == i]) for i, k in enumerate(kinds)]
 
     def _lay_out(
         self, found: list[tuple[IntArray, IntArray]], edge_rows: IntArray, border: IntArray
