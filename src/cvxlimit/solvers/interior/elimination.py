@@ -332,8 +332,8 @@ class _Blocks:
         total = len(sizes) + n
         links = sp.coo_array((np.ones(len(entries.row)), ends), shape=(total, total))
         count, label = connected_components(links, directed=False)
-        label = label.astype(np.int64)
-        of_row, of_column = label[: len(sizes)][unit], label[len(sizes) :]
+        group = label.astype(np.int64)
+        of_row, of_column = group[: len(sizes)][unit], group[len(sizes) :]
         touched = np.diff(E.indptr)
         width = np.bincount(of_column, minlength=count)
         height = np.bincount(of_row, minlength=count)
