@@ -7,8 +7,8 @@ from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -21,7 +21,6 @@ from cvxlimit.solution import Iterate, Solution
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FloatArray = NDArray[np.float64]
 Columns = dict[str, tuple[Any, str, str]]
 """Values, unit and description by column."""
 

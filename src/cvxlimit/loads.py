@@ -8,16 +8,14 @@ from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import RemadeFromFields
+from cvxlimit.arrays import FloatArray, IntArray, RemadeFromFields
 from cvxlimit.checks import finite_vector, members, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import area_vectors, fan, polygon_vectors
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Vector = tuple[float, ...]
 T = TypeVar("T")
 

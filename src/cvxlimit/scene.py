@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.arrays import RemadeFromFields
+from cvxlimit.arrays import FloatArray, RemadeFromFields
 from cvxlimit.checks import first_twice, members, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
     from cvxlimit.reductions.explaining import Explanation
 
-FloatArray = NDArray[np.float64]
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
 

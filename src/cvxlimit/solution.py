@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, rounded
 from cvxlimit.errors import InputError
 from cvxlimit.scene import Scene, check_scene
@@ -19,7 +17,6 @@ from cvxlimit.surfaces import YieldSurface
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FloatArray = NDArray[np.float64]
 
 Table = Literal["contacts", "blocks", "history"]
 

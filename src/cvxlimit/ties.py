@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import finite_vector, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.strengths import PROPERTIES
-
-FloatArray = NDArray[np.float64]
 
 _SIZE = 1e-6
 """Side of a tie's contact over a typical one: what a tie resists in bending is its yield force

@@ -12,8 +12,8 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
-    {"errors"},
-    {"arrays", "checks", "extras", "files", "bracket", "versions", "progressbar"},
+    {"errors", "arrays"},
+    {"checks", "extras", "files", "bracket", "versions", "progressbar"},
     {"strengths"},
     {"geometry"},
     {"loads", "ties"},

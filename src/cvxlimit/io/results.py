@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
@@ -29,7 +30,7 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
-from cvxlimit.solution import FloatArray, Iterate, Member, Solution, Status
+from cvxlimit.solution import Iterate, Member, Solution, Status
 
 _NOT_FINITE = ("nan", "inf", "-inf")
 

@@ -13,15 +13,12 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.slater import Strength
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ON_BOUNDARY = 1e-8
 """Excess, as a share of the forces on the less loaded block of the contact, that is put down to the

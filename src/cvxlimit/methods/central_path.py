@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.complementarity import (
     FrictionSystem,
     Point,
@@ -31,8 +31,6 @@ from cvxlimit.methods.complementarity import (
     typical,
 )
 from cvxlimit.solvers import LimitState
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
@@ -37,8 +36,6 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
 from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
-
-FloatArray = NDArray[np.float64]
 
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
@@ -30,9 +31,6 @@ from cvxlimit.solvers import LimitState
 from cvxlimit.solvers.sparse import factorised
 from cvxlimit.surfaces import Conic, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SLIDING = ("V1", "V2", "MT")
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
 from cvxlimit.methods.admissible import carried_exactly
@@ -22,8 +22,6 @@ from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces
-
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, known, rounded
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
@@ -31,7 +31,6 @@ from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, ver
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProblem(scene).solve``, for example."""

@@ -6,8 +6,8 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import count, ratio
 from cvxlimit.geometry.contacts import COLUMN
@@ -18,9 +18,6 @@ from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Status
 from cvxlimit.surfaces import Rocking
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
@@ -26,8 +25,6 @@ from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.frozen import Eccentricity
-
-FloatArray = NDArray[np.float64]
 
 DPP_LIMIT = 3_000
 """Parameter entries (three per contact) up to which the compiled problem is kept for re-solves;

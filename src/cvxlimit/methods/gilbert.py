@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
@@ -30,8 +30,6 @@ from cvxlimit.solvers import clarabel_at
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import CONSTANT
 from cvxlimit.surfaces.cones import Cone
-
-FloatArray = NDArray[np.float64]
 
 _LADDER = clarabel_at(1e-8, 1e-6)
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
@@ -21,8 +22,6 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.surfaces import Cone, YieldSurface
-
-FloatArray = NDArray[np.float64]
 
 _NO_WEIGHT = 1e-14
 """Weight of the moving support over that of all blocks: its own does not count."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.complementarity import FrictionSystem
 from cvxlimit.methods.driver import Run
@@ -26,8 +26,6 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.solvers.running import run as run_solver
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

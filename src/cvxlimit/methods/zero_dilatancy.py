@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
@@ -29,8 +29,6 @@ from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,13 +28,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.surfaces.base import Condition, YieldSurface
 from cvxlimit.surfaces.cones import Cone
-
-FloatArray = NDArray[np.float64]
-
 
 _TIGHT = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
 """Of proposed flows: dissipation is a small difference where strength is far above the forces."""

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.points import Placing, at_centroids
@@ -29,9 +30,6 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone, Conic
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _FORCES = ("V1", "V2", "N")
 

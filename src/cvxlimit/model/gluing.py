@@ -11,15 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, Statics
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def glued(

@@ -14,15 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.loads import Load
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDING = 1e-12
 """Share of the cohesion by which c - mu t may be below zero: c = mu t is a fair choice."""

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.model.flow import Shortfall, corner_openings
@@ -23,9 +23,6 @@ from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, Norm
 from cvxlimit.surfaces.exact_torsion import Edges
 
 __all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners", "friction_at"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def friction_at(contacts: Contacts, points: Points) -> ForceModel:

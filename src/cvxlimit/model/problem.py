@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import (
@@ -25,8 +26,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, needed_surfaces
-
-FloatArray = NDArray[np.float64]
 
 _NOTHING = 1e-13
 """Entries of equilibrium below this share of the largest are rounding: a row of them is empty."""

@@ -8,17 +8,14 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.loads import Load
 from cvxlimit.plotting.camera import upright
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.scene import Scene
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LEVEL_WITHIN = 10.0
 """Degrees off level or upright up to which a joint counts as bed or head joint."""

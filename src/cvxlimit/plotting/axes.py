@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.plotting.camera import Camera, upright
 from cvxlimit.plotting.mesh import SURROUNDINGS, shown_bounds
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 INK = "#4a4f57"
 TICK = 0.012

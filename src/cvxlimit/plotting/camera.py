@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.movement import Motion, free_bounds
 from cvxlimit.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 ELEVATION = 20.0
 IN_PLANE_AZIMUTH = 28.0

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera, thin_axis
 from cvxlimit.plotting.crushing import Shape
@@ -16,7 +16,6 @@ from cvxlimit.plotting.movement import Motion, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-FloatArray = NDArray[np.float64]
 Viewer = tuple[float, float, float] | None
 
 

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.movement import Motion, contact_forces, displaced
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
 

@@ -24,6 +24,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import INK, draw_axes
@@ -45,8 +46,6 @@ from cvxlimit.plotting.look import (
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Picture, paint
 from cvxlimit.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 WIDEST, TALLEST = 7.6, 6.4
 """Inches that the painted part may take."""

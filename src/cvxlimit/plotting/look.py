@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
@@ -17,8 +17,6 @@ from cvxlimit.plotting.annotations import JointKind
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 SPEED_STOPS = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", "#134b73")
 """Colours from speed 0 to the largest, evenly spaced: light to dark, so that they also read in

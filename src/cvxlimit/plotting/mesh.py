@@ -7,18 +7,16 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors, triangulated
 from cvxlimit.geometry.penetration import Body
 from cvxlimit.plotting.movement import free_bounds, free_size
 from cvxlimit.scene import Scene
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Faces = Sequence[Sequence[int]]
 
 SURROUNDINGS = 0.07

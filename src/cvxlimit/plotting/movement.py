@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 DEFORMATION = 0.09
 """Largest drawn corner displacement, as a fraction of the free blocks' size: clearly seen, and

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.mesh import area_vectors
 from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
@@ -14,7 +15,6 @@ from cvxlimit.plotting.mesh import Mesh, drawn_mesh
 from cvxlimit.plotting.movement import VISIBLE, displaced, free_size
 from cvxlimit.plotting.raster import NOTHING, Canvas
 
-FloatArray = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
 OVERSAMPLING = 2

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.mesh import cross
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NOTHING = -1
 """Number of the background in :attr:`Canvas.seen`."""

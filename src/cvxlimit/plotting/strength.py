@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
@@ -24,8 +24,6 @@ from cvxlimit.surfaces import (
     utilisation,
 )
 from cvxlimit.surfaces.coulomb import surfaces_named
-
-FloatArray = NDArray[np.float64]
 
 BENDING = "utilisation_torsion_shear_bending"
 """Column of Eq. 30."""

@@ -9,8 +9,8 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
@@ -32,8 +32,6 @@ from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 DIGITS = 7
 """Significant digits of numbers in the page; coordinates have as many relative to the structure's

@@ -11,8 +11,9 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
@@ -24,9 +25,6 @@ from cvxlimit.proof.slater import NOTHING, Flow, Strength, Witnesses, finite
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REFERENCE = 10.0
 """Where a bound needs an assumption, it is that no contact force of the exact solution exceeds

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -24,8 +25,6 @@ from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.reductions.planar import Plane, find_plane
 from cvxlimit.surfaces.base import YieldSurface
-
-FloatArray = NDArray[np.float64]
 
 MODELS = ("auto", "full", "least")
 """How much model: what the scene needs where that pays, all of it, or as little as is valid."""

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
 from cvxlimit.surfaces.coulomb import Rocking
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SAME = 1e-11
 """Relative difference of coefficients that is put down to rounding: those of turned scenes differ

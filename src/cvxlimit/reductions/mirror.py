@@ -22,13 +22,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.invariance import is_invariant
 from cvxlimit.surfaces.base import YieldSurface
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SAME_PLACE = 1e-11
 """Distance over the size of the scene, and difference of loads over the largest, put down to

@@ -30,6 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Part
 from cvxlimit.model.statics import DOF, Statics
@@ -37,8 +38,6 @@ from cvxlimit.reductions.invariance import coefficients, is_invariant
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
-
-FloatArray = NDArray[np.float64]
 
 _IN_PLANE = 2e-12
 """What is put down to rounding: components of unit vectors out of the plane, and distances from it

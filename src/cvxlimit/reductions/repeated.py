@@ -13,8 +13,8 @@ from typing import Any, cast
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
@@ -22,8 +22,6 @@ from cvxlimit.model.problem import LimitProblem, Reduction, Terms
 from cvxlimit.solvers import Ladder, limit_ladder
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface
-
-FloatArray = NDArray[np.float64]
 
 _KINDS = (Rocking, TorsionShear)
 """Surfaces whose rows are linear in friction, and say all by their type and cone."""

@@ -19,12 +19,10 @@ import scipy.sparse as sp
 from cvxpy.constraints import Zero
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.solvers.running import Outcome
 from cvxlimit.solvers.table import SolverSettings
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.solvers.interior import Blockwise
-
-FloatArray = NDArray[np.float64]
 
 FIRST = {"CLARABEL": CLARABEL, "BLOCKWISE": Blockwise}
 """Who gives the first answer, by the option ``first``."""

@@ -7,14 +7,11 @@ import warnings
 from dataclasses import dataclass
 
 import cvxpy as cp
-import numpy as np
 from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.solvers.ladders import is_conic
 from cvxlimit.solvers.table import SolverSettings, able
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

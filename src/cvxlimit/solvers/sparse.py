@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cvxlimit.arrays import FloatArray, IntArray
+
 Indices = NDArray[np.signedinteger[Any]]
 Solve = Callable[[FloatArray], FloatArray]
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import ratio
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-FloatArray = NDArray[np.float64]
 
 _POINTS = 201
 """Demands of a curve where none are given."""

@@ -9,7 +9,6 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.checks import count, finite_vector, positive
 from cvxlimit.errors import InputError
@@ -21,7 +20,6 @@ from cvxlimit.strengths import PROPERTIES
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-FloatArray = NDArray[np.float64]
 Values: TypeAlias = "Iterable[Any] | float | str"
 Grid: TypeAlias = "Mapping[str, Values] | Sequence[Mapping[str, Any]] | DataFrame"
 

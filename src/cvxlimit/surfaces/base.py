@@ -15,14 +15,12 @@ from typing import ClassVar, TypeAlias
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.surfaces.cones import Cone, Conic
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
 LinearForm = Mapping[str, Coefficient]
 """Force component -> coefficient: one number, one per row, or an expression in Parameters. The key

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
-
-FloatArray = NDArray[np.float64]
 
 
 class Cone(ABC):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.pressure import least_carried
 from cvxlimit.surfaces.base import (
@@ -19,8 +19,6 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
-
-FloatArray = NDArray[np.float64]
 
 
 def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -> FloatArray:

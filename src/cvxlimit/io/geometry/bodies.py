@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors, volume_and_centroid
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SAME_ANGLE = 1e-6
 """Radians within which two faces at an edge count as one behind the other: between what double

@@ -11,13 +11,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import mapping, number, shown
 from cvxlimit.io.geometry.bodies import Body
-
-FloatArray = NDArray[np.float64]
 
 _WRAPPERS = ("data", "value")
 

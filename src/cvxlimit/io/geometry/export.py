@@ -8,8 +8,8 @@ import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file
@@ -19,8 +19,6 @@ from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 EXPORTS = (".obj", ".glb", ".csv")
 

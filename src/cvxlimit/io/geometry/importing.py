@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
@@ -24,8 +25,6 @@ from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.tables import read_table
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, Units
-
-FloatArray = NDArray[np.float64]
 
 LOWEST = "lowest"
 """Word that asks for the lowest blocks as supports."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.contents import DOTTED, FAINTEST, Drawing, Lines, Viewer, over_blocks
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.strength import forces_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 THRUST_COLOUR = "#123f6b"
 

@@ -15,12 +15,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.cones import Cones, Scaling
 from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Triple = tuple[FloatArray, FloatArray, FloatArray]
 
 

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.cones import Scaling
 from cvxlimit.solvers.interior.elimination import LIMITS, NewtonSystem, largest
 
-FloatArray = NDArray[np.float64]
 Pair = tuple[FloatArray, FloatArray]
 
 SOLVED, ALMOST, STALLED = "solved", "almost solved", "stalled"

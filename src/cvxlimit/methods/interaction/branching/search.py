@@ -19,8 +19,8 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.methods.interaction.branching.splitting import explore
@@ -30,8 +30,6 @@ from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import SEARCH
 from cvxlimit.solvers import LimitState, Outcome
-
-FloatArray = NDArray[np.float64]
 
 _State = tuple[FloatArray, float]
 """Forces (n, 6) and the load factor at which they are in equilibrium."""

@@ -13,13 +13,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.methods.interaction.settings import NODES
 from cvxlimit.methods.interaction.states.copies import Copies
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def scores(relaxer: Relaxer, node: Node, free: NDArray[np.bool_] | None = None) -> FloatArray:

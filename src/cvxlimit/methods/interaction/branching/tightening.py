@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.methods.interaction.branching.splitting import scores
@@ -23,9 +23,6 @@ from cvxlimit.methods.interaction.settings import NODES
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def tightened_root(relaxer: Relaxer, root: Node, goal: Goal) -> Explored:

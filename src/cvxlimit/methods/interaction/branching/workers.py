@@ -8,9 +8,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.methods.interaction.branching.splitting import explore
 from cvxlimit.methods.interaction.readings.moments import Moments
@@ -21,9 +19,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import (
     SolverSettings,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.states.support import (
@@ -14,8 +14,6 @@ from cvxlimit.methods.interaction.states.support import (
     whole_boxes,
 )
 from cvxlimit.model.flow import Shortfall
-
-FloatArray = NDArray[np.float64]
 
 _HALVINGS = 45
 """Rounds of halving at most: pieces are then as short as rounding."""

@@ -14,16 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.mirror import Mirror
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SAME = 1e-9
 """Difference of excesses over the largest that is put down to rounding."""

@@ -15,8 +15,8 @@ from typing import ClassVar, Literal
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.states.cells import Cells, independent_cell_support
@@ -55,10 +55,6 @@ from cvxlimit.surfaces.frozen import (
     SignedTorsionShearBending,
     TorsionShearBending,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _SMALLEST_ARM = 1e-9
 """An effective area without extent counts as this fraction of c_T: the frozen surface keeps an

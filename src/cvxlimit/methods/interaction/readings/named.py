@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED, Moments, TiedMoments
-
-FloatArray = NDArray[np.float64]
 
 
 class SignedTorsionBending(TiedMoments):

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
@@ -31,8 +31,6 @@ from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Rocking
-
-FloatArray = NDArray[np.float64]
 
 
 def missed_copies(

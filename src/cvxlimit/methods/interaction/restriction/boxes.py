@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
@@ -20,8 +20,6 @@ from cvxlimit.methods.interaction.settings import BOXES, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.methods.interaction.states.support import half_extent
-
-FloatArray = NDArray[np.float64]
 
 
 class Boxes:

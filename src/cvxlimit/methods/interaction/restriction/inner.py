@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
@@ -22,8 +22,6 @@ from cvxlimit.methods.interaction.restriction.problems import InnerIterate, Safe
 from cvxlimit.methods.interaction.settings import STEPS
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.reductions.choice import Reductions
-
-FloatArray = NDArray[np.float64]
 
 
 class InnerMethod:

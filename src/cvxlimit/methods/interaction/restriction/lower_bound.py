@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer
 from cvxlimit.methods.interaction.readings.moments import Moments
@@ -22,9 +22,6 @@ from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import default_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

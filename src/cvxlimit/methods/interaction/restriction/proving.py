@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer, Run
@@ -26,9 +26,6 @@ from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part
 from cvxlimit.solvers import clarabel_at
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def prove(run: Run, checker: LowerBounds) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.states.majorants import Plane, Point, StepRows, force_fields
@@ -17,8 +17,6 @@ from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.restriction.lower_bound import TrueStrength, central_states
@@ -25,8 +23,6 @@ from cvxlimit.methods.interaction.settings import PROOF, STEPS
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import LimitState, SolverSettings
-
-FloatArray = NDArray[np.float64]
 
 _SHRINK = 0.005
 """Steps are built this share nearer to the middle than the last forces."""

@@ -26,17 +26,14 @@ from functools import cached_property
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
     effective_regions,
     mean_distance,
     mean_distance_on_segment,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _PARALLEL = 1e-9
 """Sine of the angle below which two slabs bound nothing together."""

@@ -22,13 +22,11 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped
 from cvxlimit.methods.interaction.states.arm_bounds import ArmBounds
 from cvxlimit.methods.interaction.states.support import half_extent, shear_support
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _PARTS = 2
 """Cells along each side of a box, besides cuts at zero."""

@@ -22,17 +22,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance
 from cvxlimit.methods.interaction.states.cells import Cells
 from cvxlimit.methods.interaction.states.pressure import own_arm
 from cvxlimit.methods.interaction.states.support import half_extent, rectangle_arm
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 Lever = Callable[[FloatArray], FloatArray]
 """From pressure centres (..., 2) to the points about which torsion is taken, (..., 2)."""
 

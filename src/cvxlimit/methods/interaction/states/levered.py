@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.states.cells import Cells
 from cvxlimit.methods.interaction.states.copies import Lever
@@ -38,9 +39,6 @@ from cvxlimit.methods.interaction.states.support import (
     corner_power,
     rectangle_arm,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _PRECISION = 1e-8
 """Share of the largest power in play to which maxima are enclosed: 40 halvings on 1,200 random

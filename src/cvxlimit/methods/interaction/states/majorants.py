@@ -26,14 +26,11 @@ from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm_gradient
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance, torsion_arm
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

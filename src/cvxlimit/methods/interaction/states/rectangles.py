@@ -19,13 +19,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import effective_region, mean_distance, torsion_arm
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ANGLES = 24
 """Directions tried besides those of the contact's own edges."""

@@ -35,11 +35,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 Support = tuple[FloatArray, FloatArray]
 """Largest power w . X (n,) of states X with N = 1, but for w_N; and the pressure centres (n, 2)
