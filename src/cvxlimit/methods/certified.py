@@ -183,7 +183,7 @@ class _Proof:
         if is_doubtful and self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
-        if is_boundless and self._is_harmless():
+        if (is_boundless or outer.claims_no_optimum) and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is None:
             yield from self._borrow(self._method())
@@ -194,6 +194,9 @@ class _Proof:
             prove(run, LowerBounds(run.assemblage, run.moments))
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
+        lower = run.best.bracket.lower
+        if lower > 0.0 and run.is_boundless(lower) and self._is_harmless():
+            return Status.LIVE_LOAD_HARMLESS
         good = run.best.bracket.is_within(self.rule.tolerance or BRACKET.good)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 

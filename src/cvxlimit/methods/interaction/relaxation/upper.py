@@ -76,6 +76,8 @@ class UpperBound:
     state : LimitState or None
         The last relaxation with a mechanism: no hull bound could be lower than nearly its load
         factor, and its pressure centres are a start for methods from below.
+    claims_no_optimum : bool
+        True if the last solver found the relaxation to be without limit.
     added : Copies
         Those added by pricing.
 
@@ -98,7 +100,7 @@ class UpperBound:
             self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
         self.state: LimitState | None = None
-        self._beside, self._claims_no_optimum = HULL.beside, False
+        self._beside, self.claims_no_optimum = HULL.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
         """Solve, certify the mechanism, add copies where it opens too little, and repeat.
@@ -113,7 +115,7 @@ class UpperBound:
                     return
                 if not is_changed:
                     break
-            if self._claims_no_optimum:
+            if self.claims_no_optimum:
                 return
 
     def offer(self, mechanism: FloatArray) -> None:
@@ -126,7 +128,7 @@ class UpperBound:
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
         run, copies = self.run, self.first.joined(self.added)
         state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
-        self._claims_no_optimum = state.outcome.claims_no_optimum
+        self.claims_no_optimum = state.outcome.claims_no_optimum
         if state.mechanism is None:
             run.note(state, settings, **run.bounds)
             return False
