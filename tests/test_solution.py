@@ -55,6 +55,7 @@ def test_a_block_at_the_limit_of_its_own_surface_uses_all_of_it(own: type[YieldS
     assert f"strength in use at collapse, {own.name}" in [t.get_text() for t in figure.texts]
 
 
+@pytest.mark.exhaustive
 def test_a_twisted_block_at_the_exact_limit_uses_all_of_its_strength() -> None:
     """Told by the parabola, which is inside the exact limit: never less than all."""
     twist = Load(forces={"slab": (0.3, 0, 0, 0, 0, 1)})

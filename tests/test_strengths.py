@@ -120,6 +120,7 @@ assert scene_to_dict(scene)["dilatancy"] == 0.0
 """
 
 
+@pytest.mark.exhaustive
 def test_a_new_property_is_written_in_one_file(tmp_path: Path) -> None:
     """What has a list of its own, as scene files had, would lose it on the way."""
     shutil.copytree(Path(cvxlimit.__file__).parent, tmp_path / "cvxlimit")

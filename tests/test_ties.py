@@ -105,6 +105,7 @@ def test_ice_is_proved_too() -> None:
     assert solution.load_factor == pytest.approx(5.0 * 0.5, rel=1e-5)
 
 
+@pytest.mark.exhaustive
 @given(turn=rotations())
 @settings(max_examples=2, deadline=None)
 def test_rotation_and_units(turn: FloatArray) -> None:
@@ -133,12 +134,14 @@ def test_interaction_names_them(interaction: str) -> None:
         solve(tied_block(4.0), interaction=interaction)
 
 
+@pytest.mark.exhaustive
 def test_with_resultants() -> None:
     scene = tied_block(4.0)
     solution = solve(scene, formulation=resultants)
     assert solution.load_factor == pytest.approx(0.9, rel=1e-5)  # 0.5 + 2 T / W
 
 
+@pytest.mark.exhaustive
 def test_picture(tmp_path: Path) -> None:
     """The tie that yields is told from the one that hangs slack."""
     scene = tied_block(4.0)

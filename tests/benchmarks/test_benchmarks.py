@@ -67,6 +67,7 @@ def test_all_families_are_there():
     assert SIZES[-1] > 16_000
 
 
+@pytest.mark.exhaustive_cases("arch")
 @pytest.mark.parametrize(
     "case", [c for c in CASES.values() if len(c.sizes) > 1], ids=lambda c: c.name
 )
@@ -112,6 +113,7 @@ def test_cases_with_interaction_lie_below_those_without(case):
     assert record.row.interaction == "fixed-point"
 
 
+@pytest.mark.exhaustive_cases("literal/octagon/kN-m/scipy")
 @pytest.mark.parametrize("name", list(BASELINES))
 def test_baselines_find_the_published_factors(name):
     method = BASELINES[name]
@@ -123,6 +125,7 @@ def test_baselines_find_the_published_factors(name):
     assert sum(found.seconds.values()) == pytest.approx(found.total)
 
 
+@pytest.mark.exhaustive
 def test_the_octagon_is_one_point_four_per_cent_off_on_the_s12_class_panel():
     found = registry()["octagon/corners/clarabel-qdldl/1e-8"].measure(CASES["s12-class"].build(886))
     assert found.load_factor == pytest.approx(S12_OCTAGON, rel=1e-5)
@@ -201,6 +204,7 @@ def test_results_survive_the_disk(tmp_path):
 NOTHING = Truth(Bracket(), "")
 
 
+@pytest.mark.exhaustive
 def test_charts_are_drawn_from_results_alone(tmp_path):
     pytest.importorskip("matplotlib")
     scene, case = builtin_scene("stack"), CASES["propped-wall"]
@@ -300,6 +304,7 @@ def test_list_names_cases_and_methods(capsys):
     assert all(name in shown for name in (*CASES, *BASELINES, "frozen/dpp"))
 
 
+@pytest.mark.exhaustive
 def test_the_dome_is_bisected_between_what_falls_and_what_stands():
     """published.json: 12 x 12 blocks stand at 0.04207 of the radius and not at 0.04187."""
     low, high = least_thickness(12, 12, 4.0, 1.5e-4, low=0.04187, high=0.04207)

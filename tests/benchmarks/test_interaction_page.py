@@ -65,6 +65,7 @@ def test_figures_of_the_tables() -> None:
     assert any("9.1 %" in row and "-10.0 %" in row for row in brackets(pairs))
 
 
+@pytest.mark.exhaustive
 def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was never run comes first, results are kept, and the page's words stay."""
     for name in PAGES:

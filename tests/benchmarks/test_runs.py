@@ -21,6 +21,7 @@ from cvxlimit.compare.registry import registry
 from cvxlimit.compare.rows import Failure, side_by_side
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import resultants
+from exhaustive import slow
 
 LIMITS = Limits(600.0)
 """Seconds that no run needs, however busy the machine is."""
@@ -49,14 +50,15 @@ class Misbehaving(Method):
         return Measurement(status, factor, None, None, {}, 0.1, len(scene.contacts))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("how", "reason"),
     [
-        ("crash", "SIGSEGV"),
-        ("hang", "time limit of 4 s"),
-        ("memory", "memory"),
+        slow("crash", "SIGSEGV"),
+        slow("hang", "time limit of 4 s"),
+        slow("memory", "memory"),
         ("raise", "ZeroDivisionError: by nought"),
-        ("no answer", "no load factor: infeasible"),
+        slow("no answer", "no load factor: infeasible"),
     ],
 )
 def test_failures_become_rows(how, reason):
@@ -77,6 +79,7 @@ def test_a_limit_too_small_for_the_libraries_is_named(gigabytes):
     assert not failure.is_timeout
 
 
+@pytest.mark.exhaustive
 def test_memory_of_a_run_is_its_own():
     found = run_apart(registry()["cvxlimit"], builtin_scene("stack"), LIMITS)
     assert isinstance(found, Measurement)
@@ -104,6 +107,7 @@ def test_what_cannot_be_sent_is_refused_by_name():
         run_apart(model, builtin_scene("single-block"), LIMITS)
 
 
+@pytest.mark.exhaustive
 def test_functions_that_no_module_holds_are_sent_by_value():
     model = Model("mine", formulation=lambda contacts: resultants(contacts))
     found = run_apart(model, builtin_scene("single-block"), LIMITS)
@@ -111,6 +115,7 @@ def test_functions_that_no_module_holds_are_sent_by_value():
     assert found.load_factor == pytest.approx(0.4, rel=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_parameters_have_their_own_phase():
     method = frozen_methods()["frozen/dpp"]
     (row,) = side_by_side([method], builtin_scene("tuff-wall"), 1)

@@ -70,6 +70,7 @@ def test_a_larger_scale_makes_larger_scenes() -> None:
 # --- our default, on a sample ---------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive_cases("frictions")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_nothing_refutes_the_default(family: str) -> None:
     """Closed forms, fresh certificates, and a linear program written down once more."""
@@ -246,6 +247,7 @@ def test_one_gripping_joint_does_not_cost_the_others_their_precision() -> None:
     assert_certified(solve(made.scene), made.scene)
 
 
+@pytest.mark.exhaustive_cases("signed-torsion-bending")
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_polygons_among_rectangles_are_bounded_by_their_own_rates(moments: str) -> None:
     """The paper's reading took another contact's rates for them, where some are rectangles."""

@@ -516,6 +516,7 @@ def test_full_stdout_is_one_line() -> None:
     assert done.stderr == "cvxlimit: standard output: No space left on device\n"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
 def test_terminal_gets_progress_on_stderr_only(tmp_path: Path) -> None:
     import pty

@@ -19,7 +19,7 @@ from cvxlimit.methods.driver import Told
 if os.name != "posix":
     pytest.skip("signals and terminals of POSIX", allow_module_level=True)
 
-from exhaustive import mostly_slow
+from exhaustive import mostly_slow, slow
 from terminals import AMPLE, Terminal, listening
 
 
@@ -58,6 +58,7 @@ raise ImportError("this one is not there")
 """
 
 
+@pytest.mark.exhaustive_cases("command-cvxpy", "module-cvxpy")
 @pytest.mark.parametrize("library", ["numpy", "scipy", "cvxpy", "typer"])
 @pytest.mark.parametrize("entry", ENTRIES.values(), ids=ENTRIES.keys())
 def test_during_imports(entry: tuple[str, ...], library: str, tmp_path: Path) -> None:
@@ -96,13 +97,14 @@ COMMANDS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("command", "phase"),
     [
         ("solve", "reading the scene|finding contacts"),
-        ("solve", "solving with"),
-        ("settle", "reading the scene"),
-        ("sweep", "reading the scene"),
+        slow("solve", "solving with"),
+        slow("settle", "reading the scene"),
+        slow("sweep", "reading the scene"),
     ],
 )
 def test_before_there_is_a_bound(command: str, phase: str) -> None:
@@ -133,6 +135,7 @@ def busy(has_bracket: bool) -> Terminal:
     return Terminal("-c", BUSY.replace("HAS_BRACKET", str(has_bracket)))
 
 
+@pytest.mark.exhaustive
 def test_inside_a_solver_before_there_is_a_bound() -> None:
     with busy(has_bracket=False) as program:
         program.wait_for("under way")
@@ -140,6 +143,7 @@ def test_inside_a_solver_before_there_is_a_bound() -> None:
         assert_ended_at_once(program)
 
 
+@pytest.mark.exhaustive
 def test_the_second_time_ends_at_once() -> None:
     with busy(has_bracket=True) as program:
         program.wait_for("under way")
@@ -170,6 +174,7 @@ def assert_bracket(program: Terminal, result: Path, low: float, high: float) -> 
     assert low <= solution.upper
 
 
+@pytest.mark.exhaustive
 def test_inside_a_solver_with_a_bracket(tmp_path: Path) -> None:
     """The first bound of a panel comes after seconds, and the next solve takes as long."""
     result = tmp_path / "out.json"
@@ -181,7 +186,7 @@ def test_inside_a_solver_with_a_bracket(tmp_path: Path) -> None:
         assert_bracket(program, result, 0.1260, 0.1264)
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize("workers", ["1", slow("2")])
 def test_while_branching(workers: str, tmp_path: Path) -> None:
     """A wall that is far from closed; its load factor lies in [0.32394, 0.32398]."""
     scene, result = tmp_path / "wall.json", tmp_path / "out.json"
@@ -196,7 +201,8 @@ def test_while_branching(workers: str, tmp_path: Path) -> None:
         assert_nothing_is_left(program)
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("workers", ["1", slow("2")])
 def test_sweep(workers: str, tmp_path: Path) -> None:
     """Rows that are done are shown and kept, and the same command goes on from there."""
     arguments = ("sweep", "stack", "--vary", "friction=0.5:0.9:500", "--workers", workers)

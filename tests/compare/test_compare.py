@@ -147,6 +147,7 @@ def test_nothing_to_draw_is_refused():
         Comparison("empty", ()).plot()
 
 
+@pytest.mark.exhaustive_cases("no answer-no load factor: infeasible")
 @pytest.mark.parametrize(
     ("how", "reason"),
     [("raise", "ZeroDivisionError: by nought"), ("no answer", "no load factor: infeasible")],
@@ -159,6 +160,7 @@ def test_failures_become_rows(how, reason):
     assert row.load_factor is None
 
 
+@pytest.mark.exhaustive
 def test_surfaces_and_functions_that_no_module_holds():
     """As in a notebook: a class and a function that another process cannot import."""
 
@@ -178,6 +180,7 @@ def test_surfaces_and_functions_that_no_module_holds():
     )
 
 
+@pytest.mark.exhaustive
 def test_a_failure_is_not_repeated_and_the_others_go_on():
     methods = [Misbehaving("bad", "raise"), registry()["cvxlimit"]]
     steps: list[str] = []
@@ -239,6 +242,7 @@ print([row.method for row in found.rows], found.is_interrupted)
 """
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_ctrl_c_in_a_script_of_ones_own():
     """Once the second model runs: the first one's row is there."""
@@ -393,6 +397,7 @@ def test_references_are_narrow_and_right(name, factor):
 class TestPhysics:
     """Other physics of the same blocks, on one whose answers are known in closed form."""
 
+    @pytest.mark.exhaustive
     def test_rows_of_all_models(self) -> None:
         """A block of b/h = 0.4: it tips about its edge, or about its crushed toe at
         (b - W / (f l)) / h with strength f; with mortar it takes more."""
@@ -407,6 +412,7 @@ class TestPhysics:
             assert 0.4 * (1 - 1 / 8) * (1 - 1e-6) - 0.4 / times < field < 0.4  # eight cells across
         assert rows["mortar"].load_factor > 0.401
 
+    @pytest.mark.exhaustive
     def test_settlement_is_no_load_factor(self) -> None:
         thrust = Settlement("thrust", support="right-abutment", direction=(1.0, 0.0, 0.0))
         found = compare(builtin_scene("arch"), [thrust, "linear"], repeat=1, progress=False)

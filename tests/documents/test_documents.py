@@ -32,6 +32,7 @@ def section(text: str, title: str) -> str:
     return found[1]
 
 
+@pytest.mark.exhaustive_cases("outer loop")
 @pytest.mark.parametrize("seam", SEAMS)
 def test_one_example_per_seam_runs_and_checks_its_answer(
     seam: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

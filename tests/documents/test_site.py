@@ -37,6 +37,9 @@ CODE = [
 ]
 
 
+@pytest.mark.exhaustive_cases(
+    "closing-0", "first-steps-1", "geometry-1", "pictures-0", "recipes-1", "recipes-6"
+)
 @pytest.mark.parametrize("code", CODE)
 def test_code_runs_on_its_own(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

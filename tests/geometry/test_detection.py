@@ -263,6 +263,7 @@ class TestTolerance:
 
 
 class TestInvariance:
+    @pytest.mark.exhaustive
     @settings(max_examples=25, deadline=None)
     @given(seed=st.integers(0, 10_000), name=st.sampled_from(["arch", "tuff-wall", "stack"]))
     def test_rotated_and_far_away(self, seed: int, name: str) -> None:
@@ -278,6 +279,7 @@ class TestInvariance:
         np.testing.assert_allclose(found.origin, known.origin @ turn.T + far, rtol=1e-9)
         assert_sound(found, blocks)
 
+    @pytest.mark.exhaustive
     @settings(max_examples=25, deadline=None)
     @given(seed=st.integers(0, 10_000), name=st.sampled_from(["ferris-tin-loi-3", "arch"]))
     def test_renumbered(self, seed: int, name: str) -> None:
@@ -305,6 +307,7 @@ class TestInvariance:
         assert contacts.names == ("b0-b1", "b1-b2", "b2-b3", "b3-b4")
         assert_sound(contacts, pile)
 
+    @pytest.mark.exhaustive_cases("s10-panel")
     @pytest.mark.parametrize("name", BUILTIN)
     def test_built_in_scenes_are_sound(self, name: str) -> None:
         scene = builtin_scene(name)
@@ -373,6 +376,7 @@ class TestAllPairs:
         with pytest.raises(InputError, match=refusal):
             detect_contacts(blocks)
 
+    @pytest.mark.exhaustive_cases("thick-arch")
     @pytest.mark.parametrize(
         "scene",
         [arch(24), arch(24, 1.8), wall(running_bond(3, 5)), builtin_scene("stack")],

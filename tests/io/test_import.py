@@ -479,6 +479,7 @@ def test_exports_are_refused_with_a_sentence(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.exhaustive
 def test_what_trimesh_gets_over_is_not_shown(tmp_path: Path) -> None:
     """Normals of a text STL are not needed: a broken one printed a traceback to stderr."""
     (tmp_path / "wall.stl").write_text(text_stl().replace("facet normal", "facet normal x", 1))

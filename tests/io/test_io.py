@@ -207,10 +207,12 @@ def a_solution(**changes: Any) -> Solution:
 
 
 class TestSceneRoundTrip:
+    @pytest.mark.exhaustive
     @given(scenes())
     def test_through_text_is_lossless(self, scene: Scene) -> None:
         assert_same_scene(scene, scene_from_dict(json.loads(laid_out(scene_to_dict(scene)))))
 
+    @pytest.mark.exhaustive
     @given(scenes())
     def test_writing_is_stable(self, scene: Scene) -> None:
         document = scene_to_dict(scene)

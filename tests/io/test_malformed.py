@@ -310,6 +310,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.exhaustive_cases("-picture.png", "[Errno 28] No space left on device-picture.png")
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize(
     "luck", [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), KeyboardInterrupt()], ids=str

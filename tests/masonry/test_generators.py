@@ -211,6 +211,7 @@ def crown_loaded(ratio: float, force: float, size: int = 12) -> Scene:
 
 
 class TestDome:
+    @pytest.mark.exhaustive
     def test_volume_tends_to_that_of_the_shell(self) -> None:
         """Chords in place of circles: the error falls with the square of the blocks' number."""
         exact = 2.0 * np.pi / 3.0 * (1.1**3 - 0.9**3) * np.cos(np.radians(5.0))
@@ -239,6 +240,7 @@ class TestDome:
         by_hand = linear_load_factor(scene).load_factor
         assert load_factor(scene, "octagon") == pytest.approx(by_hand, rel=AGREE)
 
+    @pytest.mark.exhaustive
     def test_least_thickness_of_the_hemisphere(self) -> None:
         """12 x 12 blocks stand at 0.04207 of the mean radius and not at 0.04187, as found by an
         independent program; literature on the smooth dome gives 0.041 to 0.043.

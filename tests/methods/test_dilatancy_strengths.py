@@ -55,6 +55,7 @@ class TestClosedForms:
         tie = Tie("ground", "block", (-3, 0.5, 0.5), (0, 0.5, 0.5), 0.25)
         assert lowest(replace(wedged(), ties=(tie,))) == pytest.approx(0.4 + 0.25, rel=1e-5)
 
+    @pytest.mark.exhaustive
     def test_crushing_does_not_change_the_lowest(self) -> None:
         """No clamping, no crushing. Associated friction has a limit here: stone that crushes makes
         room for dilatancy, so it is far above."""

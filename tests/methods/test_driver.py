@@ -148,6 +148,7 @@ class TestInterruption:
         with pytest.raises(KeyboardInterrupt):
             solve(single_block(), interaction=rule)
 
+    @pytest.mark.exhaustive
     def test_the_certified_method_keeps_what_it_proved(self) -> None:
         """Interrupted in the safe steps, it has the upper bound and the lower one of then."""
         told: list[str] = []
@@ -223,6 +224,7 @@ def test_an_upper_bound_below_zero_found_late_is_a_fall() -> None:
     assert (solution.bracket, solution.load_factor) == (Bracket(), None)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", ["independent", slow("signed")])
 def test_a_fall_that_only_branching_finds(moments: str) -> None:
     """Pressed at a quarter of its side and twisted: c there is 0.2966 (design: c(1, 0.5)), the hull

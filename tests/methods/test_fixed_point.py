@@ -35,6 +35,7 @@ def test_first_iterate_is_torsion_shear(moments: str, cone: Conic | Facets) -> N
     assert run.history[0].load_factor == pytest.approx(plain.load_factor, rel=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_signed_conic_with_the_papers_weight_on_the_tuff_wall() -> None:
     """Ends near the prototype's 0.3413; its path depends on which of many forces a solver picks,
     so iterations and value differ by a few and by 2 %."""
@@ -47,6 +48,7 @@ def test_signed_conic_with_the_papers_weight_on_the_tuff_wall() -> None:
         assert change <= FixedPoint().tolerance
 
 
+@pytest.mark.exhaustive_cases("0.8")
 @pytest.mark.parametrize("weight", [0.0, 0.8])
 def test_independent_signs_do_not_converge_and_it_says_so(weight: float) -> None:
     """Design section 3: with independent signs the tuff wall converges for no weight tried."""
@@ -80,6 +82,7 @@ def test_parameters_kept_or_compiled_afresh_give_the_same() -> None:
     assert factors[0] == pytest.approx(factors[1], rel=1e-7)
 
 
+@pytest.mark.exhaustive_cases("ended")
 @pytest.mark.parametrize(
     "rule", [FixedPoint(max_iterations=3), FixedPoint()], ids=["stopped", "ended"]
 )
@@ -194,6 +197,7 @@ def test_least_forces_are_those_of_a_system_solved_by_hand() -> None:
     assert state.load_factor == pytest.approx(mu, rel=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_least_forces_and_epsilon_bring_the_tuff_walls_ends_together() -> None:
     """They are 7e-3 apart with neither; 1e-4 is what counts as converged."""
     rule, scene = FixedPoint(epsilon=1e-2, regularisation=1e-3), builtin_scene("tuff-wall")

@@ -112,6 +112,7 @@ class TestArch:
         shuffled = settlement(renumbered(scene, 3), "right", (1.0, 0.0, 0.0))
         assert shuffled.value == pytest.approx(expected, rel=1e-5)
 
+    @pytest.mark.exhaustive
     def test_picture(self, tmp_path: Path) -> None:
         scene = jack_arch()
         reaction = settlement(scene, "right", (1.0, 0.0, 0.0))
@@ -139,6 +140,7 @@ def test_no_ties() -> None:
 
 
 class TestCommandLine:
+    @pytest.mark.exhaustive
     def test_spreading_springing_with_file_and_picture(self, tmp_path: Path) -> None:
         """The arch's least thrust, as :func:`settlement` has it; the file keeps what it is of."""
         scene = builtin_scene("arch")

@@ -44,6 +44,7 @@ def test_surfaces(name: str, surface: str) -> None:
     assert all(repr(other) in str(caught.value) for other in others)
 
 
+@pytest.mark.exhaustive_cases("zero-dilatancy-strength")
 @pytest.mark.parametrize("extra", EXTRAS)
 @pytest.mark.parametrize("name", TABLE)
 def test_scenes_and_formulations(name: str, extra: str) -> None:

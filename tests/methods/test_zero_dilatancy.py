@@ -79,6 +79,7 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
 
 @pytest.mark.parametrize("name", PUBLISHED)
 class TestWalls:
+    @pytest.mark.exhaustive
     def test_within_what_is_known(self, name: str) -> None:
         """All starts converge; nothing is above the associated factor, nothing below what an
         exhaustive search found, and that lowest one is found again."""
@@ -106,6 +107,7 @@ class TestWalls:
 class TestAllMembersKnown:
     """Walls of five blocks, for which a mixed-integer search proves the lowest member."""
 
+    @pytest.mark.exhaustive_cases("0.4-0.8")
     @pytest.mark.parametrize(("height", "friction"), [(0.4, 0.8), (0.6, 0.5)])
     def test_lowest_is_found(self, height: float, friction: float) -> None:
         scene = wall(
@@ -149,6 +151,7 @@ class TestPolish:
         moved = projected(force, limit + h).value[0]
         np.testing.assert_allclose((moved - x) / h, found.by_limit[0], atol=1e-5)
 
+    @pytest.mark.exhaustive
     def test_tuff_wall_in_space(self) -> None:
         """From the start at the associated solution, to rounding; checked by hand."""
         scene = builtin_scene("tuff-wall")
@@ -160,6 +163,7 @@ class TestPolish:
         assert best.residual <= 1e-9
         assert_exact(scene, best.forces, best.mechanism, best.load_factor)
 
+    @pytest.mark.exhaustive
     def test_other_surfaces_go_without(self) -> None:
         scene = builtin_scene("ferris-tin-loi-1")
         rule = ZeroDilatancy(starts=1)
@@ -168,6 +172,7 @@ class TestPolish:
         assert solution.load_factor <= ASSOCIATED[scene.name] * (1 + 1e-6)
 
 
+@pytest.mark.exhaustive
 @given(rotations())
 @settings(max_examples=1)
 def test_rotation(turn: FloatArray) -> None:

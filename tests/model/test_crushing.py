@@ -63,6 +63,7 @@ class TestClosedForm:
         assert_certified(solution)
         assert solution.load_factor == pytest.approx(expected, rel=1e-6)
 
+    @pytest.mark.exhaustive
     @given(pressure=st.floats(1.1, 50.0), width=st.floats(0.2, 2.0), unit=st.sampled_from([1e3, 1]))
     @settings(max_examples=5, deadline=None)
     def test_any_size_and_unit(self, pressure: float, width: float, unit: float) -> None:
@@ -119,6 +120,7 @@ class TestPlasticField:
         inner, outer = (solve(scene, formulation=field(p, 12)) for p in (at_centroids, at_corners))
         assert effective.load_factor < inner.load_factor < outer.load_factor
 
+    @pytest.mark.exhaustive_cases("ferris-tin-loi-1")
     @pytest.mark.parametrize("name", ["ferris-tin-loi-1", "arch"])
     def test_effective_below_plastic_below_rigid(self, name: str) -> None:
         scene = builtin_scene(name)
@@ -179,6 +181,7 @@ class TestTogether:
         assert_certified(solution, proved=False, tolerance=1e-3)
         assert solution.load_factor == pytest.approx(expected, rel=1e-3)
 
+    @pytest.mark.exhaustive
     def test_with_cohesion_and_facets(self) -> None:
         """A low block slides at mu + c A / W before it crushes."""
         scene = single_block((1.0, 1.0, 0.2), friction=0.3)
@@ -196,6 +199,7 @@ class TestTogether:
         assert_certified(solution, proved=False)  # rates that open the joint are not always found
         assert solution.load_factor == pytest.approx(expected, rel=1e-6)
 
+    @pytest.mark.exhaustive
     @given(turn=rotations(), seed=st.integers(0, 100))
     @settings(max_examples=2, deadline=None)
     def test_rotation_and_renumbering(self, turn: FloatArray, seed: int) -> None:
@@ -242,6 +246,7 @@ class TestScene:
 
 
 class TestPicture:
+    @pytest.mark.exhaustive
     def test_crushed_zone_by_hand(self, tmp_path: Path) -> None:
         """A block of b x l = 0.4 x 0.4 tips about its crushed toe, N / (f l) wide along x."""
         scene = builtin_scene("single-block").with_strength(compressive=200.0)

@@ -132,6 +132,7 @@ class TestLinprog:
         assert_certified(solution, scene)
         assert solution.load_factor == pytest.approx(linear_load_factor(scene).load_factor, 1e-7)
 
+    @pytest.mark.exhaustive_cases("octagon-8-1.0", "octagon-inscribed-8-0.9238795325112867")
     @pytest.mark.parametrize(
         ("surface", "count", "reach"),
         [("octagon", 8, 1.0), ("octagon-inscribed", 8, COS), ("5-gon", 5, 1.0)],
@@ -143,6 +144,7 @@ class TestLinprog:
         assert_certified(solution, scene)
         assert solution.load_factor == pytest.approx(answer.load_factor, rel=1e-7)
 
+    @pytest.mark.exhaustive
     @given(scene=scenes())
     @settings(max_examples=25, deadline=None)
     def test_random_scenes(self, scene: Scene) -> None:

@@ -167,6 +167,7 @@ class TestPage:
 
 
 class TestAnimation:
+    @pytest.mark.exhaustive
     def test_forth_and_back(self, moving: plotting.Animation) -> None:
         first, *others = moving.frames
         assert len(moving.frames) == 6
@@ -236,6 +237,7 @@ assert solve(builtin_scene("single-block")).plot("plain")._repr_png_()
 class TestOnesOwn:
     """A function with a decorator, in one file, is a picture like the package's."""
 
+    @pytest.mark.exhaustive
     def test_outside_the_package(self, arch: Solution, tmp_path, monkeypatch) -> None:
         monkeypatch.setattr(registry, "PICTURES", dict(PICTURES))
         monkeypatch.setattr(plotting, "PICTURES", registry.PICTURES)
@@ -250,6 +252,7 @@ class TestOnesOwn:
         assert "falls" in [text.get_text() for text in arch.plot("lintel", words="falls").texts]
         assert lintel.__doc__ == "Blocks and a sentence."
 
+    @pytest.mark.exhaustive
     def test_a_file_in_the_package_is_all_it_takes(self, tmp_path) -> None:
         """In a process of its own, with a second folder of pictures."""
         (tmp_path / "plain.py").write_text(PLAIN, "utf-8")

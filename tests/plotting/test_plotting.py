@@ -360,6 +360,7 @@ def test_png_shows_something(wall, solved, tmp_path):
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
 
 
+@pytest.mark.exhaustive
 def test_figure_texts(wall, solved):
     pytest.importorskip("matplotlib")
     drawn = figure(wall.with_name("other"), solved, viewer=(1, -2, 1))
@@ -373,6 +374,7 @@ def test_figure_texts(wall, solved):
     assert drawn._repr_png_().startswith(b"\x89PNG")
 
 
+@pytest.mark.exhaustive
 def test_mathematical_and_missing_characters_are_harmless(mechanism, tmp_path):
     scene = Scene(
         wall_blocks(), ["ground"], Load(acceleration=(0, 1, 0)), friction=MU,
@@ -381,6 +383,7 @@ def test_mathematical_and_missing_characters_are_harmless(mechanism, tmp_path):
     assert plot(scene, solution_of(scene, mechanism), tmp_path / "a.png")[0].stat().st_size > 10_000
 
 
+@pytest.mark.exhaustive
 def test_no_mechanism_is_drawn_undeformed(wall, tmp_path):
     failed = solution_of(
         wall, None, load_factor=None, bracket=Bracket(), status=Status.LIVE_LOAD_HARMLESS
@@ -418,6 +421,7 @@ def test_png_needs_no_display(wall, solved, tmp_path):
     assert len(np.unique(pixels_of(tmp_path / "a.png").reshape(-1, 3), axis=0)) > 200
 
 
+@pytest.mark.exhaustive
 def test_plotting_imports_nothing_heavy():
     run = run_python(
         "import sys, cvxlimit.plotting\n"
@@ -638,6 +642,7 @@ def test_unusable_folders_are_named(wall, solved, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["d.html"]
 
 
+@pytest.mark.exhaustive
 def test_png_has_an_image_header(wall, solved, tmp_path):
     pil = pytest.importorskip("PIL.Image")
     data = plot(wall, solved, tmp_path / "a.png")[0].read_bytes()

@@ -95,6 +95,7 @@ def test_a_refused_scene_names_its_culprits() -> None:
 # --- pictures and pages -------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive_cases(".png-blocks0", ".png-blocks1", ".png-blocks2")
 @pytest.mark.parametrize("blocks", [(LEFT, RIGHT), (LEFT, APART), (LEFT, CROWDED)])
 @pytest.mark.parametrize("suffix", [".png", ".html"])
 def test_any_scene_is_drawn(blocks: tuple[Block, ...], suffix: str, tmp_path: Path) -> None:
@@ -102,6 +103,7 @@ def test_any_scene_is_drawn(blocks: tuple[Block, ...], suffix: str, tmp_path: Pa
     assert path.stat().st_size > 5000
 
 
+@pytest.mark.exhaustive
 def test_the_legend_counts_what_is_there() -> None:
     pytest.importorskip("matplotlib")
     drawn = scene_figure(scene(LEFT, APART))
@@ -112,6 +114,7 @@ def test_the_legend_counts_what_is_there() -> None:
     assert "refused: blocks 'left' and 'crowded' interpenetrate" in texts
 
 
+@pytest.mark.exhaustive
 def test_scene_plot_is_a_figure_or_a_file(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     pair = scene(LEFT, RIGHT)

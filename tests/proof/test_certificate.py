@@ -57,6 +57,7 @@ def noise(seed: int, shape: tuple[int, ...], unit: float) -> np.ndarray:
 
 
 class TestCorruptedForces:
+    @pytest.mark.exhaustive_cases("ferris-tin-loi-3")
     @pytest.mark.parametrize("name", NAMES[:2])  # one block: balance alone restores its forces
     def test_noise_widens_the_bracket_and_never_breaks_it(self, name: str) -> None:
         scene, certifier, state, factor = case(name)
@@ -219,6 +220,7 @@ class TestIncomplete:
             with pytest.raises(ModelError, match=f"the scene has {f} free block"):
                 certifier.certificate(None, None, rates)
 
+    @pytest.mark.exhaustive
     def test_answers_to_another_question(self) -> None:
         """Same sizes, other friction or other push: bounds are of the scene that was asked."""
         scene, certifier, state, factor = case("tuff-wall")
@@ -243,6 +245,7 @@ class TestIncomplete:
         assert c.lower < 0.4231  # the conic factor of published.json, not the octagon's 0.450034
 
 
+@pytest.mark.exhaustive
 @given(scene=scenes(), seed=st.integers(0, 2**32 - 1), size=st.sampled_from([0.0, 1e-6, 1e-2, 0.3]))
 @settings(max_examples=40, deadline=None)
 def test_proved_bounds_are_true(scene: Scene, seed: int, size: float) -> None:
@@ -388,6 +391,7 @@ def test_assumed_forces_have_the_scenes_unit(density: float) -> None:
 class TestWronglyScaledRuns:
     """Design section 4: block weights as units, and every sign of success on a wrong factor."""
 
+    @pytest.mark.exhaustive_cases("0.1")
     @pytest.mark.parametrize("share", [1e-1, 1e-3])
     def test_caught(self, share: float) -> None:
         """Unit of force and live load: ``share`` of a block's weight; Clarabel at its default 1e-8.

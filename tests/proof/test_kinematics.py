@@ -44,6 +44,7 @@ def _sure(problem: KinematicProblem) -> LimitState:
     return state
 
 
+@pytest.mark.exhaustive
 @given(scene=scenes(), turn=rotations())
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) -> None:

@@ -125,6 +125,7 @@ def propped(units: int) -> Scene:
 class TestProofs:
     """Scenes on which projections alone found no reference state."""
 
+    @pytest.mark.exhaustive_cases("11")
     @pytest.mark.parametrize("units", [7, 11])
     def test_propped_walls_open(self, units: int) -> None:
         scene = propped(units)
@@ -307,6 +308,7 @@ class TestAssumptions:
         assert smooth.status is Status.DEAD_LOAD_UNSTABLE
 
 
+@pytest.mark.exhaustive_cases("default")
 @pytest.mark.parametrize("ladder", [default_ladder()[:1], None], ids=["clarabel", "default"])
 def test_a_small_stack_on_a_large_block(ladder: tuple[SolverSettings, ...] | None) -> None:
     """Weights 2e-11 apart: Clarabel's 0.5817 was certified on an assumption about rates.

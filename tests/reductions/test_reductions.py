@@ -278,6 +278,7 @@ class TestChoice:
         solution = solve(stack(2), interaction="fixed-point")
         assert solution.model == ()
 
+    @pytest.mark.exhaustive_cases("independent")
     @pytest.mark.parametrize("moments", ["independent", "signed"])
     def test_forces_in_a_plane_have_no_torsion_to_interact_with(self, moments: str) -> None:
         """With interaction a planar scene collapses where it does without: both brackets, each by

@@ -165,6 +165,7 @@ def random_program(rng: np.random.Generator) -> cp.Problem:
 
 
 class TestAnswers:
+    @pytest.mark.exhaustive
     @given(seed=SEEDS)
     @settings(max_examples=40, deadline=None)
     def test_random_programs_as_clarabel(self, seed: int) -> None:
@@ -185,6 +186,9 @@ class TestAnswers:
         for constraint, dual in zip(problem.constraints, expected, strict=True):
             np.testing.assert_allclose(_flat(constraint.dual_value), _flat(dual), atol=1e-5)
 
+    @pytest.mark.exhaustive_cases(
+        "s10-panel-conic-0.259313-cholmod", "s10-panel-conic-0.259313-superlu"
+    )
     @pytest.mark.parametrize("backend", BACKENDS)
     @pytest.mark.parametrize(
         ("name", "surface", "published"),
@@ -207,6 +211,7 @@ class TestAnswers:
         assert_certified(solution, builtin_scene(name), proved=name != "ferris-tin-loi-1")
         assert solution.load_factor == pytest.approx(published, rel=1e-5)
 
+    @pytest.mark.exhaustive
     @given(scene=scenes())
     @settings(max_examples=15, deadline=None)
     def test_random_scenes_as_the_usual_ladder(self, scene: Scene) -> None:
@@ -411,6 +416,7 @@ class TestRule:
             assert str(problem.ladder()[0]) in ("QOCO", "CLARABEL")
             assert str(problem.ladder(1e-8)[0]) == "CLARABEL"
 
+    @pytest.mark.exhaustive
     def test_large_walls_start_with_it(self) -> None:
         scene = panel(1.6, 30, left_return=0.8, right_return=0.8)
         solution = solve(scene, "octagon")

@@ -88,6 +88,7 @@ class TestLadder:
     def test_planar_scenes_have_no_cones(self) -> None:
         assert_certified(solve(builtin_scene("arch"), ladder=["HIGHS"]))
 
+    @pytest.mark.exhaustive
     def test_a_linear_solver_is_for_facets_only(self) -> None:
         """HiGHS cannot take cones: said so there, an answer in its own right on the octagon."""
         scene = builtin_scene("tuff-wall")
@@ -168,6 +169,7 @@ class TestLadder:
         assert len({str(rung) for rung in ladder}) == len(ladder)
         assert {rung.name for rung in ladder} <= set(SOLVERS)
 
+    @pytest.mark.exhaustive_cases("CVXOPT")
     @pytest.mark.parametrize("name", sorted(installed() - {"OSQP", "GLPK_MI"}))
     def test_any_installed_solver_by_its_name(self, name: str) -> None:
         """OSQP is for quadratic problems, GLPK_MI the same as GLPK; CVXOPT's best bracket is wider
@@ -393,6 +395,7 @@ class TestExtremeLoads:
         assert solution.load_factor == pytest.approx(min(friction, 0.4), rel=1e-5)
 
 
+@pytest.mark.exhaustive
 @given(
     scene=scenes(),
     mu=st.sampled_from([0.05, 0.2, 0.6, 1.1]),

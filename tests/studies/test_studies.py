@@ -106,6 +106,7 @@ class TestVaried:
 
 
 class TestTable:
+    @pytest.mark.exhaustive
     def test_it_is_what_single_calls_give(self) -> None:
         """Compiled once with Parameters, or anew for every call: the same problem, both proved."""
         grid = {"friction": [0.35, 0.5, 0.65], "direction": [0.0, 30.0]}
@@ -427,6 +428,7 @@ class TestFragility:
             held += low <= truth.cdf(0.45) <= high
         assert held >= 300 * 0.9 - 3 * np.sqrt(300 * 0.9 * 0.1)
 
+    @pytest.mark.exhaustive
     def test_a_closed_form_from_draws_to_curve(self) -> None:
         """A stone that slides: the load factor is the friction, its curve the distribution's."""
         friction = stats.uniform(0.2, 0.2)

@@ -231,6 +231,7 @@ class TestPoints:
 
 
 class TestExact:
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize(
         ("l1", "l2", "direction"), [(1.0, 1.0, 0), slow(2.0, 1.0, 0), slow(2.0, 1.0, 1)]
     )

@@ -72,6 +72,7 @@ class TestRigidMotion:
         turn = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
         assert_same(answer(builtin_scene(name)), again(builtin_scene(name).moved(turn)))
 
+    @pytest.mark.exhaustive
     @given(scene=st.one_of(walls(), panels()), turn=rotations(), surface=st.sampled_from(
         ["octagon", "octagon-inscribed", "16-gon"]))  # fmt: skip
     @SOME
@@ -81,6 +82,7 @@ class TestRigidMotion:
         """
         assert_same(answer(scene, surface), again(scene.moved(turn), surface))
 
+    @pytest.mark.exhaustive
     @given(scene=piles(), angle=st.floats(0.0, 6.28))
     @SOME
     def test_facets_on_any_polygon_stay_within_their_bounds(
@@ -218,6 +220,7 @@ class TestLoads:
 
 
 class TestOrder:
+    @pytest.mark.exhaustive
     @given(scene=scenes())
     @SOME
     def test_never_falls_when_friction_grows(self, scene: Scene) -> None:
@@ -234,12 +237,14 @@ class TestOrder:
         factors = [answer(scene.with_friction(mu)).load_factor for mu in (0.5, 0.6, 0.7, 0.8, 0.9)]
         assert all(b >= a * (1.0 - 1e-6) for a, b in pairwise(factors))
 
+    @pytest.mark.exhaustive
     def test_a_jammed_wall_does_not_fall(self) -> None:
         """The end of the order: with enough friction no push is too much, as linprog says too."""
         scene = builtin_scene("tuff-wall").with_friction(1.2)
         assert linear_load_factor(scene, 8, float(np.cos(np.pi / 8))).status == 3  # unbounded
         assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
 
+    @pytest.mark.exhaustive
     @given(scene=scenes(), k=st.sampled_from([3, 4, 5, 8, 13]))
     @SOME
     def test_inscribed_conic_circumscribed(self, scene: Scene, k: int) -> None:
@@ -249,6 +254,7 @@ class TestOrder:
         assert low.lower <= exact.upper
         assert exact.lower <= high.upper
 
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize("name", ["tuff-wall"])
     def test_gap_of_facets_falls_as_one_over_k_squared(self, name: str) -> None:
         """Exponent fitted over K = 8 to 64, within 0.3 of -2: factors hit single facets by chance,

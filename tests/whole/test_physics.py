@@ -89,6 +89,13 @@ def scene_of(model: str) -> Scene:
     return result
 
 
+@pytest.mark.exhaustive_cases(
+    "effective rectangle",
+    "ties",
+    "zero dilatancy",
+    "zero dilatancy, effective rectangle",
+    "zero dilatancy, mortar",
+)
 @pytest.mark.parametrize("model", mostly_slow(MODELS, MODELS.keys() - {"zero dilatancy, ties"}))
 def test_rotation_numbering_units(model: str) -> None:
     ask, tolerance = MODELS[model]
@@ -106,6 +113,7 @@ def test_rotation_numbering_units(model: str) -> None:
         assert ask(other) == pytest.approx(factor * expected, rel=tolerance)
 
 
+@pytest.mark.exhaustive_cases("dome")
 @pytest.mark.parametrize("name", SPACIOUS)
 def test_linear_below_parabolic(name: str) -> None:
     """And below what is exact where that is quick: on the others in test_torsion_shear.py."""

@@ -35,6 +35,7 @@ PUBLISHED = {
 }
 
 
+@pytest.mark.exhaustive_cases("s10-panel-octagon")
 @pytest.mark.parametrize(("name", "surface"), PUBLISHED)
 def test_published_scenes(name: str, surface: str) -> None:
     """Counts, factor to 1e-5, both bounds proved and within 1e-5 of each other."""
@@ -84,6 +85,7 @@ def crown(thickness_ratio: float, force: float):  # type: ignore[no-untyped-def]
     return arch(100, thickness_ratio, friction=10.0, live=live)
 
 
+@pytest.mark.exhaustive
 def test_least_thickness_of_the_semicircular_arch() -> None:
     """0.107456 with 100 straight-sided voussoirs (0.107426 for the smooth arch), by bisection.
 
@@ -109,6 +111,7 @@ def test_torsion_arms(sides: tuple[float, float], arm: float) -> None:
     assert float(torsion_arm(*sides)) == pytest.approx(arm, abs=1e-10)
 
 
+@pytest.mark.exhaustive_cases("s12-panel-16-gon-inscribed-16-gon")
 @pytest.mark.parametrize(
     ("name", "inscribed", "circumscribed"),
     [("tuff-wall", "octagon-inscribed", "octagon"), ("s12-panel", "16-gon-inscribed", "16-gon")],

@@ -55,6 +55,7 @@ def assert_closed(run: Run, tolerance: float = TOLERANCE) -> None:
     assert uppers == sorted(uppers, reverse=True)
 
 
+@pytest.mark.exhaustive_cases("one block-signed", "two blocks-signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("name", ["one block", "one slender block", "two blocks"])
 def test_the_known_load_factor_is_bracketed(name: str, moments: str) -> None:
@@ -65,6 +66,7 @@ def test_the_known_load_factor_is_bracketed(name: str, moments: str) -> None:
     assert bracket.lower - 1e-8 <= exact(name, moments) <= bracket.upper + 1e-8
 
 
+@pytest.mark.exhaustive_cases("signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_three_blocks(moments: str) -> None:
     live = Load(acceleration=(0.5, 1.0, 0.0), forces={"b3": (0.0, 0.0, 0.0, 0.0, 0.0, 4.0)})
@@ -126,6 +128,7 @@ class Frozen:
         return -1.0 if value is None or self.problem.status != "optimal" else float(value)
 
 
+@pytest.mark.exhaustive_cases("signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_brute_force_over_eccentricities(moments: str) -> None:
     """Two contacts, five of the twelve forces free: no pressure centres tried do better than the
@@ -149,6 +152,7 @@ def test_brute_force_over_eccentricities(moments: str) -> None:
     assert best >= bracket.lower * (1.0 - 1e-1)
 
 
+@pytest.mark.exhaustive_cases("signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_the_frozen_problem_at_the_forces_found(moments: str) -> None:
     """The lower bound again, by the second path, at the pressure centres of the forces."""
@@ -162,6 +166,7 @@ def test_the_frozen_problem_at_the_forces_found(moments: str) -> None:
     assert bracket.lower - 1e-6 <= again <= bracket.upper + 1e-6
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", MOMENTS[:1])
 def test_polygons_close(moments: str) -> None:
     """Forces are determinate: the bracket closes on what they are, and says what it rests on."""
@@ -174,6 +179,7 @@ def test_polygons_close(moments: str) -> None:
     assert bracket.upper <= upper(scene, moments) + 1e-8
 
 
+@pytest.mark.exhaustive_cases("6-signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("corners", [3, 6])
 def test_drums_and_prisms_close(corners: int, moments: str) -> None:

@@ -92,6 +92,15 @@ LOADS = {
 }
 
 
+@pytest.mark.exhaustive_cases(
+    "1-pressed in a corner-independent",
+    "1-pressed in a corner-signed",
+    "1-pushed low-independent",
+    "1-pushed low-signed",
+    "1-pushed off centre-independent",
+    "1-pushed off centre-signed",
+    "1-twisted-signed",
+)
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("load", LOADS.values(), ids=LOADS.keys())
 @pytest.mark.parametrize("blocks", [1, slow(2)])
@@ -108,6 +117,7 @@ def test_brute_force_lies_in_a_tight_bracket(
     assert solution.gap <= 1e-3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("moments", "lower", "upper"),
     [
@@ -140,6 +150,7 @@ def test_s12_class_panel_reaches_the_marks() -> None:
     assert "the tolerance is met" in solution.note
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", mostly_slow(MOMENTS, ["independent"]))
 def test_turned_and_in_other_units(moments: str) -> None:
     """The bracket belongs to the scene: both see the same optimum from the same proofs."""
@@ -156,6 +167,7 @@ def test_turned_and_in_other_units(moments: str) -> None:
         assert other.gap <= 1e-3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", mostly_slow(MOMENTS, ["independent"]))
 def test_contacts_that_are_not_rectangles(moments: str) -> None:
     """Hexagonal drums: safe on inscribed rectangles, above by friction at the corners; said so."""
@@ -283,6 +295,7 @@ def test_a_load_that_presses_some_blocks_down_does_no_harm(scene: Scene, moments
     assert np.abs(matrix @ solution.forces.ravel() + live).max() < 1e-12 * np.abs(live).sum()
 
 
+@pytest.mark.exhaustive_cases("1", "11")
 @pytest.mark.parametrize("seed", [1, 9, 11])
 def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
     """Forces admissible with every sign on its own are so with any; 1e-4 is where both stop."""

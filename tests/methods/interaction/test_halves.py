@@ -56,6 +56,7 @@ def test_a_half_relaxes_no_more_than_the_whole(moments: str) -> None:
     assert live == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.exhaustive_cases("signed")
 @pytest.mark.parametrize("moments", READINGS)
 def test_safe_steps_on_a_half_are_safe_on_the_whole(moments: str) -> None:
     """At the middle both have the same optimum (a symmetric convex problem); every answer passes
@@ -85,6 +86,7 @@ def test_no_half_where_the_mirror_changes_something() -> None:
     assert half_of(Run(scene, moments=parse_moments("paper"))) is None
 
 
+@pytest.mark.exhaustive
 def test_certified_brackets_with_and_without_the_mirror_overlap() -> None:
     """Either bracket holds the truth; the model says which one used a half."""
     scene = small_panel()

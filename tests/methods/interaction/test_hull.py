@@ -129,6 +129,7 @@ def test_no_true_state_does_more_work_than_the_support(
         assert (forces @ w).max() <= found.missing[0] + ROUNDING * np.abs(w).max()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", ["independent", slow("signed")])
 def test_the_support_is_attained(moments: str) -> None:
     """Grid values lie below by the grid's spacing squared, 1e-4, where they do not meet it."""
@@ -171,6 +172,7 @@ def test_the_worst_place_has_the_support() -> None:
         assert at[0] == pytest.approx(missing[0], abs=1e-8 * np.abs(w).max())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_polygons(moments: str) -> None:
     contacts = hexagons().contacts
@@ -288,6 +290,7 @@ def assert_history(run: Run) -> None:
     assert all(run.clock.seconds[phase] > 0.0 for phase in ("compile", "solve", "certify"))
 
 
+@pytest.mark.exhaustive_cases("hexagons-signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("name", DETERMINATE)
 def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:

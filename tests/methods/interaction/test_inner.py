@@ -209,6 +209,7 @@ def tuff_iterates(moments: str) -> tuple[InnerIterate, ...]:
     return tuple(inner(builtin_scene("tuff-wall"), moments).iterates())
 
 
+@pytest.mark.exhaustive_cases("signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_accepted_iterates_pass_the_checker(moments: str) -> None:
     scene = builtin_scene("tuff-wall")
@@ -516,6 +517,7 @@ def test_no_rung_that_leads_runs_without_a_budget() -> None:
     assert settings_for("SCS").options["time_limit_secs"] > 0.0
 
 
+@pytest.mark.exhaustive
 def test_a_loose_climb_ends_tightly() -> None:
     """What loose solves cost the last bound is less than the gain that ends a climb."""
     scene = stack_of(2, DIRECTIONS["twisted"])

@@ -224,6 +224,7 @@ class TestUpperBounds:
         assert (whole >= (-rates @ states[inside].T).max(axis=1) - 1e-12).all()
         np.testing.assert_allclose(np.maximum(*halves), whole, atol=1e-6 * np.abs(rates).max())
 
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize("moments", LIMITED, ids=str)
     def test_polygons(self, moments: SignedTorsionBending) -> None:
         states = random_states(hexagon(), moments, 1_500, 17)
@@ -288,6 +289,7 @@ class TestLowerBounds:
             excess = moments.excess(state.forces, scene.contacts).max() / step.scaling.force
             assert excess < 1e-7
 
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize("moments", ["paper", slow("signed-torsion-bending")])
     def test_certified_bracket(self, moments: str) -> None:
         """Proved on both sides, above what independent signs carry; forces pass by hand."""
@@ -457,6 +459,7 @@ def _heavier(scene: Scene, times: float) -> Scene:
 
 
 class TestRecognition:
+    @pytest.mark.exhaustive_cases("15-independent")
     @pytest.mark.parametrize(
         ("seed", "moments"),
         [

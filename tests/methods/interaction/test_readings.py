@@ -43,6 +43,7 @@ class Halfway(TiedMoments):
         return 0.5 * e
 
 
+@pytest.mark.exhaustive_cases("mine1-paper")
 @pytest.mark.parametrize(("mine", "theirs"), [(Mine(), "signed"), (MineWithTorsion(), "paper")])
 def test_a_reading_from_outside_is_as_tight_as_one_inside(mine: Moments, theirs: str) -> None:
     """The same statement gives the same bracket, whoever wrote it: 1e-6 for solvers' rounding."""
@@ -102,6 +103,7 @@ def plus(live: tuple[float, ...]) -> Scene:
     return Scene([ground, block], ["ground"], Load(forces={"plus": live}), friction=0.6)
 
 
+@pytest.mark.exhaustive_cases("live0")
 @pytest.mark.parametrize("live", [(0, 0, 0, 0, 0, 1.0), (0.3, 0.1, 0, 0, 0, 1.0)])
 def test_independent_signs_are_never_weaker_than_no_interaction(live: tuple[float, ...]) -> None:
     """On a contact that is not convex too: its hull has a longer arm than itself. In pure torsion
