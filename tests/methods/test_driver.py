@@ -155,7 +155,7 @@ class TestInterruption:
 
         def press(message: str) -> None:
             told.append(message)
-            if "soft step" in message:
+            if "penalty step" in message:
                 raise KeyboardInterrupt
 
         scene = builtin_scene("tuff-wall")

@@ -132,7 +132,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: solve(scene(), ladder=5),  # type: ignore[arg-type]
         r"ladder must be a list of solvers, got 5: write \['CLARABEL'\]",
     ),
-    "rung": (lambda: solve(scene(), ladder=["CLARABLE"]), "CLARABLE is not .* mean CLARABEL"),
+    "rung": (
+        lambda: solve(scene(), ladder=["CLARABLE"]),
+        "no solver 'CLARABLE'; did you mean CLARABEL",
+    ),
     "formulation": (
         lambda: solve(scene(), formulation="resultants"),  # type: ignore[arg-type]
         "formulation must be a function .* got 'resultants'",

@@ -56,6 +56,7 @@ class NearMiss:
     def sentence(self, unit: str = "") -> str:
         """What is nearly there, in words.
 
+        >>> import numpy as np
         >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
         >>> miss.sentence("m")
         'b1-b2: a gap of 0.002 m, joined up to 0.001'
@@ -71,6 +72,7 @@ def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
 
     Empty if there are none.
 
+    >>> import numpy as np
     >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
     >>> near_miss_sentence([miss], "m")
     '1 joint is nearly there but is none; b1-b2: a gap of 0.002 m, joined up to 0.001'

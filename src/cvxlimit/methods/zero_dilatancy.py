@@ -280,7 +280,7 @@ class _Search:
 
     def _report(self, last: Member | None = None) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
-        best = members[0] if members else last
+        best = members[0] if members else None if self.associated is None else last
         above = "" if self.associated is None else (
             f"; associated friction, {rounded(self.associated)}, bounds all of them from above"
         )  # fmt: skip
