@@ -77,9 +77,9 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
     assert lost < 2e-6 * abs(factor)
 
 
+@pytest.mark.exhaustive_cases("ferris-tin-loi-2", "ferris-tin-loi-3")
 @pytest.mark.parametrize("name", PUBLISHED)
 class TestWalls:
-    @pytest.mark.exhaustive
     def test_within_what_is_known(self, name: str) -> None:
         """All starts converge; nothing is above the associated factor, nothing below what an
         exhaustive search found, and that lowest one is found again."""

@@ -90,6 +90,7 @@ def check_interaction(seed: int, reading: str) -> None:
     assert found <= solution.upper + SECOND * max(1.0, abs(solution.upper))
 
 
+@pytest.mark.exhaustive_cases("2-independent", "11-independent")
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("seed", [1, 2, 11])
 def test_interaction(seed: int, reading: str) -> None:

@@ -290,7 +290,7 @@ def assert_history(run: Run) -> None:
     assert all(run.clock.seconds[phase] > 0.0 for phase in ("compile", "solve", "certify"))
 
 
-@pytest.mark.exhaustive_cases("hexagons-signed")
+@pytest.mark.exhaustive_cases("hexagons-signed", "hexagons-independent")
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("name", DETERMINATE)
 def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:

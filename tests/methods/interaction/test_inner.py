@@ -221,7 +221,7 @@ def test_accepted_iterates_pass_the_checker(moments: str) -> None:
         assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
 
 
-@pytest.mark.parametrize(("moments", "least"), [("independent", 0.2529), ("signed", 0.3600)])
+@pytest.mark.parametrize(("moments", "least"), [("independent", 0.2529), slow("signed", 0.3600)])
 def test_tuff_wall(moments: str, least: float) -> None:
     """Issue: at least 0.2529; signed: 0.3413 is the end of the fixed point, 0.3602 was measured."""
     iterates = tuff_iterates(moments)
