@@ -143,16 +143,20 @@ class Adversary:
     def at_centres(self, forces: FloatArray) -> tuple[float, FloatArray] | None:
         """True states with the pressure centres of forces (n, 6), checked.
 
-        Else with contacts that carry next to nothing pressed near their middle.
+        Else solved tighter, else with contacts that carry next to nothing pressed near their middle.
         """
-        return self._at_centres(forces, 0.0) or self._at_centres(forces, 1e-5)
+        ways: list[tuple[float, dict[str, float]]] = [(0.0, {}), (0.0, TIGHT), (1e-5, TIGHT)]
+        found = (self._at_centres(forces, epsilon, settings) for epsilon, settings in ways)
+        return next(filter(None, found), None)
 
-    def _at_centres(self, forces: FloatArray, epsilon: float) -> tuple[float, FloatArray] | None:
+    def _at_centres(
+        self, forces: FloatArray, epsilon: float, settings: dict[str, float]
+    ) -> tuple[float, FloatArray] | None:
         at = Pressure.of(forces, self.contacts, epsilon)
         self.e.value = np.stack([at.e1, at.e2], axis=1)
         self.eps.value = np.abs(self.e.value)
         self.arm.value = effective_arm(at.e1, at.e2, self.contacts)
-        if not _is_solved(self.frozen) or self.factor.value is None:
+        if not _is_solved(self.frozen, settings) or self.factor.value is None:
             return None
         factor, state = float(self.factor.value), np.array(self.frozen_forces.value)
         return (factor, state) if self.is_true(state * self.load, factor) else None
@@ -196,11 +200,11 @@ class Adversary:
             yield forces
 
 
-def _is_solved(problem: cp.Problem) -> bool:
+def _is_solved(problem: cp.Problem, settings: dict[str, float] | None = None) -> bool:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Solution may be inaccurate")
         try:
-            problem.solve(solver=cp.CLARABEL, **TIGHT)
+            problem.solve(solver=cp.CLARABEL, **settings or {})
         except cp.SolverError:
             return False
     return problem.status in ("optimal", "optimal_inaccurate")
