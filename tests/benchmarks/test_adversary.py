@@ -143,7 +143,7 @@ class Adversary:
     def at_centres(self, forces: FloatArray) -> tuple[float, FloatArray] | None:
         """True states with the pressure centres of forces (n, 6), checked.
 
-        Else solved tighter, else with contacts that carry next to nothing pressed near their middle.
+        Else solved tighter, else with contacts that carry next to nothing pressed in their middle.
         """
         ways: list[tuple[float, dict[str, float]]] = [(0.0, {}), (0.0, TIGHT), (1e-5, TIGHT)]
         found = (self._at_centres(forces, epsilon, settings) for epsilon, settings in ways)
