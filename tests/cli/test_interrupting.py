@@ -73,16 +73,18 @@ def test_during_imports(entry: tuple[str, ...], library: str, tmp_path: Path) ->
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "cvxlimit: interrupted\n")
 
 
-@pytest.mark.parametrize("command", mostly_slow(["solve", "settle", "sweep"], ["solve"]))
+@pytest.mark.parametrize("command", mostly_slow(["solve", "settle", "sweep", "import"], ["solve"]))
 def test_while_the_input_is_read(command: str, tmp_path: Path) -> None:
     """A pipe in place of the file says when the program is under way."""
-    pipe = tmp_path / "scene"
+    pipe = tmp_path / ("wall.obj" if command == "import" else "scene")
     os.mkfifo(pipe)
     more = {
         "solve": [],
         "settle": ["--support", "b1", "--direction=0,0,-1"],
         "sweep": ["--vary", "friction=0.5"],
-    }[command]
+        "import": ["--output", "s.json", "--length-unit", "m", "--up", "z", "--friction", "0.5",
+                   "--live", "1,0,0"],
+    }[command]  # fmt: skip
     with cvxlimit(command, str(pipe), *more, folder=tmp_path) as program, program.opens(pipe):
         program.interrupt()
         assert_ended_at_once(program)
