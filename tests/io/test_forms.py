@@ -146,6 +146,17 @@ def test_what_differs_from_its_default_is_written(name: str, value: float) -> No
         assert getattr(through_text(given), name) == value
 
 
+def test_one_contact_may_be_as_strong_as_no_scene_says() -> None:
+    """Stones that crush, but for those of one contact."""
+    own = {("b1", "b2"): math.inf}
+    given = scene(compressive_strength=7.0, contact_compressive_strength=own)
+    assert through_text(given).contact_compressive_strength == own
+    document = scene_to_dict(given)
+    document["friction"] = "inf"
+    with pytest.raises(InputError, match="friction of the scene must be a number, got 'inf'"):
+        scene_from_dict(document)
+
+
 @pytest.mark.parametrize("name", [each.name for each in fields(Scene)])
 def test_each_field_of_a_scene_is_in_its_file(name: str) -> None:
     """Nothing else of the file says it: with this field changed, the file is another one."""

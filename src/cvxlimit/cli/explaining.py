@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
+from cvxlimit.cli.interrupting import interruptible
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import argument, option, surface_option, taking
 from cvxlimit.cli.outputs import ExitCode
@@ -29,7 +30,9 @@ class Question:
 @taking(Question)
 def explain_command(asked: Question) -> ExitCode:
     """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
-    found = explain(scene_named(asked.scene), asked.surface, model=asked.model)
+    found = interruptible(
+        lambda tell: explain(scene_named(asked.scene), asked.surface, model=asked.model)
+    )
     title, *lines = str(found).splitlines()
     show(Text("\n".join([one_line(title), *lines])))
     return ExitCode.SOLVED

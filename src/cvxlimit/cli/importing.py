@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, option, taking, vector
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
 from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
@@ -112,10 +113,16 @@ def import_command(asked: Geometry) -> ExitCode:
 def _drawn_if_refused(asked: Geometry, plot: Path | None) -> tuple[Imported, int]:
     """The scene and the number of its contacts; what is wrong with it is drawn."""
     scene: Scene | None = None
-    try:
+
+    def imported(tell: Tell) -> tuple[Imported, int]:
+        nonlocal scene
         found = asked.imported()
         scene = found.scene
+        tell("finding contacts")
         return found, len(scene.contacts)
+
+    try:
+        return interruptible(imported)
     except InputError as error:
         culprit = scene if scene or not isinstance(error, GeometryError) else sketch(error)
         if plot is not None and culprit is not None:

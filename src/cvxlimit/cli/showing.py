@@ -8,6 +8,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import argument, option, taking
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
@@ -15,6 +16,7 @@ from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
 from cvxlimit.errors import InputError
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting import plot_scene, refused
+from cvxlimit.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +38,13 @@ def show_command(asked: Drawing) -> ExitCode:
         raise InputError("give --plot OUT.png or OUT.html: where to draw")
     check_outputs({"--plot": plot}, {} if name in BUILTIN else {os.fspath(name): "the scene"})
     check_picture(plot, SCENE_PICTURES)
-    scene = scene_named(name)
-    refusal = refused(scene)
+
+    def checked(tell: Tell) -> tuple[Scene, InputError | None]:
+        scene = scene_named(name)
+        tell("finding contacts")
+        return scene, refused(scene)
+
+    scene, refusal = interruptible(checked)
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
     blocks = f"{count(len(scene.free), 'free block')}, {count(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {count(len(scene.contacts), 'contact')}"

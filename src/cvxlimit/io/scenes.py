@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -131,6 +132,16 @@ TIE = record(
 )
 
 
+UNLIMITED = Form(
+    lambda value, where, _: math.inf if value == "inf" else number(value, where),
+    lambda value, where, _: "inf" if value == math.inf else number(value, where),
+    {"anyOf": [NUMBER.schema, {"const": "inf"}]},
+)
+VALUES = {
+    what: UNLIMITED if each.default == math.inf else NUMBER for what, each in PROPERTIES.items()
+}
+
+
 def _read_contacts(value: object, where: str, _: str) -> JsonObject:
     """Exceptions, as arguments of the scene."""
     result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in PROPERTIES}
@@ -148,28 +159,22 @@ def _read_contacts(value: object, where: str, _: str) -> JsonObject:
             own = result[f"contact_{what}"]
             if (first, second) in own or (second, first) in own:
                 raise InputError(f"{what} of {contact} is given twice; keep one entry")
-            own[first, second] = number(entry[what], f"{what} of {contact}")
+            own[first, second] = VALUES[what].read(entry[what], f"{what} of {contact}", where)
     return dict(result)
 
 
-def _write_contacts(scene: Scene, *_: str) -> list[JsonObject] | None:
-    """One entry per pair of blocks with anything of its own."""
+def _write_contacts(scene: Scene, _: str, where: str) -> list[JsonObject] | None:
     entries: dict[tuple[str, str], JsonObject] = {}
     for what in PROPERTIES:
         for pair, value in getattr(scene, f"contact_{what}").items():
-            if value == float("inf"):
-                raise InputError(
-                    f"{what} of contact {pair} is infinite, which a scene file cannot say for one "
-                    "contact: give a large number"
-                )
             entry = entries.setdefault(pair, {"between": list(pair)})
-            entry[what] = number(value, f"{what} of contact {pair}")
+            entry[what] = VALUES[what].write(value, f"{what} of contact {pair}", where)
     return list(entries.values()) or None
 
 
 CONTACT_SCHEMA = {
     "type": "object",
-    "properties": {"between": PAIR.schema, **dict.fromkeys(PROPERTIES, NUMBER.schema)},
+    "properties": {"between": PAIR.schema} | {what: form.schema for what, form in VALUES.items()},
     "required": ["between"],
     "minProperties": 2,
     "additionalProperties": False,
@@ -227,7 +232,7 @@ SCENE = Document(
             "units": Key(UNITS, "{key}", is_written=True),
             "blocks": Key(listed(BLOCK), "{key}"),
             "supports": Key(listed(TEXT, "support {i}"), "{key}"),
-            **{what: Key(NUMBER, is_needed=what == "friction") for what in PROPERTIES},
+            **{what: Key(form, is_needed=what == "friction") for what, form in VALUES.items()},
             "joint_tolerance": Key(TOLERANCE, "{key}"),
             "ties": Key(listed(TIE), "{key}"),
             "contacts": Key(CONTACTS, "{key}", is_needed=False, is_several=True),
