@@ -5,13 +5,11 @@ put on a ladder even without. One that CVXPY does not know is a class like :clas
 may stand on a ladder itself, or in such a row.
 """
 
-from cvxlimit.solvers.interior import Blockwise
 from cvxlimit.solvers.ladders import (
     Ladder,
     Shape,
     clarabel_at,
     default_ladder,
-    is_conic,
     iterate_ladder,
     ladder_of,
     leading_ladder,
@@ -19,7 +17,8 @@ from cvxlimit.solvers.ladders import (
     node_ladder,
     tight_ladder,
 )
-from cvxlimit.solvers.running import LimitState, Outcome, run
+from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.running import LimitState, Outcome, is_conic, run
 from cvxlimit.solvers.table import (
     SOLVERS,
     Solver,

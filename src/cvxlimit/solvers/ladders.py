@@ -18,6 +18,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
+from cvxlimit.solvers.running import is_conic
 from cvxlimit.solvers.sparse import best_backend
 from cvxlimit.solvers.table import (
     SOLVERS,
@@ -311,8 +312,3 @@ def inequalities(problem: cp.Problem) -> int:
     """Number of linear inequalities, signs of variables among them."""
     rows = sum(c.size for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg)))
     return int(rows + sum(v.size for v in problem.variables() if v.attributes["nonneg"]))
-
-
-def is_conic(problem: cp.Problem) -> bool:
-    """True if the problem has second-order cones."""
-    return any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)

@@ -6,9 +6,9 @@ where solvers need 5 to 10. Here CVXPY's interfaces to the solvers get their mat
 
 from __future__ import annotations
 
-import time
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,11 +17,12 @@ import cvxpy.settings as keys
 import numpy as np
 import scipy.sparse as sp
 from cvxpy.constraints import Zero
+from cvxpy.reductions.solution import Solution
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.solvers.running import Outcome
+from cvxlimit.solvers.running import Outcome, attempted
 from cvxlimit.solvers.table import SolverSettings
 
 
@@ -29,14 +30,8 @@ from cvxlimit.solvers.table import SolverSettings
 class ConeProgram:
     """min c . x  subject to  A x + s = b,  s in {0}^zero x R+^nonneg x second-order cones.
 
-    Attributes
-    ----------
-    cost : (n,), matrix : (m, n) sparse array, right : (m,)
-        c, A and b.
-    zero, nonneg : int
-        Rows of equations, and of inequalities after them.
-    cones : tuple of int
-        Sizes of the second-order cones that follow.
+    ``cost`` (n,), ``matrix`` (m, n) and ``right`` (m,) are c, A and b; ``zero`` rows of equations
+    come first, then ``nonneg`` inequalities, then second-order cones of the sizes in ``cones``.
 
     Example
     -------
@@ -62,22 +57,16 @@ class ConeProgram:
 
         Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
         """
-        if (refused := Outcome.refused(settings, bool(self.cones))) is not None:
-            return refused, None, None
-        start, row = time.perf_counter(), settings.row
-        solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
-        data, inverse = self._data(row.splits_equations)
-        compiled = time.perf_counter()
-        try:
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-                raw = solver.solve_via_data(data, False, False, dict(settings.options))
-                found = solver.invert(raw, inverse)
-        except Exception as error:  # solvers raise what they like; the history keeps the reason
-            took = time.perf_counter() - compiled
-            return Outcome.failed(error, compiled - start, took), None, None
-        outcome = Outcome(found.status, compiled - start, time.perf_counter() - compiled)
-        if not outcome.has_values:
+        row, options = settings.row, dict(settings.options)
+
+        def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
+            solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
+            data, inverse = self._data(row.splits_equations)
+            solve = partial(solver.solve_via_data, data, False, False, options)
+            return solve, lambda raw: solver.invert(raw, inverse)
+
+        outcome, found = attempted(settings, bool(self.cones), compiled)
+        if found is None or not outcome.has_values:
             return outcome, None, None
         (x,) = found.primal_vars.values()
         (y,) = found.dual_vars.values()
@@ -85,22 +74,19 @@ class ConeProgram:
 
     def _data(self, is_split: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         """What CVXPY's interface to a solver takes, and what it needs for the way back."""
+        p = self.zero
         dims = SimpleNamespace(
-            zero=self.zero, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
+            zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
         )
-        data = {keys.C: self.cost, ConicSolver.DIMS: dims}
+        data = {keys.C: self.cost, ConicSolver.DIMS: dims, keys.A: self.matrix, keys.B: self.right}
         if is_split:
-            p = self.zero
             rows = self.matrix.tocsr()
             data |= {keys.A: rows[:p].tocsc(), keys.B: self.right[:p]}
             data |= {keys.G: rows[p:].tocsc(), keys.H: self.right[p:]}
-        else:
-            data |= {keys.A: self.matrix, keys.B: self.right}
-        inverse = {
+        return data, {
             ConicSolver.VAR_ID: 0,
             ConicSolver.DIMS: dims,
-            ConicSolver.EQ_CONSTR: [Zero(cp.Variable(self.zero))],
+            ConicSolver.EQ_CONSTR: [Zero(cp.Variable(p))],
             ConicSolver.NEQ_CONSTR: [],
             keys.OFFSET: 0.0,
         }
-        return data, inverse

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import cvxpy as cp
-from cvxpy.settings import INF_OR_UNB, SOLUTION_PRESENT
+from cvxpy.reductions.solution import Solution
+from cvxpy.settings import ERROR, INF_OR_UNB, SOLUTION_PRESENT
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.solvers.ladders import is_conic
 from cvxlimit.solvers.table import SolverSettings, able
 
 
@@ -25,21 +27,6 @@ class Outcome:
     compile_seconds: float
     solve_seconds: float
     refusal: str = ""
-
-    @classmethod
-    def failed(cls, error: Exception, compile_seconds: float, solve_seconds: float) -> Outcome:
-        """Of a run that ended in an error."""
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        return cls(f"failed: {reason[:120]}", compile_seconds, solve_seconds)
-
-    @classmethod
-    def refused(cls, settings: SolverSettings, has_cones: bool) -> Outcome | None:
-        """Of a problem that the solver cannot take, or None if it can."""
-        if settings.row.has_cones or not has_cones:
-            return None
-        lacks = f"{settings.name} takes no second-order cones, which this problem has"
-        others = f"{', '.join(able(with_cones=True))} take them"
-        return cls(f"failed: {lacks}", 0.0, 0.0, f"{lacks}; {others}")
 
     @property
     def has_values(self) -> bool:
@@ -68,33 +55,59 @@ class LimitState:
     internal: FloatArray | None = None
 
 
+def is_conic(problem: cp.Problem) -> bool:
+    """True if the problem has second-order cones."""
+    return any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
+
+
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
     """Solve and leave the values in the problem; failures come back as a status, not as errors.
 
-    Only solvers whose row says so start from what CVXPY kept of the run before: its interface to
-    QOCO 0.3 then returned the solution for the Parameters of that run.
-
-    CVXPY's warning about inaccurate solutions is not shown: the status says the same, is kept in
+    CVXPY's warning about inaccurate solutions is not raised: the status says the same, is kept in
     the history, and the certificate decides what the solution is worth.
     """
-    if (refused := Outcome.refused(settings, is_conic(problem))) is not None:
-        return refused
-    start = compiled = time.perf_counter()
     row, options = settings.row, dict(settings.options)
-    try:
+
+    def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
         solver = row.name if row.plug_in is None else row.plug_in()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-            data, chain, inverse = problem.get_problem_data(
-                solver, ignore_dpp=ignore_dpp, solver_opts=options
-            )
-            compiled = time.perf_counter()
-            raw = chain.solve_via_data(
-                problem, data, warm_start=row.starts_warm, verbose=False, solver_opts=options
-            )
-            solved = time.perf_counter()
-            problem.unpack_results(raw, chain, inverse)
+        data, chain, inverse = problem.get_problem_data(
+            solver, ignore_dpp=ignore_dpp, solver_opts=options
+        )
+        # Only some solvers start from what CVXPY kept of the run before: its interface to QOCO 0.3
+        # then returned the solution for the Parameters of that run.
+        solve = partial(chain.solve_via_data, problem, data, row.starts_warm, False, options)
+        return solve, lambda raw: unpacked(chain.invert(raw, inverse))
+
+    def unpacked(solution: Solution) -> Solution:
+        if solution.status not in ERROR:
+            problem.unpack(solution)
+        return solution
+
+    return attempted(settings, is_conic(problem), compiled)[0]
+
+
+def attempted(
+    settings: SolverSettings,
+    has_cones: bool,
+    compiled: Callable[[], tuple[Callable[[], Any], Callable[[Any], Solution]]],
+) -> tuple[Outcome, Solution | None]:
+    """One run on the clock: ``compiled`` gives the run itself, and how its answer is read."""
+    if has_cones and not settings.row.has_cones:
+        lacks = f"{settings.name} takes no second-order cones, which this problem has"
+        others = f"{', '.join(able(with_cones=True))} take them"
+        return Outcome(f"failed: {lacks}", 0.0, 0.0, f"{lacks}; {others}"), None
+    start = ready = time.perf_counter()
+    try:
+        solve, read = compiled()
+        ready = time.perf_counter()
+        raw = solve()
+        solved = time.perf_counter()
+        solution = read(raw)
+        if solution.status in ERROR:
+            raise cp.error.SolverError(f"Solver '{settings.name}' failed.")
     except Exception as error:  # solvers raise what they like; the history keeps the reason
-        return Outcome.failed(error, compiled - start, time.perf_counter() - compiled)
-    overhead = time.perf_counter() - solved
-    return Outcome(problem.status, compiled - start + overhead, solved - compiled)
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        took = time.perf_counter() - ready
+        return Outcome(f"failed: {reason[:120]}", ready - start, took), None
+    reading = time.perf_counter() - solved
+    return Outcome(solution.status, ready - start + reading, solved - ready), solution

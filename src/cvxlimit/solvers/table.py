@@ -20,8 +20,7 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.interior import Blockwise
-from cvxlimit.solvers.rescaled import Rescaled
+from cvxlimit.solvers.own import Blockwise, Rescaled
 from cvxlimit.solvers.sparse import best_backend
 from cvxlimit.versions import __version__, version_of
 

@@ -100,7 +100,7 @@ class Cones:
         return 1.0 / worst if worst > 0.0 else np.inf
 
 
-class Scaling:
+class NesterovTodd:
     """The symmetric W with W z = W^-1 s = lam, for s and z inside.
 
     Raises

@@ -7,7 +7,6 @@ with six rows per masonry block, far smaller than what a general solver factoris
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +16,8 @@ from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
-from cvxlimit.solvers.interior.cones import Cones, Scaling
+from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
 from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
-
-Triple = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -68,12 +65,25 @@ class _Group:
     equations: IntArray  # (e, k), padded with the number of equations
     equation_part: FloatArray  # (e, c, k)
 
+    def scaled_rows(self, scaling: NesterovTodd) -> FloatArray:
+        """W^-1 G of each block, (r, c, k)."""
+        scaled = np.empty_like(self.cone_part)
+        diagonal = scaling.diagonal[self.orthant].reshape(-1, scaled.shape[2])
+        at = len(diagonal)
+        scaled[:at] = self.cone_part[:at] / diagonal[:, None]
+        for slab in self.slabs:
+            end = at + scaling.cones.shapes[slab][0]
+            scaled[at:end] = scaling.over(slab, self.cone_part[at:end])
+            at = end
+        return scaled
+
 
 class NewtonSystem:
     """[0 E' G'; E 0 0; G 0 -W^2] (x, y, z) = right-hand side, by block elimination.
 
     Variables and cone rows are taken in an order of its own: ``columns`` and ``rows`` say which of
-    the given ones stand where.
+    the given ones stand where. (x, y, z) and right-hand sides are single arrays (n + p + m,), which
+    :meth:`parts` takes apart.
 
     Parameters
     ----------
@@ -99,7 +109,7 @@ class NewtonSystem:
         self.equations, self.variables = E.shape
         if not self.equations:
             raise SolverError("blockwise: there are no equations; use another solver")
-        found = _Blocks(E.tocsc(), G.tocsr(), orthant, soc)
+        found = _Blocks(E.tocsr(), G.tocsr(), orthant, soc)
         self.columns, self.rows, self.cones = found.columns, found.rows, found.cones
         self.E, self.G = E.tocsr()[:, self.columns], G.tocsr()[self.rows][:, self.columns]
         self.Et, self.Gt = self.E.T.tocsr(), self.G.T.tocsr()
@@ -149,7 +159,7 @@ class NewtonSystem:
         self._indices = unique[:-1] % p
         self._indptr = np.searchsorted(unique[:-1], np.arange(p + 1) * p)
 
-    def factorise(self, scaling: Scaling) -> None:
+    def factorise(self, scaling: NesterovTodd) -> None:
         """Take up the scaling W of a new iterate.
 
         Raises
@@ -159,7 +169,7 @@ class NewtonSystem:
         """
         self.scaling, self._roots, parts = scaling, [], []
         for group in self.groups:
-            root = _inverse_root(_scaled_rows(group, scaling))
+            root = _inverse_root(group.scaled_rows(scaling))
             half = np.einsum("ijk,ejk->iek", root, group.equation_part)
             self._roots.append(root)
             parts.append(np.einsum("iek,ifk->efk", half, half).ravel())
@@ -177,69 +187,73 @@ class NewtonSystem:
                 self._edge.T @ self._solved_edge + np.stack(own) @ self._edge_rows
             )
 
-    def solve(self, right: Triple, rounds: int = LIMITS.rounds) -> Triple:
-        """x (n,), y (p,), z (m,) by elimination, improved by conjugate residuals.
+    def parts(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Views x (n,), y (p,), z (m,) of one array."""
+        n, p = self.variables, self.equations
+        return v[:n], v[n : n + p], v[n + p :]
+
+    def solve(self, right: FloatArray, rounds: int = LIMITS.rounds) -> FloatArray:
+        """(x, y, z) by elimination, improved by conjugate residuals.
 
         Rounding makes elimination wrong in a few directions. Iterative refinement takes those out
         slowly, or stops early; generalised conjugate residuals (S. C. Eisenstat, H. C. Elman,
         M. H. Schultz, Variational iterative methods for nonsymmetric systems of linear equations,
         1983) do it in a few rounds.
         """
-        at = self._once(*right)
+        at = self._once(right)
         if not rounds:
             return at
-        most = max(largest(r) for r in right) or 1.0
-        units = [1.0 / max(largest(r), LIMITS.floor * most) for r in right]
-        back = [1.0 / unit for unit in units]
-        left = _scaled(self._residual(right, at), units)
-        error = _worst(left)
-        tried: list[tuple[Triple, Triple]] = []
+        sizes = np.array([largest(part) for part in self.parts(right)])
+        units = np.maximum(sizes, LIMITS.floor * (sizes.max() or 1.0))
+        unit = np.repeat(units, [len(part) for part in self.parts(right)])
+        left = self._residual(right, at) / unit
+        error = largest(left)
+        tried: list[tuple[FloatArray, FloatArray]] = []
         for _ in range(rounds):
             if not error > LIMITS.target:
                 break
-            change = self._once(*_scaled(left, back))
-            whole = _sum(at, 1.0, change)
-            new = _scaled(self._residual(right, whole), units)
-            effect = _sum(left, -1.0, new)
-            if _worst(new) < LIMITS.fast * error:
-                at, left, error = whole, new, _worst(new)
+            change = self._once(unit * left)
+            new = self._residual(right, at + change) / unit
+            effect = left - new
+            if largest(new) < LIMITS.fast * error:
+                at, left, error = at + change, new, largest(new)
                 continue
             for other, its_effect in tried:
-                share = _dot(effect, its_effect)
-                change, effect = _sum(change, -share, other), _sum(effect, -share, its_effect)
-            length = float(np.sqrt(_dot(effect, effect)))
+                share = effect @ its_effect
+                change, effect = change - share * other, effect - share * its_effect
+            length = float(np.sqrt(effect @ effect))
             if not 0.0 < length < np.inf:
                 break
-            change, effect = (_scaled(part, [1.0 / length] * 3) for part in (change, effect))
+            change, effect = change / length, effect / length
             tried.append((change, effect))
-            step = _dot(effect, left)
-            new = _sum(left, -step, effect)
-            if not _worst(new) < LIMITS.slow * error:
+            step = effect @ left
+            new = left - step * effect
+            if not largest(new) < LIMITS.slow * error:
                 break
-            at, left, error = _sum(at, step, change), new, _worst(new)
+            at, left, error = at + step * change, new, largest(new)
         if tried:  # only whole steps satisfy the equations to rounding
-            last = _sum(at, 1.0, self._once(*_scaled(left, back)))
-            if _worst(_scaled(self._residual(right, last), units)) < error:
+            last = at + self._once(unit * left)
+            if largest(self._residual(right, last) / unit) < error:
                 return last
         return at
 
-    def _residual(self, right: Triple, at: Triple) -> Triple:
-        x, y, z = at
-        own, across = self.A @ x, self.At @ np.concatenate([y, z])
-        p = self.equations
-        return right[0] - across, right[1] - own[:p], right[2] - own[p:] + self.scaling.squared(z)
+    def _residual(self, right: FloatArray, at: FloatArray) -> FloatArray:
+        x, _, z = self.parts(at)
+        result = right - np.concatenate([self.At @ at[self.variables :], self.A @ x])
+        result[self.variables + self.equations :] += self.scaling.squared(z)
+        return result
 
-    def _once(self, rx: FloatArray, ry: FloatArray, rz: FloatArray) -> Triple:
-        squared, edge = self.scaling.squared, self._edge
-        right = rx + self.Gt @ squared(rz, -1.0)
-        y = self._schur(self.E @ self._local(right) - ry)
+    def _once(self, right: FloatArray) -> FloatArray:
+        (rx, ry, rz), squared, edge = self.parts(right), self.scaling.squared, self._edge
+        rx = rx + self.Gt @ squared(rz, -1.0)
+        y = self._schur(self.E @ self._local(rx) - ry)
         if edge.size:
-            border = self._corner @ (right[self.border] - edge.T @ y)
+            border = self._corner @ (rx[self.border] - edge.T @ y)
             y = y + self._solved_edge @ border
-        x = self._local(right - self.Et @ y)
+        x = self._local(rx - self.Et @ y)
         if edge.size:
             x[self.border] = border
-        return x, y, squared(self.G @ x - rz, -1.0)
+        return np.concatenate([x, y, squared(self.G @ x - rz, -1.0)])
 
     def _schur(self, right: FloatArray) -> FloatArray:
         result = np.empty_like(right)
@@ -258,37 +272,6 @@ class NewtonSystem:
 def largest(v: FloatArray) -> float:
     """Largest absolute entry, 0 of an empty vector."""
     return float(np.abs(v).max(initial=0.0))
-
-
-def _worst(v: Triple) -> float:
-    return max(largest(part) for part in v)
-
-
-def _scaled(u: Triple, factors: Sequence[float]) -> Triple:
-    return factors[0] * u[0], factors[1] * u[1], factors[2] * u[2]
-
-
-def _sum(u: Triple, share: float, v: Triple) -> Triple:
-    return u[0] + share * v[0], u[1] + share * v[1], u[2] + share * v[2]
-
-
-def _dot(u: Triple, v: Triple) -> float:
-    return sum(float(a @ b) for a, b in zip(u, v, strict=True))
-
-
-def _scaled_rows(group: _Group, scaling: Scaling) -> FloatArray:
-    """W^-1 G of each block, (r, c, k)."""
-    part = group.cone_part
-    scaled = np.empty_like(part)
-    k = part.shape[2]
-    diagonal = scaling.diagonal[group.orthant].reshape(-1, k)
-    at = len(diagonal)
-    scaled[:at] = part[:at] / diagonal[:, None]
-    for slab in group.slabs:
-        end = at + scaling.cones.shapes[slab][0]
-        scaled[at:end] = scaling.over(slab, part[at:end])
-        at = end
-    return scaled
 
 
 def _inverse_root(rows: FloatArray) -> FloatArray:
@@ -322,137 +305,110 @@ class _Blocks:
         Number of variables that are in blocks; the others come last.
     """
 
-    def __init__(self, E: sp.csc_array, G: sp.csr_array, orthant: int, soc: list[int]) -> None:
+    def __init__(self, E: sp.csr_array, G: sp.csr_array, orthant: int, soc: list[int]) -> None:
         m, n = G.shape
         sizes = np.concatenate([np.ones(orthant, int), np.asarray(soc, int)])
         unit = np.repeat(np.arange(len(sizes)), sizes)  # the cone that each row belongs to
         entries = G.tocoo()
         ends = unit[entries.row], len(sizes) + entries.col
-        total = len(sizes) + n
-        links = sp.coo_array((np.ones(len(entries.row)), ends), shape=(total, total))
+        shape = (len(sizes) + n, len(sizes) + n)
+        links = sp.coo_array((np.ones(len(entries.row)), ends), shape=shape)
         count, label = connected_components(links, directed=False)
         group = label.astype(np.int64)
         of_row, of_column = group[: len(sizes)][unit], group[len(sizes) :]
-        touched = np.diff(E.indptr)
-        width = np.bincount(of_column, minlength=count)
-        height = np.bincount(of_row, minlength=count)
-        if np.any(width == 0):
+        self.width = np.bincount(of_column, minlength=count)
+        self.height = np.bincount(of_row, minlength=count)
+        if np.any(self.width == 0):
             raise SolverError("blockwise: a cone row without variables; use another solver")
-        in_equations = np.bincount(of_column, touched, count)
-        is_border = (width == 1) & ((height == 0) | (in_equations > LIMITS.densest))
-        border = np.flatnonzero(is_border[of_column])
-        if len(border) > LIMITS.border or is_border.all():
-            raise SolverError(
-                f"blockwise: {len(border)} variables are in no cone or in more than "
-                f"{LIMITS.densest} equations, at most {LIMITS.border} may be; use another solver"
-            )
-        pairs = np.unique(np.repeat(of_column, touched).astype(np.int64) * E.shape[0] + E.indices)
-        self._pairs, self._of_pair = pairs, pairs // E.shape[0]
-        reach = np.bincount(self._of_pair, minlength=count)
-        self._check(~is_border, width, height, reach)
-        self._E, self._G, self._of_column = E, G, of_column
+        owner = sp.csr_array((np.ones(n), (of_column, np.arange(n))), shape=(count, n))
+        pattern = sp.csr_array((np.ones(E.nnz), E.indices, E.indptr), shape=E.shape)
+        self.touched = sp.csr_array(owner @ pattern.T)  # equations of each block
+        self.touched.sort_indices()
+        self.reach = np.diff(self.touched.indptr)
+        is_border = (self.width == 1) & ((self.height == 0) | (self.reach > LIMITS.densest))
+        border, edge = np.flatnonzero(is_border[of_column]), np.flatnonzero(is_border[of_row])
+        self._check(~is_border, len(border), bool(np.any(edge >= orthant)))
+        self._E = sp.vstack([E, sp.csr_array((1, n))], format="csr")  # a row for what is padded
+        self._G = G
         self._by_column = np.argsort(of_column, kind="stable")
         self._by_row = np.argsort(of_row, kind="stable")
-        self._starts = [
-            np.concatenate([[0], np.cumsum(counts)[:-1]]) for counts in (width, height, reach)
-        ]
-        self._reach, self._equations = reach, E.shape[0]
-        cone_of_row = np.where(np.arange(m) < orthant, 1, -sizes[unit])
-        found = self._alike(np.flatnonzero(~is_border), width, height, of_row, cone_of_row)
-        edge_rows = np.flatnonzero(is_border[of_row])
-        if np.any(edge_rows >= orthant):
-            raise SolverError("blockwise: a border variable in a cone; use another solver")
-        self._lay_out(found, edge_rows, border)
+        kind = np.where(np.arange(m) < orthant, 1, -sizes[unit])
+        self._lay_out(np.flatnonzero(~is_border), of_row[self._by_row], kind, edge, border)
 
-    @staticmethod
-    def _check(
-        is_block: NDArray[np.bool_], width: IntArray, height: IntArray, reach: IntArray
-    ) -> None:
-        wide = is_block & ((width > LIMITS.widest) | (reach > LIMITS.densest))
-        if wide.any():
-            worst = int(np.flatnonzero(wide)[0])
+    def _check(self, is_block: NDArray[np.bool_], border: int, is_edge_in_a_cone: bool) -> None:
+        if border > LIMITS.border or not is_block.any():
+            raise SolverError(
+                f"blockwise: {border} variables are in no cone or in more than "
+                f"{LIMITS.densest} equations, at most {LIMITS.border} may be; use another solver"
+            )
+        width, height, reach = self.width, self.height, self.reach
+        for worst in np.flatnonzero(
+            is_block & ((width > LIMITS.widest) | (reach > LIMITS.densest))
+        )[:1]:
             raise SolverError(
                 f"blockwise: {width[worst]} variables in {reach[worst]} equations hang together "
                 f"through cones, more than {LIMITS.widest} in {LIMITS.densest}; use another solver"
             )
-        loose = is_block & (height < width)
-        if loose.any():
-            worst = int(np.flatnonzero(loose)[0])
+        for worst in np.flatnonzero(is_block & (height < width))[:1]:
             raise SolverError(
                 f"blockwise: {width[worst]} variables in {height[worst]} cone rows are not bounded "
                 "by them; use another solver"
             )
-
-    def _alike(
-        self,
-        members: IntArray,
-        width: IntArray,
-        height: IntArray,
-        of_row: IntArray,
-        cone_of_row: IntArray,
-    ) -> list[tuple[IntArray, IntArray]]:
-        """Blocks of one shape: number of variables, then 1 or minus the cone's size, row by row."""
-        place = np.empty(len(of_row), int)
-        place[self._by_row] = np.arange(len(of_row)) - np.repeat(self._starts[1], height)
-        shape = np.zeros((len(width), int(height.max(initial=0)) + 1), int)
-        shape[:, 0] = width
-        shape[of_row, 1 + place] = cone_of_row
-        kinds, kind = np.unique(shape[members], axis=0, return_inverse=True)
-        return [(k, members[kind.ravel() == i]) for i, k in enumerate(kinds)]
+        if is_edge_in_a_cone:
+            raise SolverError("blockwise: a border variable in a cone; use another solver")
 
     def _lay_out(
-        self, found: list[tuple[IntArray, IntArray]], edge_rows: IntArray, border: IntArray
+        self, members: IntArray, owner: IntArray, kind: IntArray, edge: IntArray, border: IntArray
     ) -> None:
-        """Slabs of variables and rows, group by group: linear rows of all groups come first."""
-        columns, linear, cones, groups = [], [], [], []
+        """Slabs of variables and rows, group by group: linear rows of all groups come first.
+
+        A block's shape is its number of variables, then 1 or minus the cone's size, row by row.
+        """
+        first_row = np.cumsum(self.height) - self.height
+        first_column = np.cumsum(self.width) - self.width
+        shape = np.zeros((len(self.width), 1 + int(self.height.max(initial=0))), int)
+        shape[:, 0] = self.width
+        shape[owner, 1 + np.arange(len(owner)) - first_row[owner]] = kind[self._by_row]
+        shapes, which = np.unique(shape[members], axis=0, return_inverse=True)
+        columns, linear, cones, self.groups = [], [], [], []
         slabs: list[tuple[int, int]] = []
-        at, row_at = 0, 0
-        for shape, blocks in found:
-            c, k = int(shape[0]), len(blocks)
-            kinds = shape[1:][shape[1:] != 0]
-            plain = int((kinds == 1).sum())
-            own = self._by_column[self._starts[0][blocks] + np.arange(c)[:, None]]
-            rows = self._by_row[self._starts[1][blocks] + np.arange(len(kinds))[:, None]]
-            first, own_slabs = plain, []
-            while first < len(kinds):
-                d = -int(kinds[first])
-                own_slabs.append(len(slabs))
+        self.inner = row_at = 0
+        for i, (c, *kinds) in enumerate(shapes.tolist()):
+            blocks = members[which.ravel() == i]
+            plain, k = kinds.count(1), len(blocks)
+            own = self._by_column[first_column[blocks] + np.arange(c)[:, None]]
+            height = np.arange(np.count_nonzero(kinds))[:, None]
+            rows = self._by_row[first_row[blocks] + height]
+            at, first = plain, len(slabs)
+            while at < len(rows):
+                d = -kinds[at]
                 slabs.append((d, k))
-                cones.append(rows[first : first + d].ravel())
-                first += d
+                cones.append(rows[at : at + d].ravel())
+                at += d
             columns.append(own.ravel())
             linear.append(rows[:plain].ravel())
-            groups.append(self._group(blocks, own, rows, (at, row_at, plain), tuple(own_slabs)))
-            at, row_at = at + c * k, row_at + plain * k
+            equations = self._equations(blocks)
+            group = _Group(
+                slice(self.inner, self.inner + c * k),
+                slice(row_at, row_at + plain * k),
+                tuple(range(first, len(slabs))),
+                _dense_parts(self._G, rows, own),
+                equations,
+                _dense_parts(self._E, equations, own),
+            )
+            self.groups.append(group)
+            self.inner, row_at = group.columns.stop, group.orthant.stop
         self.columns = np.concatenate([*columns, border])
-        self.rows = np.concatenate([*linear, edge_rows, *cones]).astype(np.int64)
-        self.cones = Cones(row_at + len(edge_rows), slabs)
-        self.groups, self.inner = groups, at
+        self.rows = np.concatenate([*linear, edge, *cones]).astype(np.int64)
+        self.cones = Cones(row_at + len(edge), slabs)
 
-    def _group(
-        self,
-        blocks: IntArray,
-        columns: IntArray,
-        rows: IntArray,
-        start: tuple[int, int, int],
-        slabs: tuple[int, ...],
-    ) -> _Group:
-        (c, k), (at, row_at, plain) = columns.shape, start
-        e = int(self._reach[blocks].max(initial=1))
-        equations = np.full((e, k), self._equations)
-        place = np.arange(e)[:, None]
-        real = place < self._reach[blocks]
-        index = np.where(real, self._starts[2][blocks] + place, 0)
-        equations[real] = self._pairs[index][real] % self._equations
-        padded = sp.vstack([self._E, sp.csr_array((1, self._E.shape[1]))], format="csr")
-        return _Group(
-            slice(at, at + c * k),
-            slice(row_at, row_at + plain * k),
-            slabs,
-            _dense_parts(self._G, rows, columns),
-            equations,
-            _dense_parts(padded, equations, columns),
-        )
+    def _equations(self, blocks: IntArray) -> IntArray:
+        """Equations (e, k) in which blocks are, padded with the number of all."""
+        place = np.arange(int(self.reach[blocks].max(initial=1)))[:, None]
+        result = np.full((len(place), len(blocks)), self.touched.shape[1])
+        real = place < self.reach[blocks]
+        result[real] = self.touched.indices[(self.touched.indptr[blocks] + place)[real]]
+        return result
 
 
 def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> FloatArray:
@@ -460,7 +416,7 @@ def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> Flo
     shape = (len(rows), *columns.shape)
     i = np.broadcast_to(rows[:, None], shape).ravel()
     j = np.broadcast_to(columns[None], shape).ravel()
-    return np.asarray(sp.csr_array(matrix)[i, j]).reshape(shape)
+    return np.asarray(matrix[i, j]).reshape(shape)
 
 
 def _rank(order: IntArray) -> IntArray:

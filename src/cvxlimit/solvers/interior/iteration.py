@@ -18,13 +18,12 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
-from cvxlimit.solvers.interior.cones import Scaling
+from cvxlimit.solvers.interior.cones import NesterovTodd
 from cvxlimit.solvers.interior.elimination import LIMITS, NewtonSystem, largest
 
-Pair = tuple[FloatArray, FloatArray]
-
-SOLVED, ALMOST, STALLED = "solved", "almost solved", "stalled"
-INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
+SOLVED, ALMOST, STALLED = "Solved", "AlmostSolved", "InsufficientProgress"
+INFEASIBLE, UNBOUNDED = "PrimalInfeasible", "DualInfeasible"
+"""How it ended, in Clarabel's words."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +83,8 @@ class Point:
 
     def moved(self, primal: float, dual: float, d: Point) -> Point:
         """The point further along ``d``, by a step for (x, s) and one for (y, z)."""
-        return Point(
-            self.x + primal * d.x,
-            self.y + dual * d.y,
-            self.z + dual * d.z,
-            self.s + primal * d.s,
-        )
+        x, y = self.x + primal * d.x, self.y + dual * d.y
+        return Point(x, y, self.z + dual * d.z, self.s + primal * d.s)
 
     @property
     def is_finite(self) -> bool:
@@ -111,19 +106,13 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class _Measure:
-    """What is missing at a point, and how good the point is."""
+    """The residuals (n + p + m,) at a point, and how good the point is."""
 
-    x: FloatArray
-    y: FloatArray
-    z: FloatArray
+    missing: FloatArray
     mu: float
     gap: float
     infeasibility: float
     score: float
-
-    @property
-    def worst(self) -> float:
-        return max(self.gap, self.infeasibility)
 
     def is_within(self, tolerance: float) -> bool:
         return self.gap < tolerance and self.infeasibility < NUMBERS.solved
@@ -184,10 +173,10 @@ class InteriorPoint:
             found = self._measured(at)
             if (own := (not found.is_within(enough), found.score)) < rank:
                 best, rank = at, own
-            if middle is None and found.worst < NUMBERS.middle:
-                middle = at
             scores.append(min(scores[-1], found.score))
-            worst = min(worst, found.worst)
+            worst = min(worst, max(found.gap, found.infeasibility))
+            if middle is None and worst < NUMBERS.middle:
+                middle = at
             outcome = self._no_answer(at)
             if outcome is not None or self._is_done(found, tolerance, scores, worst):
                 break
@@ -212,16 +201,19 @@ class InteriorPoint:
         """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""
         e, nothing = self.cones.identity, np.zeros_like
         try:
-            self.system.factorise(Scaling(self.cones, e, e))
+            self.system.factorise(NesterovTodd(self.cones, e, e))
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError) as error:
             raise SolverError(
                 "blockwise: some variables are neither in a cone nor in independent equations; "
                 "use another solver"
             ) from error
-        x, _, z = self.system.solve((nothing(self.c), self.f, self.h))
+        x, _, z = self._split(nothing(self.c), self.f, self.h)
         s = self._inside(-z, x)
-        _, y, z = self.system.solve((-self.c, nothing(self.f), nothing(self.h)))
+        _, y, z = self._split(-self.c, nothing(self.f), nothing(self.h))
         return Point(x, y, self._inside(z, y), s)
+
+    def _split(self, *right: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return self.system.parts(self.system.solve(np.concatenate(right)))
 
     def _inside(self, v: FloatArray, beside: FloatArray) -> FloatArray:
         """Moved so far that the least eigenvalue is of the order of the mean entry."""
@@ -263,7 +255,8 @@ class InteriorPoint:
         outside = -self.cones.margin(slack)
         violation = (largest(ry) + max(outside, 0.0)) / self._unit
         mu = product / self.cones.degree
-        return _Measure(rx, ry, rz, mu, gap, infeasibility, gap + missing + violation)
+        right = np.concatenate([rx, ry, rz])
+        return _Measure(right, mu, gap, infeasibility, gap + missing + violation)
 
     def _no_answer(self, at: Point) -> tuple[str, Point] | None:
         """A proof that there is no optimum: a certificate of infeasibility or a ray."""
@@ -312,23 +305,26 @@ class _Newton:
 
     def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
         self.program, self.at, self.found, self.cones = program, at, found, program.cones
-        self.scaling = Scaling(program.cones, at.s, at.z)
+        self.scaling = NesterovTodd(program.cones, at.s, at.z)
         program.system.factorise(self.scaling)
         self.lam = self.scaling.lam
 
-    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> tuple[Point, Pair]:
+    def direction(
+        self, aim: FloatArray, rounds: int = LIMITS.rounds
+    ) -> tuple[Point, tuple[FloatArray, FloatArray]]:
         """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim.
 
         With it the scaled W^-1 ds and W dz.
         """
-        found, times = self.found, self.scaling.times
-        own = self.cones.quotient(aim, self.lam)
-        x, y, z = self.program.system.solve((found.x, found.y, found.z - times(own)), rounds)
+        system, times = self.program.system, self.scaling.times
+        own, right = self.cones.quotient(aim, self.lam), self.found.missing.copy()
+        system.parts(right)[2][:] -= times(own)
+        x, y, z = system.parts(system.solve(right, rounds))
         scaled_z = times(z)
         scaled_s = own - scaled_z
         return Point(x, y, z, times(scaled_s)), (scaled_s, scaled_z)
 
-    def lengths(self, scaled: Pair) -> tuple[float, float]:
+    def lengths(self, scaled: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
         """Steps of primal and dual that go most of the way to the boundary, at most 1."""
         primal, dual = (self.cones.step(self.lam, d) for d in scaled)
         return min(1.0, NUMBERS.reach * primal), min(1.0, NUMBERS.reach * dual)
