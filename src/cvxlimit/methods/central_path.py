@@ -16,6 +16,7 @@ Where a slip turns, its cone leaves room for small steps only; norms are therefo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +29,7 @@ from cvxlimit.methods.complementarity import (
     by_columns,
     elimination_order,
     in_blocks,
+    in_order,
     typical,
 )
 from cvxlimit.solvers import LimitState
@@ -37,6 +39,9 @@ from cvxlimit.solvers import LimitState
 class _Numbers:
     """What each number is for, and where it was measured."""
 
+    steps: int = 400
+    """Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
+    solve; of the paths that arrive most need 80 to 360."""
     spread: float = 0.7
     """Standard deviation of the weights' logarithms. With equal weights the paths of symmetrical
     scenes (dome) meet branches and stop there."""
@@ -65,103 +70,77 @@ class _Numbers:
 
 _N = _Numbers()
 
-
-@dataclass(frozen=True, eq=False)
-class _Weights:
-    """r of corners, of shear and of torsion."""
-
-    corner: FloatArray
-    shear: FloatArray
-    torsion: FloatArray
-
-    @classmethod
-    def drawn(cls, random: np.random.Generator, corners: int, contacts: int) -> _Weights:
-        sizes = (corners, contacts, contacts)
-        return cls(*(np.exp(_N.spread * random.normal(size=size)) for size in sizes))
-
-    @property
-    def each(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return self.corner, self.shear, self.torsion
-
-    @property
-    def total(self) -> float:
-        return float(self.corner.sum() + self.shear.sum() + self.torsion.sum())
+_GROUPS = ((0, 3, (0, 1)), (3, 4, (2,)))
+"""Shear and torsion among a contact's six unknowns V1, V2, m, a, b, lambda: the first row of their
+equations, the unknown that holds them, and their own."""
 
 
 class CentralPath:
-    """Paths of one system.
-
-    Parameters
-    ----------
-    system : FrictionSystem
-    """
+    """Paths of one system, each to where it ends from near a state."""
 
     def __init__(self, system: FrictionSystem) -> None:
         self.system = system
-        scaled = system.assemblage.scaled
-        self.dead, self.live = scaled.dead, scaled.live
-        self.rates = system.matrix.T.tocsr()
-        self.opening = (system.corner @ self.rates).tocsr()
-        self.slip = (system.slid @ self.rates).tocsr()
-        self.limit = (system.limit @ system.corner.T).tocsr()
-        self.contacts, self.corners = len(scaled.contacts), system.corner.shape[0]
-        square = (self.opening.T @ self.opening + self.slip.T @ self.slip).tocsc()
+        square = (system.opening.T @ system.opening + system.slip.T @ system.slip).tocsc()
         largest = float(square.diagonal().max())
-        self.order = elimination_order((square + largest * sp.eye_array(len(self.dead))).tocsc())
-        k, n, m = self.corners, self.contacts, len(self.dead)
-        names = ("n", "w", "V1", "V2", "m", "a", "b", "lambda", "u", "alpha", "tau")
-        ends = np.cumsum([0, k, k, n, n, n, n, n, n, m, 1, 1])
-        self.at = {name: slice(ends[i], ends[i + 1]) for i, name in enumerate(names)}
+        each = sp.eye_array(len(system.dead))
+        self.order = elimination_order((square + largest * each).tocsc())
 
-    def followed(
-        self, state: LimitState, width: float, random: np.random.Generator, most: int
-    ) -> LimitState:
+    def followed(self, state: LimitState, width: float, random: np.random.Generator) -> LimitState:
         """Where a path ends that begins near a state with forces and mechanism.
 
-        Parameters
-        ----------
-        state : LimitState
-        width : float
-            How far from it, in typical forces and rates: 1 forgets the state, 0.1 does not.
-        random : numpy.random.Generator
-            Of the weights.
-        most : int
-            Steps.
+        ``width`` is how far from it, in typical forces and rates: 1 forgets the state, 0.1 does
+        not. ``random`` draws the weights.
         """
-        weights = _Weights.drawn(random, self.corners, self.contacts)
+        n, corners = len(self.system.cohesion), self.system.opening.shape[0]
+        weights = np.exp(_N.spread * random.normal(size=corners + 2 * n))
         follower = _Follower(self, self.system.point(state), width, weights)
-        return self.system.state(follower.end(most), state)
+        return self.system.state(follower.end(), state)
+
+
+class _At(NamedTuple):
+    """What a vector of all unknowns holds, in its order: n, w (k,); V1, V2, m, a, b, lambda (n, 6);
+    rates (6 free,); load factor and tau."""
+
+    pressed: FloatArray
+    open: FloatArray
+    local: FloatArray
+    motion: FloatArray
+    load_factor: float
+    tau: float
 
 
 class _Follower:
-    """One path: points are vectors of all unknowns, in the order of :attr:`CentralPath.at`."""
+    def __init__(self, path: CentralPath, first: Point, width: float, weights: FloatArray) -> None:
+        self.system, self.order, self.weights = path.system, path.order, weights
+        n, k = len(first.friction), len(first.pressed)
+        self.ends = np.cumsum([k, k, 6 * n, len(first.motion), 1])
+        self.kinds = np.cumsum([k, n])
+        """Ends of corners and shear among products and their weights; torsion follows."""
+        system, motion = self.system, first.motion
+        self.force = typical(np.append(first.pressed, first.friction))
+        self.rate = typical(np.append(system.opening @ motion, system.slip @ motion))
+        self.first = self._inside(first, width * self.force, width * self.rate)
 
-    def __init__(self, path: CentralPath, first: Point, width: float, weights: _Weights) -> None:
-        self.path, self.weights = path, weights
-        self.force = typical(first.forces)
-        self.rate = typical(path.rates @ first.motion)
-        self.first = self._inside(first, width)
-
-    def _inside(self, first: Point, width: float) -> FloatArray:
-        path, system = self.path, self.path.system
-        force, rate = width * self.force, width * self.rate
-        pressed = np.maximum(system.corner @ first.forces, 0.0) + force
-        friction = (system.slid @ first.forces).reshape(-1, 3)
-        slip = (path.slip @ first.motion).reshape(-1, 3)
+    def _inside(self, first: Point, force: float, rate: float) -> FloatArray:
+        system, friction = self.system, first.friction
+        pressed = np.maximum(first.pressed, 0.0) + force
+        slip = (system.slip @ first.motion).reshape(-1, 3)
         shear, twist = np.hypot(friction[:, 0], friction[:, 1]), np.abs(friction[:, 2])
-        spare = np.maximum(path.limit @ pressed + system.cohesion - shear - twist, force)
+        spare = np.maximum(system.limit @ pressed + system.cohesion - shear - twist, force)
         sliding = np.maximum(np.hypot(slip[:, 0], slip[:, 1]), np.abs(slip[:, 2])) + rate
-        opening = np.maximum(path.opening @ first.motion, 0.0) + rate
-        parts = (pressed, opening, *friction.T, shear + 0.5 * spare, twist + 0.5 * spare, sliding)
-        point = np.concatenate([*parts, first.motion, [first.load_factor, 1.0]])
-        point[-1] = sum(float(c.sum()) for c in self._products(point)) / self.weights.total
+        opening = np.maximum(system.opening @ first.motion, 0.0) + rate
+        held = (shear + 0.5 * spare, twist + 0.5 * spare, sliding)
+        local = np.column_stack([friction, *held])
+        parts = (pressed, opening, local.ravel(), first.motion, [first.load_factor, 1.0])
+        point = np.concatenate(parts)
+        point[-1] = float(self._products(point).sum()) / float(self.weights.sum())
         return point
 
-    def end(self, most: int) -> Point:
+    def end(self) -> Point:
         at, best, least = self.first, self.first, np.inf
         tangent: FloatArray | None = None
         safe, length, tries = at, _N.first, 0
-        for _ in range(most):
+        for _ in range(_N.steps):
             error, rest = self._error(at), self._rest(at)
             worth = max(rest, self._gap(at))
             if worth < least:
@@ -185,49 +164,46 @@ class _Follower:
             else:
                 at = self._moved(at, self._corrected(at, corrector, along, tangent))
                 tries += 1
-        return self._point(best)
+        end = self._read(best)
+        return Point(end.pressed, end.local[:, :3], end.motion, end.load_factor)
 
     # where a point is
 
-    def _part(self, at: FloatArray, name: str) -> FloatArray:
-        return at[self.path.at[name]]
+    def _read(self, at: FloatArray) -> _At:
+        pressed, opening, local, motion, factor, tau = np.split(at, self.ends)
+        return _At(pressed, opening, local.reshape(-1, 6), motion, float(factor[0]), float(tau[0]))
 
     def _slips(self, at: FloatArray) -> FloatArray:
-        return np.asarray(self.path.slip @ self._part(at, "u")).reshape(-1, 3)
+        return np.asarray(self.system.slip @ self._read(at).motion).reshape(-1, 3)
 
-    def _friction(self, at: FloatArray) -> FloatArray:
-        return np.column_stack([self._part(at, name) for name in ("V1", "V2", "m")])
-
-    def _products(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        most = self._part(at, "lambda")
-        work = self._friction(at) * self._slips(at)
-        return (
-            self._part(at, "n") * self._part(at, "w"),
-            self._part(at, "a") * most + work[:, 0] + work[:, 1],
-            self._part(at, "b") * most + work[:, 2],
-        )
+    def _products(self, at: FloatArray) -> FloatArray:
+        pressed, opening, local, *_ = self._read(at)
+        work = local[:, :3] * self._slips(at)
+        shear, torsion = (local[:, 3:5] * local[:, 5:]).T
+        parts = (pressed * opening, shear + work[:, 0] + work[:, 1], torsion + work[:, 2])
+        return np.concatenate(parts)
 
     def _gap(self, at: FloatArray) -> float:
-        return float(sum(c.sum() for c in self._products(at)) / max(abs(at[-2]), self.force))
+        return float(self._products(at).sum()) / max(abs(self._read(at).load_factor), self.force)
 
     def _error(self, at: FloatArray) -> float:
-        aims = [at[-1] * r for r in self.weights.each]
-        off = [c / aim - 1.0 for c, aim in zip(self._products(at), aims, strict=True)]
-        slip, friction = self._slips(at), self._friction(at)
-        held = np.column_stack([self._part(at, name) for name in ("a", "a", "b")])
-        crossed = held * slip + self._part(at, "lambda")[:, None] * friction
-        off += [crossed[:, :2] / aims[1][:, None], crossed[:, 2] / aims[2]]
-        return max(float(np.abs(part).max()) for part in off)
+        now = self._read(at)
+        aim = now.tau * self.weights
+        _, shear, torsion = np.split(aim, self.kinds)
+        crossed = now.local[:, [3, 3, 4]] * self._slips(at) + now.local[:, 5:] * now.local[:, :3]
+        crossed = crossed / np.column_stack([shear, shear, torsion])
+        return max(
+            float(np.abs(self._products(at) / aim - 1.0).max()), float(np.abs(crossed).max())
+        )
 
     def _linear(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        path, motion = self.path, self._part(at, "u")
-        carried = self._part(at, "n") @ path.opening + self._friction(at).ravel() @ path.slip
-        limit = path.limit @ self._part(at, "n") + path.system.cohesion
+        system, (pressed, opening, local, motion, factor, _) = self.system, self._read(at)
+        carried = pressed @ system.opening + local[:, :3].ravel() @ system.slip
         return (
-            carried + path.dead + at[-2] * path.live,
-            path.opening @ motion - self._part(at, "w"),
-            self._part(at, "a") + self._part(at, "b") - limit,
-            float(path.live @ motion) - 1.0,
+            carried + system.dead + factor * system.live,
+            system.opening @ motion - opening,
+            local[:, 3] + local[:, 4] - (system.limit @ pressed + system.cohesion),
+            float(system.live @ motion) - 1.0,
         )
 
     def _rest(self, at: FloatArray) -> float:
@@ -237,87 +213,77 @@ class _Follower:
         return max(abs(power), *(float(m) / u for m, u in zip(most, units, strict=True)))
 
     def _sizes(self, at: FloatArray) -> FloatArray:
-        size = at.copy()
-        for name, of in (("V1", "a"), ("V2", "a"), ("m", "b")):
-            size[self.path.at[name]] = self._part(at, of)
-        size[self.path.at["u"]] = size[self.path.at["alpha"]] = np.inf
+        _, begin, end, last, _ = self.ends
+        size, local = at.copy(), self._read(at).local.copy()
+        local[:, :3] = local[:, [3, 3, 4]]
+        size[begin:end], size[end : last + 1] = local.ravel(), np.inf
         return size
 
     # ways to go
 
     def _directions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        path = self.path
+        """Steps to the point of the path with the same tau, and along it."""
+        system, (pressed, open_by, *_, tau) = self.system, self._read(at)
         balance, opening, limit, power = self._linear(at)
-        pressed, open_by = self._part(at, "n"), self._part(at, "w")
+        weights = self.weights[: len(pressed)]
         share = pressed / open_by
-        aim = at[-1] * self.weights.corner - pressed * open_by
-        fixed = np.column_stack([aim / open_by - share * opening, self.weights.corner / open_by])
+        aim = tau * weights - pressed * open_by
+        fixed = np.column_stack([aim / open_by - share * opening, weights / open_by])
         local = self._local(at, limit)
-        pushed = sp.diags_array(share) @ path.opening
-        turned = in_blocks(local[:, :3, 2:5]) @ path.slip
-        limited = by_columns(local[:, :3, 5]) @ (path.limit @ pushed)
-        square = (path.opening.T @ pushed - path.slip.T @ (turned - limited)).tocsc()
-        raised = path.limit @ fixed
+        pushed = sp.diags_array(share) @ system.opening
+        turned = in_blocks(local[:, :3, 2:5]) @ system.slip
+        limited = by_columns(local[:, :3, 5]) @ (system.limit @ pushed)
+        square = (system.opening.T @ pushed - system.slip.T @ (turned - limited)).tocsc()
+        raised = np.asarray(system.limit @ fixed)
         own = local[:, :3, :2] + local[:, :3, 5, None] * raised[:, None, :]
-        right = path.opening.T @ fixed + path.slip.T @ own.reshape(-1, 2)
+        right = np.asarray(system.opening.T @ fixed + system.slip.T @ own.reshape(-1, 2))
         right[:, 0] += balance
-        found = self._solved(square, np.column_stack([right, path.live]))
-        result = []
+        found = self._solved(square, np.column_stack([right, system.live]))
+        result: list[FloatArray] = []
         for k, (lacking, rest) in enumerate(((-power, opening), (0.0, 0.0 * opening))):
-            factor = (lacking - path.live @ found[:, k]) / (path.live @ found[:, 2])
+            factor = float((lacking - system.live @ found[:, k]) / (system.live @ found[:, 2]))
             motion = found[:, k] + factor * found[:, 2]
             pressing = fixed[:, k] - pushed @ motion
-            by = np.zeros((path.contacts, 6))
+            by = np.zeros((len(local), 6))
             by[:, k] = 1.0
-            by[:, 2:5] = (path.slip @ motion).reshape(-1, 3)
-            by[:, 5] = path.limit @ pressing
-            inner = np.einsum("nij,nj->in", local, by)
-            parts = (pressing, rest + path.opening @ motion, *inner, motion, [factor, float(k)])
+            by[:, 2:5] = (system.slip @ motion).reshape(-1, 3)
+            by[:, 5] = system.limit @ pressing
+            inner = np.einsum("nij,nj->ni", local, by).ravel()
+            ends = np.array([factor, float(k)])
+            parts = (pressing, rest + system.opening @ motion, inner, motion, ends)
             result.append(np.concatenate(parts))
         return result[0], result[1]
 
     def _local(self, at: FloatArray, limit: FloatArray) -> FloatArray:
-        a, b, most = (self._part(at, name) for name in ("a", "b", "lambda"))
-        friction, slip = self._friction(at), self._slips(at)
-        matrix, right = np.zeros((2, self.path.contacts, 6, 6))
-        _, shear, torsion = self._products(at)
-        matrix[:, 0, :2], matrix[:, 0, 3], matrix[:, 0, 5] = slip[:, :2], most, a
-        right[:, 0, 0], right[:, 0, 1] = at[-1] * self.weights.shear - shear, self.weights.shear
-        right[:, 0, 2:4] = -friction[:, :2]
-        for k in (0, 1):
-            matrix[:, 1 + k, k] = most
-            matrix[:, 1 + k, 3], matrix[:, 1 + k, 5] = slip[:, k], friction[:, k]
-            right[:, 1 + k, 0] = -(a * slip[:, k] + most * friction[:, k])
-            right[:, 1 + k, 2 + k] = -a
-        matrix[:, 3, 2], matrix[:, 3, 4], matrix[:, 3, 5] = slip[:, 2], most, b
-        right[:, 3, 0] = at[-1] * self.weights.torsion - torsion
-        right[:, 3, 1], right[:, 3, 4] = self.weights.torsion, -friction[:, 2]
-        matrix[:, 4, 2], matrix[:, 4, 4], matrix[:, 4, 5] = most, slip[:, 2], friction[:, 2]
-        right[:, 4, 0] = -(b * slip[:, 2] + most * friction[:, 2])
-        right[:, 4, 4] = -b
+        """What contacts' unknowns (n, 6) are, as (n, 6, 6) on: 1, tau, slips and the limit."""
+        now, slip = self._read(at), self._slips(at)
+        most = now.local[:, 5]
+        matrix, right = np.zeros((2, len(slip), 6, 6))
+        products, weights = (
+            np.split(x, self.kinds)[1:] for x in (self._products(at), self.weights)
+        )
+        for (row, held, own), product, weight in zip(_GROUPS, products, weights, strict=True):
+            by = now.local[:, held]
+            matrix[:, row, held], matrix[:, row, 5] = most, by
+            right[:, row, 0], right[:, row, 1] = now.tau * weight - product, weight
+            for i, k in enumerate(own, row + 1):
+                force, slid = now.local[:, k], slip[:, k]
+                matrix[:, row, k], right[:, row, 2 + k] = slid, -force
+                matrix[:, i, k], matrix[:, i, held], matrix[:, i, 5] = most, slid, force
+                right[:, i, 0], right[:, i, 2 + k] = -(by * slid + most * force), -by
         matrix[:, 5, 3] = matrix[:, 5, 4] = right[:, 5, 5] = 1.0
         right[:, 5, 0] = -limit
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
     def _solved(self, square: sp.csc_array, right: FloatArray) -> FloatArray:
-        order, path = self.path.order, self.path
-        damping = _N.damping * self.force / self.rate
-        square = (square + damping * sp.eye_array(len(path.dead))).tocsc()
-        factor = splu(
-            square[order][:, order].tocsc(),
-            permc_spec="NATURAL",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-
-        def solved(part: FloatArray) -> FloatArray:
-            result = np.empty_like(part)
-            result[order] = factor.solve(part[order])
-            return result
-
-        found = solved(right)
-        for _ in range(2):
-            found = found + solved(right - square @ found)
+        order, damping = self.order, _N.damping * self.force / self.rate
+        square = (square + damping * sp.eye_array(len(order))).tocsc()
+        options = {"SymmetricMode": True}
+        ordered = in_order(square, order)
+        factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+        found = np.zeros_like(right)
+        for _ in range(3):
+            found[order] += factor.solve((right - square @ found)[order])
         return found
 
     def _tangent(self, at: FloatArray, along: FloatArray, last: FloatArray | None) -> FloatArray:
@@ -354,43 +320,44 @@ class _Follower:
         return corrector + h * tangent
 
     def _reach(self, at: FloatArray, step: FloatArray) -> float:
-        inside = [(self._part(at, name), self._part(step, name)) for name in ("n", "w")]
-        inside += self._spare(at, step)
-        for held, of in (("b", 2), ("lambda", None)):
-            value = self._part(at, "m") if of else self._slips(at)[:, 2]
-            change = self._part(step, "m") if of else self._slips(step)[:, 2]
-            room, more = self._part(at, held), self._part(step, held)
-            inside += [(room - value, more - change), (room + value, more + change)]
-        shrinking = max(float(np.max(-change / value)) for value, change in inside)
+        """Largest share of a step after which the point is inside all cones."""
+        now, change = self._read(at), self._read(step)
+        inside = [(now.pressed, change.pressed), (now.open, change.open), *self._spare(at, step)]
+        twists = (
+            (now.local[:, 2], change.local[:, 2]),
+            (self._slips(at)[:, 2], self._slips(step)[:, 2]),
+        )
+        for held, (value, more) in zip((4, 5), twists, strict=True):
+            room, grows = now.local[:, held], change.local[:, held]
+            inside += [(room - value, grows - more), (room + value, grows + more)]
+        shrinking = max(float(np.max(-more / value)) for value, more in inside)
         return 1.0 / max(shrinking, 1e-9) if np.isfinite(shrinking) else 0.0
 
     def _spare(self, at: FloatArray, step: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Room of shear below a and of slip below lambda, and by how much a step changes it."""
+        now, change = self._read(at).local, self._read(step).local
+        pairs = (
+            (3, now[:, :2], change[:, :2]),
+            (5, self._slips(at)[:, :2], self._slips(step)[:, :2]),
+        )
         result = []
-        for held, vectors, changes in (
-            ("a", self._friction(at)[:, :2], self._friction(step)[:, :2]),
-            ("lambda", self._slips(at)[:, :2], self._slips(step)[:, :2]),
-        ):
+        for held, vectors, more in pairs:
             size = np.hypot(*vectors.T)
-            growth = (vectors * changes).sum(axis=1) / np.where(size > 0.0, size, 1.0)
-            result.append((self._part(at, held) - size, self._part(step, held) - growth))
+            growth = (vectors * more).sum(axis=1) / np.where(size > 0.0, size, 1.0)
+            result.append((now[:, held] - size, change[:, held] - growth))
         return result
 
     def _moved(self, at: FloatArray, step: FloatArray) -> FloatArray:
+        """After a step; where shear or slip turned, a and lambda keep what room the step meant."""
         result = at + step
-        vectors = (self._friction(result)[:, :2], self._slips(result)[:, :2])
+        local = self._read(result).local  # a view: what is written there is written into the result
+        vectors = (local[:, :2], self._slips(result)[:, :2])
         kept = self._spare(at, step)
-        for name, vector, (spare, change) in zip(("a", "lambda"), vectors, kept, strict=True):
-            size, value = np.hypot(*vector.T), self._part(result, name)
-            distance = spare + change
-            near = value - size < 0.5 * distance
-            result[self.path.at[name]] = np.where(near, size + distance, value)
+        for held, vector, (spare, change) in zip((3, 5), vectors, kept, strict=True):
+            size, distance = np.hypot(*vector.T), spare + change
+            near = local[:, held] - size < 0.5 * distance
+            local[near, held] = (size + distance)[near]
         return result
-
-    def _point(self, at: FloatArray) -> Point:
-        system = self.path.system
-        friction = self._friction(at).ravel()
-        forces = system.corner.T @ self._part(at, "n") + system.slid.T @ friction
-        return Point(np.asarray(forces), self._part(at, "u"), float(at[-2]))
 
 
 def _grown(correctors: int) -> float:

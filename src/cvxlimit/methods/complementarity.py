@@ -16,14 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
@@ -31,8 +30,6 @@ from cvxlimit.solvers import LimitState
 from cvxlimit.solvers.sparse import factorised
 from cvxlimit.surfaces import Conic, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
-
-_SLIDING = ("V1", "V2", "MT")
 
 
 @dataclass(frozen=True)
@@ -67,26 +64,170 @@ def has_equations(surfaces: Sequence[YieldSurface]) -> bool:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Internal forces (p,), torsion over its arm, block rates (6 free,) and load factor."""
+class Point(NamedTuple):
+    """Corner compressions (k,), friction (n, 3), block rates (6 free,) and load factor, scaled."""
 
-    forces: FloatArray
+    pressed: FloatArray
+    friction: FloatArray
     motion: FloatArray
     load_factor: float
 
-    def moved(self, step: FloatArray) -> Point:
-        """After a step (p + 6 free + 1,)."""
-        p, m = len(self.forces), len(self.motion)
-        return Point(
-            self.forces + step[:p],
-            self.motion + step[p : p + m],
-            self.load_factor + float(step[p + m]),
+
+class FrictionSystem:
+    """The contacts of an assemblage with corner compressions and friction on the line of Eq. 24.
+
+    ``opening`` (k, 6 free) and ``slip`` (3 n, 6 free) give rates at corners and contacts, and
+    transposed what compressions and friction do to blocks; ``limit`` (n, k) is the friction that
+    compressions allow besides ``cohesion`` (n,). All are scaled, and torsion is over its arm.
+    """
+
+    def __init__(self, assemblage: Assemblage) -> None:
+        self.assemblage, contacts, units = assemblage, assemblage.contacts, assemblage.scaling
+        self.dead, self.live = assemblage.scaled.dead, assemblage.scaled.live
+        self.model = corner_compressions(contacts)
+        start, number = self.model.start, np.arange(self.model.meaning.shape[1])
+        self._corners = number[start["n"]]
+        self._friction = np.stack([number[start[c]] for c in ("V1", "V2", "MT")], axis=1)
+        arm = np.ones(len(number))
+        arm[start["MT"]] = contacts.torsion_arm
+        self._unit = units.force * arm
+        self._lengths = np.tile([1.0] * 3 + [units.length] * 3, len(self.live) // DOF)
+        works = assemblage.statics.matrix @ self.model.meaning @ sp.diags_array(arm)
+        rates = (sp.diags_array(1.0 / self._lengths) @ works).T.tocsr()
+        self.opening, self.slip = rates[self._corners], rates[self._friction.ravel()]
+        at = contacts.corner_contact
+        self.limit = sp.csr_array((contacts.friction[at], (at, np.arange(len(at)))))
+        self.cohesion = contacts.cohesion * contacts.area / units.force
+
+    def point(self, state: LimitState) -> Point:
+        """A state with forces and mechanism, the latter scaled to live power 1."""
+        if state.mechanism is None or state.load_factor is None or state.internal is None:
+            raise ValueError("a state without mechanism cannot be polished")
+        units, forces = self.assemblage.scaling, state.internal / self._unit
+        motion = state.mechanism.ravel() * self._lengths
+        motion = motion / float(self.live @ motion)
+        factor = state.load_factor * units.live / units.force
+        return Point(forces[self._corners], forces[self._friction], motion, factor)
+
+    def state(self, point: Point, state: LimitState) -> LimitState:
+        """A point as a state, with all else from ``state``."""
+        units, internal = self.assemblage.scaling, np.empty(len(self._unit))
+        internal[self._corners], internal[self._friction] = point.pressed, point.friction
+        internal *= self._unit
+        return replace(
+            state,
+            load_factor=units.load_factor(point.load_factor),
+            forces=self.model.forces(internal),
+            mechanism=units.mechanism(point.motion.reshape(-1, DOF)),
+            internal=internal,
         )
 
+    def polished(self, state: LimitState) -> LimitState:
+        """The root near a state with forces and mechanism, or as near to one as Newton gets."""
+        return self.state(_Newton(self, self.point(state)).solved(), state)
 
-@dataclass(frozen=True, eq=False)
-class Projected:
+
+class _Newton:
+    """Vectors are compressions, friction, rates and load factor, one after the other."""
+
+    def __init__(self, system: FrictionSystem, first: Point) -> None:
+        self.system = system
+        self.force = typical(np.append(first.pressed, first.friction))
+        self.ratio = self.force / typical(
+            np.append(system.opening @ first.motion, system.slip @ first.motion)
+        )
+        self.first = np.concatenate([part.ravel() for part in first[:3]] + [[first.load_factor]])
+        self.ends = np.cumsum([len(first.pressed), first.friction.size, len(first.motion)])
+        self.columns = np.full(len(self.first), self.force)
+        self.columns[self.ends[1] : self.ends[2]] = float(np.abs(first.motion).mean()) or 1.0
+        self.columns[-1] = max(abs(first.load_factor), self.force)
+        self._order: IntArray | None = None
+
+    def solved(self) -> Point:
+        at, damping, slow = self.first, _N.damping, 0
+        rest = self._residual(at)
+        for _ in range(_N.steps):
+            size = float(rest @ rest)
+            if size <= _N.exact or slow >= _N.patience:
+                break
+            jacobian = self._jacobian(at)
+            square, down = (jacobian.T @ jacobian).tocsc(), jacobian.T @ rest
+            for _ in range(_N.tries):
+                weight = damping * min(1.0, float(np.sqrt(size / len(rest))))
+                step = self._damped(square, weight, down)
+                if step is None:
+                    return self._point(at)
+                trial = at - self.columns * step
+                new = self._residual(trial)
+                if float(new @ new) < size:
+                    break
+                damping *= _N.factor
+            else:
+                break
+            slow = slow + 1 if float(new @ new) > _N.slow * size else 0
+            at, rest, damping = trial, new, max(damping / _N.factor, _N.least_damping)
+        return self._point(at)
+
+    def _damped(self, square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray | None:
+        """The step with (square + weight) step = down; None where rounding makes that singular."""
+        largest = float(square.diagonal().max())
+        if not np.isfinite(largest):
+            return None
+        each = sp.eye_array(len(down))
+        if self._order is None:
+            self._order = elimination_order((square + largest * each).tocsc())
+        matrix = (square + max(weight, _N.rounding * largest) * each).tocsc()
+        step = np.empty_like(down)
+        try:
+            step[self._order] = factorised(in_order(matrix, self._order))(down[self._order])
+        except RuntimeError:
+            return None
+        return step
+
+    def _point(self, at: FloatArray) -> Point:
+        pressed, friction, motion, factor = np.split(at, self.ends)
+        return Point(pressed, friction.reshape(-1, 3), motion, float(factor[0]))
+
+    def _residual(self, at: FloatArray) -> FloatArray:
+        system, (pressed, friction, motion, factor) = self.system, self._point(at)
+        balance = pressed @ system.opening + friction.ravel() @ system.slip
+        balance = balance + system.dead + factor * system.live
+        power = (float(system.live @ motion) - 1.0) * self.force
+        corner = pressed - np.maximum(pressed - self.ratio * (system.opening @ motion), 0.0)
+        slid = friction - self._nearest(at).value
+        return np.concatenate([balance, [power], corner, slid.ravel()]) / self.force
+
+    def _nearest(self, at: FloatArray) -> Projected:
+        system, (pressed, friction, motion, _) = self.system, self._point(at)
+        slip = self.ratio * (system.slip @ motion).reshape(-1, 3)
+        return projected(friction - slip, system.limit @ pressed + system.cohesion)
+
+    def _jacobian(self, at: FloatArray) -> sp.csr_array:
+        system, (pressed, _, motion, _) = self.system, self._point(at)
+        presses = (pressed - self.ratio * (system.opening @ motion) > 0.0).astype(float)
+        found = self._nearest(at)
+        by_force = in_blocks(found.by_force)
+        rows = [
+            [system.opening.T, system.slip.T, None, sp.csr_array(system.live[:, None])],
+            [None, None, sp.csr_array(self.force * system.live[None, :]), None],
+            [
+                sp.diags_array(1.0 - presses),
+                None,
+                sp.diags_array(self.ratio * presses) @ system.opening,
+                None,
+            ],
+            [
+                -by_columns(found.by_limit) @ system.limit,
+                sp.eye_array(by_force.shape[0]) - by_force,
+                self.ratio * (by_force @ system.slip),
+                None,
+            ],
+        ]
+        matrix = sp.block_array(rows, format="csr")
+        return (matrix @ sp.diags_array(self.columns / self.force)).tocsr()
+
+
+class Projected(NamedTuple):
     """Nearest allowed t (n, 3), and its derivatives by t (n, 3, 3) and by the limit (n, 3)."""
 
     value: FloatArray
@@ -102,197 +243,26 @@ def projected(force: FloatArray, limit: FloatArray) -> Projected:
     """
     shear, sign = np.hypot(force[:, 0], force[:, 1]), np.sign(force[:, 2])
     twist, most = np.abs(force[:, 2]), np.maximum(limit, 0.0)
-    along = force[:, :2] / np.where(shear > 0.0, shear, 1.0)[:, None]
+    some = np.where(shear > 0.0, shear, 1.0)
+    along = force[:, :2] / some[:, None]
     over = 0.5 * (shear + twist - most)
     inside = over <= 0.0
     turns = ~inside & (over >= shear)
     slides = ~inside & ~turns & (over >= twist)
-    both = ~(inside | turns | slides)
     cases = [inside, turns, slides]
     new_shear = np.select(cases, [shear, np.zeros_like(most), most], shear - over)
     new_twist = np.select(cases, [twist, most, np.zeros_like(most)], twist - over)
-    half, grows = 0.5 * both, (limit > 0.0).astype(float)
-    radial, cross = inside + half, -half
-    ratio = np.where(shear > 0.0, new_shear / np.where(shear > 0.0, shear, 1.0), inside)
+    half, grows = 0.5 * ~(inside | turns | slides), (limit > 0.0).astype(float)
+    ratio = np.where(shear > 0.0, new_shear / some, inside)
     outer = along[:, :, None] * along[:, None, :]
     by_force = np.zeros((len(force), 3, 3))
-    by_force[:, :2, :2] = radial[:, None, None] * outer
+    by_force[:, :2, :2] = (inside + half)[:, None, None] * outer
     by_force[:, :2, :2] += ratio[:, None, None] * (np.eye(2) - outer)
-    by_force[:, :2, 2] = by_force[:, 2, :2] = (cross * sign)[:, None] * along
+    by_force[:, :2, 2] = by_force[:, 2, :2] = (-half * sign)[:, None] * along
     by_force[:, 2, 2] = inside + half
-    by_limit = np.column_stack(
-        [(grows * (slides + half))[:, None] * along, grows * (turns + half) * sign]
-    )
+    by_limit = [(grows * (slides + half))[:, None] * along, grows * (turns + half) * sign]
     value = np.column_stack([new_shear[:, None] * along, new_twist * sign])
-    return Projected(value, by_force, by_limit)
-
-
-class FrictionSystem:
-    """The equations of one assemblage, and their polish.
-
-    Parameters
-    ----------
-    assemblage : Assemblage
-        Its contacts with corner compressions, torsion-shear on the line of Eq. 24.
-    """
-
-    def __init__(self, assemblage: Assemblage) -> None:
-        self.assemblage = assemblage
-        scaled = assemblage.scaled
-        self.model = corner_compressions(scaled.contacts)
-        start = self.model.start
-        n, corners = len(scaled.contacts), len(scaled.contacts.corner_contact)
-        self.arm = np.ones(self.model.meaning.shape[1])
-        self.arm[start["MT"]] = scaled.contacts.torsion_arm
-        self.matrix = (scaled.matrix @ self.model.meaning @ sp.diags_array(self.arm)).tocsr()
-        p = self.matrix.shape[1]
-        pressed = np.arange(start["n"].start, start["n"].stop)
-        self.corner = _selection(pressed, p)
-        slid = np.stack([np.arange(start[k].start, start[k].stop) for k in _SLIDING], axis=1)
-        self.slid = _selection(slid.ravel(), p)
-        at = scaled.contacts.corner_contact
-        normal = sp.csr_array((np.ones(corners), (at, np.arange(corners))), shape=(n, corners))
-        self.limit = (sp.diags_array(scaled.contacts.friction) @ normal @ self.corner).tocsr()
-        units = assemblage.scaling
-        self.cohesion = assemblage.contacts.cohesion * assemblage.contacts.area / units.force
-
-    def polished(self, state: LimitState) -> LimitState:
-        """The root near a state with forces and mechanism, or as near to one as Newton gets.
-
-        Only :class:`~cvxlimit.methods.zero_dilatancy.Verifier` tells which it is.
-        """
-        equations = _Equations(self, self.point(state))
-        return self.state(equations.solved(), state)
-
-    def scaled_forces(self, state: LimitState) -> FloatArray:
-        """Internal forces (p,) in the units of the scaling, torsion over its arm."""
-        units = self.assemblage.scaling
-        size = np.where(self.model.is_moment, units.length, 1.0) * units.force
-        return np.asarray(state.internal) / size / self.arm
-
-    def point(self, state: LimitState) -> Point:
-        """A state with forces and mechanism, in the units of the scaling."""
-        if state.mechanism is None or state.load_factor is None:
-            raise ValueError("a state without mechanism cannot be polished")
-        units = self.assemblage.scaling
-        rows = np.tile([1.0, 1.0, 1.0] + [units.length] * 3, len(state.mechanism))
-        motion = state.mechanism.ravel() * units.live * rows
-        power = float(self.assemblage.scaled.live @ motion)
-        return Point(
-            self.scaled_forces(state),
-            motion / power,
-            state.load_factor * units.live / units.force,
-        )
-
-    def state(self, point: Point, state: LimitState) -> LimitState:
-        """A point as a state, with all else from ``state``."""
-        units = self.assemblage.scaling
-        inner = point.forces * self.arm
-        size = np.where(self.model.is_moment, units.length, 1.0) * units.force
-        return replace(
-            state,
-            load_factor=units.load_factor(point.load_factor),
-            forces=units.forces((self.model.meaning @ inner).reshape(-1, len(COLUMN))),
-            mechanism=units.mechanism(point.motion.reshape(-1, DOF)),
-            internal=inner * size,
-        )
-
-
-class _Equations:
-    """Of a :class:`FrictionSystem`, in units of the typical force and rate of a first point."""
-
-    def __init__(self, system: FrictionSystem, first: Point) -> None:
-        self.system, self.first = system, first
-        scaled = system.assemblage.scaled
-        self.dead, self.live = scaled.dead, scaled.live
-        self.force = typical(first.forces)
-        self.rate = typical(system.matrix.T @ first.motion)
-        self.ratio = self.force / self.rate
-        columns = (
-            np.full(len(first.forces), self.force),
-            np.full(len(first.motion), float(np.abs(first.motion).mean()) or 1.0),
-            [max(abs(first.load_factor), self.force)],
-        )
-        self.columns = np.concatenate(columns)
-        self._order: IntArray | None = None
-        self._rates = system.matrix.T.tocsr()
-        self._opening = (system.corner @ self._rates).tocsr()
-        self._slip = (system.slid @ self._rates).tocsr()
-
-    def solved(self) -> Point:
-        at, damping, slow = self.first, _N.damping, 0
-        rest = self.residual(at)
-        for _ in range(_N.steps):
-            size = float(rest @ rest)
-            if size <= _N.exact or slow >= _N.patience:
-                break
-            jacobian = self._jacobian(at)
-            square, down = (jacobian.T @ jacobian).tocsc(), jacobian.T @ rest
-            for _ in range(_N.tries):
-                weight = damping * min(1.0, float(np.sqrt(size / len(rest))))
-                step = self._damped(square, weight, down)
-                if step is None:
-                    return at
-                trial = at.moved(-self.columns * step)
-                new = self.residual(trial)
-                if float(new @ new) < size:
-                    break
-                damping *= _N.factor
-            else:
-                break
-            slow = slow + 1 if float(new @ new) > _N.slow * size else 0
-            at, rest, damping = trial, new, max(damping / _N.factor, _N.least_damping)
-        return at
-
-    def _damped(self, square: sp.csc_array, weight: float, down: FloatArray) -> FloatArray | None:
-        """The step with (square + weight) step = down; None where rounding makes that singular."""
-        largest = float(square.diagonal().max())
-        if not np.isfinite(largest):
-            return None
-        each = sp.eye_array(len(down))
-        if self._order is None:
-            self._order = elimination_order((square + largest * each).tocsc())
-        matrix = (square + max(weight, _N.rounding * largest) * each).tocsc()
-        ordered = matrix[self._order][:, self._order].tocsc()
-        step = np.empty_like(down)
-        try:
-            step[self._order] = factorised(ordered)(down[self._order])
-        except RuntimeError:
-            return None
-        return step
-
-    def residual(self, at: Point) -> FloatArray:
-        balance = self.system.matrix @ at.forces + self.dead + at.load_factor * self.live
-        power = (float(self.live @ at.motion) - 1.0) * self.force
-        pressed = self.system.corner @ at.forces
-        opening = self.ratio * (self._opening @ at.motion)
-        corner = pressed - np.maximum(pressed - opening, 0.0)
-        friction, limit, trial = self._sliding(at)
-        slid = friction - projected(trial, limit).value
-        return np.concatenate([balance, [power], corner, slid.ravel()]) / self.force
-
-    def _sliding(self, at: Point) -> tuple[FloatArray, FloatArray, FloatArray]:
-        friction = (self.system.slid @ at.forces).reshape(-1, 3)
-        slip = (self._slip @ at.motion).reshape(-1, 3)
-        limit = self.system.limit @ at.forces + self.system.cohesion
-        return friction, limit, friction - self.ratio * slip
-
-    def _jacobian(self, at: Point) -> sp.csr_array:
-        system, live = self.system, self.live
-        pressed = system.corner @ at.forces - self.ratio * (self._opening @ at.motion) > 0.0
-        _, limit, trial = self._sliding(at)
-        found = projected(trial, limit)
-        by_trial = in_blocks(found.by_force)
-        by_limit = by_columns(found.by_limit)
-        sliding = system.slid - by_trial @ system.slid - by_limit @ system.limit
-        rows = [
-            [system.matrix, None, sp.csr_array(live[:, None])],
-            [None, sp.csr_array(self.force * live[None, :]), None],
-            [_rows(~pressed) @ system.corner, self.ratio * (_rows(pressed) @ self._opening), None],
-            [sliding, self.ratio * (by_trial @ self._slip), None],
-        ]
-        matrix = sp.block_array(rows, format="csr")
-        return (matrix @ sp.diags_array(self.columns / self.force)).tocsr()
+    return Projected(value, by_force, np.column_stack(by_limit))
 
 
 def elimination_order(matrix: sp.csc_array) -> IntArray:
@@ -302,18 +272,14 @@ def elimination_order(matrix: sp.csc_array) -> IntArray:
     return np.argsort(factor.perm_c)
 
 
+def in_order(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
+    """Rows and columns in another order."""
+    return matrix[order][:, order].tocsc()
+
+
 def typical(values: FloatArray) -> float:
     """Root of the mean square; 1 where all are zero."""
     return float(np.sqrt(np.mean(values**2))) or 1.0
-
-
-def _selection(chosen: IntArray, width: int) -> sp.csr_array:
-    k = len(chosen)
-    return sp.csr_array((np.ones(k), (np.arange(k), chosen)), shape=(k, width))
-
-
-def _rows(kept: NDArray[np.bool_]) -> sp.dia_array:
-    return sp.diags_array(kept.astype(float))
 
 
 def in_blocks(blocks: FloatArray) -> sp.csr_array:

@@ -10,7 +10,7 @@ that none lower was found.
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
@@ -19,33 +19,20 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.central_path import CentralPath
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.methods.solution_set import ExtremeForces, MechanismsOfForces, Verifier
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.flow import FlowRule, corner_openings
 from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.model.statics import DOF
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
-
-
-@dataclass(frozen=True, eq=False)
-class PricedPressure:
-    """The load factor less a price on every contact's normal force; an objective.
-
-    At its solution contacts slide as the flow rule says, but for an opening by the price: with the
-    price that dilatancy would open, they slide without. The price is a Parameter, so that one
-    compiled problem serves all iterates.
-    """
-
-    price: cp.Parameter
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`~cvxlimit.model.problem.Objective`."""
-        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
-        return Terms(alpha - self.price @ forces.components["N"], dead, live)
+from cvxlimit.solvers import run as run_solver
 
 
 @dataclass(frozen=True)
@@ -65,13 +52,17 @@ class _Numbers:
     widths: tuple[float, ...] = (0.1, 1.0)
     """How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive
     more often."""
-    steps: int = 400
-    """Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
-    solve; of the paths that arrive most need 80 to 360."""
     promising: float = 100.0
     """Residual over the tolerance up to which a path's end is polished."""
     walk: int = 6
     """Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
+    price: float = 1000.0
+    """Of power on a mechanism, in scaled load factors: a penalty that is exact once it exceeds the
+    multiplier; solutions are checked in any case."""
+    nudge: float = 0.02
+    """Size of random costs of normal forces, in load factors per total load."""
+    little: float = 0.001
+    """Size of random costs, beside power at ``price``."""
 
 
 _N = _Numbers()
@@ -127,7 +118,6 @@ class ZeroDilatancy(Method):
         count(self.descents, 0, "descents")
 
     def steps(self, run: Run) -> Steps:
-        """Iterates of all starts, extremes on the mechanisms found, then tries further down."""
         if dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         return (yield from _Search(self, run).steps())
@@ -146,41 +136,36 @@ class _Search:
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
         with run.clock.phase("compile"):
-            self.price = cp.Parameter(len(run.contacts), nonneg=True)
-            objective = PricedPressure(self.price)
-            self.problem = LimitProblem(run.assemblage, run.surfaces, objective=objective)
+            shape = (len(run.contacts), len(COMPONENTS))
+            self.priced = PricedForces(cp.Parameter(), cp.Parameter(shape))
+            self.problem = LimitProblem(run.assemblage, run.surfaces, objective=self.priced)
             self.verifier = Verifier(run)
             is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
             self.system = FrictionSystem(run.assemblage) if is_known else None
             self.path = None if self.system is None else CentralPath(self.system)
-            self.lowest = ExtremeForces(run, self.verifier, -1.0)
-            self.highest = ExtremeForces(run, self.verifier, 1.0)
         self.random = np.random.default_rng(rule.seed)
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
 
     def steps(self) -> Steps:
         prices = np.zeros(len(self.run.contacts))
         for start in range(self.rule.starts):
-            label = "associated" if start == 0 else f"random {start}"
-            found = yield from self._iterated(start, label, prices)
+            found = yield from self._iterated(start, prices)
             self.failed += found is None
-            if found is not None:
-                self._keep(found)
+            self._keep(found)
             prices = self._drawn(_N.scales[(start + 1) % len(_N.scales)])
         for member in [member for member, _ in self.found]:
-            for extreme, which in ((self.lowest, "lowest"), (self.highest, "highest")):
+            for sign, which in ((-1.0, "lowest"), (1.0, "highest")):
                 label = f"{which} on the mechanism of {member.start}"
-                found = self._on(extreme, member.mechanism, label)
-                if found is not None:
-                    self._keep(found)
+                self._keep(self._on(member.mechanism, label, sign))
                 yield
         yield from self._descents()
         self._report()
         return Status.CONVERGED if self.found else Status.NOT_CONVERGED
 
-    def _keep(self, found: Found) -> None:
-        self.found.append(found)
-        self._report()
+    def _keep(self, found: Found | None) -> None:
+        if found is not None:
+            self.found.append(found)
+            self._report()
 
     def _drawn(self, scale: float) -> FloatArray:
         friction, live = self.run.contacts.friction, self.run.scaling.live
@@ -188,58 +173,65 @@ class _Search:
         size = scale * (natural if self.typical is None else float(np.max(self.typical)))
         return size * self.random.uniform(0.0, 1.0, len(friction)) ** 2
 
-    def _iterated(
-        self, start: int, label: str, prices: FloatArray
-    ) -> Generator[None, None, Found | None]:
-        w = self.rule.damping
+    def _solved(
+        self, sign: float, price: FloatArray, chance: FloatArray | float = 0.0
+    ) -> tuple[LimitState, SolverSettings]:
+        cost = self.run.scaling.live * price
+        cost[:, COLUMN["N"]] += chance
+        self.priced.sign.value, self.priced.price.value = sign, cost
+        return self.run.try_solvers(self.problem.solve, self.ladder)
+
+    def _iterated(self, start: int, prices: FloatArray) -> Generator[None, None, Found | None]:
+        w, label = self.rule.damping, f"random {start}" if start else "associated"
+        price = np.zeros(self.priced.price.shape)
         for iteration in range(1, self.rule.max_iterations + 1):
-            self.price.value = self.run.scaling.live * prices
-            state, rung = self.run.try_solvers(self.problem.solve, self.ladder)
+            price[:, COLUMN["N"]] = prices
+            state, rung = self._solved(1.0, price)
             member = self.verifier.member(state, label, iteration)
             self.run.note(state, rung, change=None if member is None else member.residual)
             if start == 0 and iteration == 1:
                 self.associated = state.load_factor
             if member is None:
                 return None
+            found = member, state
             if iteration % _N.polish == 0:
-                member, state = self._polished(member, state)
-                member, state = self._followed(member, state, (start, iteration))
-            self._report(member)
-            rates = self.run.assemblage.statics.relative_rates(member.mechanism)
-            self.typical = self.verifier.dilatancy(rates)
-            if member.residual <= self.rule.tolerance:
-                return member, state
+                found = self._followed(self._polished(found), (start, iteration))
+            self._report(found[0])
+            self.typical = self.verifier.rates(found[0].mechanism)[1]
+            if found[0].residual <= self.rule.tolerance:
+                return found
             prices = (1.0 - w) * prices + w * self.typical
             yield
         return None
 
-    def _polished(self, member: Member, state: LimitState) -> tuple[Member, LimitState]:
-        if self.system is None or state.internal is None:
-            return member, state
-        with self.run.clock.phase("solve"):
-            near = self.system.polished(state)
-        found = self.verifier.member(near, member.start, member.iterations)
-        if found is None or found.residual >= member.residual:
-            return member, state
-        return found, near
+    def _better(self, found: Found, state: LimitState) -> Found:
+        before = found[0]
+        member = self.verifier.member(state, before.start, before.iterations)
+        is_better = member is not None and member.residual < before.residual
+        return (member, state) if member is not None and is_better else found
 
-    def _followed(self, member: Member, state: LimitState, at: tuple[int, int]) -> Found:
-        if self.path is None or state.internal is None or member.residual <= self.rule.tolerance:
-            return member, state
+    def _polished(self, found: Found) -> Found:
+        if self.system is None or found[1].internal is None:
+            return found
+        with self.run.clock.phase("solve"):
+            near = self.system.polished(found[1])
+        return self._better(found, near)
+
+    def _followed(self, found: Found, at: tuple[int, int]) -> Found:
+        tolerance = self.rule.tolerance
+        if self.path is None or found[1].internal is None or found[0].residual <= tolerance:
+            return found
         width = _N.widths[(at[1] // _N.polish - 1) % len(_N.widths)]
         random = np.random.default_rng((self.rule.seed, *at))
         with self.run.clock.phase("solve"):
-            end = self.path.followed(state, width, random, _N.steps)
-        found = self.verifier.member(end, member.start, member.iterations)
-        if found is None or found.residual >= member.residual:
-            return member, state
-        if self.rule.tolerance < found.residual <= _N.promising * self.rule.tolerance:
-            return self._polished(found, end)
-        return found, end
+            end = self.path.followed(found[1], width, random)
+        better = self._better(found, end)
+        is_near = tolerance < better[0].residual <= _N.promising * tolerance
+        return self._polished(better) if better is not found and is_near else better
 
-    def _descents(self) -> Steps:
+    def _descents(self) -> Generator[None]:
         if self.system is None or not self.found:
-            return Status.NOT_CONVERGED
+            return
         with self.run.clock.phase("compile"):
             mechanisms = MechanismsOfForces(self.system, self.rule.seed)
         walk: Found | None = None
@@ -252,31 +244,33 @@ class _Search:
             if mechanism is None:
                 walk = None
                 continue
-            chance = self.random if tried % 2 else None
-            step = self._on(self.lowest, mechanism, f"descent {self.tried}", chance)
+            step = self._on(mechanism, f"descent {self.tried}", -1.0, nudged=tried % 2 == 1)
             yield
             if step is None:
                 continue
             walk = step
             if step[0].load_factor < lowest[0].load_factor:
                 self._keep(step)
-        return Status.CONVERGED
 
     def _on(
-        self,
-        extreme: ExtremeForces,
-        mechanism: FloatArray,
-        label: str,
-        chance: np.random.Generator | None = None,
-    ) -> tuple[Member, LimitState] | None:
-        state, rung = extreme.on(mechanism, self.ladder, chance)
+        self, mechanism: FloatArray, label: str, sign: float, nudged: bool = False
+    ) -> Found | None:
+        """The lowest or highest load factor of forces that a mechanism goes with, a high price on
+        what others lose; nudged, a nearly extreme one: as few contacts pressed as chance prefers.
+        """
+        n = len(self.run.contacts)
+        chance = _N.nudge * self.random.uniform(size=n) ** 2 if nudged else 0.0
+        state, rung = self._solved(sign, _N.price * self.verifier.work(mechanism), chance)
+        state = replace(state, mechanism=mechanism)
         member = self.verifier.member(state, label, 1)
-        note = None if member is None else member.residual
-        self.run.note(state, f"{rung}, {label}", change=note)
-        if member is not None and member.residual > self.rule.tolerance:
-            member, state = self._polished(member, state)
-        is_good = member is not None and member.residual <= self.rule.tolerance
-        return (member, state) if member is not None and is_good else None
+        residual = None if member is None else member.residual
+        self.run.note(state, f"{rung}, {label}", change=residual)
+        if member is None:
+            return None
+        found = member, state
+        if member.residual > self.rule.tolerance:
+            found = self._polished(found)
+        return found if found[0].residual <= self.rule.tolerance else None
 
     def _report(self, last: Member | None = None) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
@@ -311,3 +305,141 @@ _NO_ASSOCIATED = (
 
 _LADDER = clarabel_at(1e-10, 1e-8)
 """Residuals below 1e-6 of the load factor take rates and forces to 1e-8 or better."""
+
+
+@dataclass(frozen=True, eq=False)
+class PricedForces:
+    """The load factor, up or down, less what forces cost: one compiled problem for all questions.
+
+    With the price on every contact's normal force that its dilatancy would open, contacts slide
+    without opening. With a high price on the power that forces lose on a mechanism, they go with
+    it. ``price`` (n, 6) is scaled like the load factor.
+    """
+
+    sign: cp.Parameter
+    price: cp.Parameter
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
+        cost = sum(self.price[:, k] @ forces.components[name] for name, k in COLUMN.items())
+        return Terms(self.sign * alpha - cost, dead, live)
+
+
+class Verifier:
+    """Checks of zero-dilatancy solutions in NumPy, outside any solver.
+
+    Only friction does not open joints: rates to which the opening that goes with their slip is
+    added must be those of the associated flow rule, under which stone crushes, mortar tears and
+    ties yield. What strength takes up of power is known from these rates, and forces must do it.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
+        self.least = run.scaling.least
+        self.flow = FlowRule(run.surfaces, self.contacts)
+        self.certifier = Certifier(run.assemblage, run.surfaces)
+        self.strength = self.certifier.strength
+
+    def rates(self, mechanism: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Relative rates (n, 6), and the opening (n,) that dilatancy would add to them."""
+        rates = self.statics.relative_rates(mechanism)
+        missing = self.flow.shortfall(rates).missing
+        opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
+        return rates, np.maximum(missing + opening, 0.0)
+
+    def work(self, mechanism: FloatArray) -> FloatArray:
+        """(n, 6): times forces, their power on a mechanism and what friction takes up of it."""
+        result, dilatancy = self.rates(mechanism)
+        result[:, COLUMN["N"]] += dilatancy
+        return result
+
+    def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
+        """A solver's answer with all its residuals; None if there are no forces or rates.
+
+        Forces are put into equilibrium first, the mechanism is scaled to live power 1.
+        """
+        given, alpha = self.certifier.given(state), state.load_factor
+        if given is None or state.mechanism is None or alpha is None:
+            return None
+        live = float(self.statics.live @ state.mechanism.ravel())
+        if not live > 0.0:
+            return None
+        mechanism = state.mechanism / live
+        rates, dilatancy = self.rates(mechanism)
+        work = rates.copy()
+        work[:, COLUMN["N"]] += dilatancy
+        balanced = self.strength.balanced(given, alpha, self.statics)
+        forces = self.strength.forces(balanced)
+        power = (forces * work).sum(axis=1)
+        openings = corner_openings(rates, self.contacts)
+        if self.strength.is_internal:
+            found = self.strength.flow.shortfall(work)
+            penetration = max(float(found.missing.max()), 0.0)
+            lost = abs(float(power.sum()) + found.dissipation)
+        else:
+            penetration = max(-float(openings.min()), 0.0)
+            mu, cohesion = self.contacts.friction, self.contacts.cohesion * self.contacts.area
+            slip = np.where(mu > 0.0, dilatancy / np.where(mu > 0.0, mu, 1.0), 0.0)
+            lost = float(np.abs(power + cohesion * slip).sum())
+        equilibrium, excess = self.certifier.residuals(balanced, alpha)
+        return Member(
+            load_factor=alpha,
+            start=start,
+            iterations=iterations,
+            equilibrium=equilibrium,
+            yield_excess=excess,
+            flow=penetration / max(np.abs(openings).max(), np.abs(rates[:, :2]).max()),
+            complementarity=lost / max(abs(alpha), self.least),
+            forces=forces,
+            mechanism=mechanism,
+        )
+
+
+class MechanismsOfForces:
+    """Mechanisms that go with given forces: as few contacts opening and sliding as chance prefers.
+
+    min  (random costs of openings and slips) + power of the forces on the mechanism,
+    openings >= 0, slips <= multipliers, live power 1:  for linear yield surfaces a vertex, which
+    moves so little that other forces go with it as well.
+    """
+
+    def __init__(self, system: FrictionSystem, seed: int) -> None:
+        self.system, self.random = system, np.random.default_rng(seed)
+        self._motion = cp.Variable(len(system.live))
+        n, corners = len(system.cohesion), system.opening.shape[0]
+        slid = cp.Variable(n)
+        opening = system.opening @ self._motion
+        slips = [system.slip[k::3] @ self._motion for k in range(3)]
+        self._on_opening, self._on_slid = (
+            cp.Parameter(corners, nonneg=True),
+            cp.Parameter(n, nonneg=True),
+        )
+        self._on_slips = [cp.Parameter(n) for _ in slips]
+        cost = self._on_opening @ opening + self._on_slid @ slid
+        cost += sum(price @ slip for price, slip in zip(self._on_slips, slips, strict=True))
+        limits = [
+            opening >= 0.0,
+            cp.SOC(slid, cp.vstack(slips[:2]), axis=0),
+            slid >= slips[2],
+            slid >= -slips[2],
+            system.live @ self._motion == 1.0,
+        ]
+        self._problem = cp.Problem(cp.Minimize(cost), limits)
+
+    def of(self, state: LimitState, settings: SolverSettings) -> FloatArray | None:
+        """One mechanism (free blocks, 6); None if the solver finds none."""
+        given = self.system.point(state)
+        pressed = np.maximum(given.pressed, 0.0)
+        self._on_opening.value = _N.price * pressed + self._chance(len(pressed))
+        limit = np.maximum(self.system.limit @ given.pressed + self.system.cohesion, 0.0)
+        self._on_slid.value = _N.price * limit + self._chance(len(limit))
+        for price, friction in zip(self._on_slips, given.friction.T, strict=True):
+            price.value = _N.price * friction
+        outcome = run_solver(self._problem, settings)
+        if not outcome.has_values or self._motion.value is None:
+            return None
+        motion = np.asarray(self._motion.value).reshape(-1, DOF)
+        return self.system.assemblage.scaling.mechanism(motion)
+
+    def _chance(self, count: int) -> FloatArray:
+        return _N.little * self.random.uniform(0.0, 1.0, count) ** 2

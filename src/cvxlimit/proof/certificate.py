@@ -244,17 +244,20 @@ class Certifier:
         """What a solver's answer has to say about forces, in the form that is checked."""
         return state.internal if self.strength.is_internal else state.forces
 
+    def residuals(self, x: FloatArray, alpha: float) -> tuple[float, float]:
+        """Largest residual of equilibrium and yield excess of a state, over the total load."""
+        load = self._total_load(alpha)
+        rest = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
+        excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x)))
+        return float(rest.max()) / load, excess / load
+
     def _rates(self, mechanism: ArrayLike | None) -> FloatArray | None:
         if isinstance(mechanism, np.ndarray) and mechanism.size == len(self.statics.dead):
             mechanism = mechanism.reshape(-1, DOF)
         return finite(mechanism, (len(self.statics.dead) // DOF, DOF), "free block")
 
     def _lower(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
-        load = self._total_load(alpha)
-        forces = self.strength.forces(x)
-        rest = block_sizes(self.statics.residual(forces, alpha), self.size)
-        residual = float(rest.max()) / load
-        excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x))) / load
+        residual, excess = self.residuals(x, alpha)
         x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
             return -np.inf, False, residual, excess
@@ -274,13 +277,10 @@ class Certifier:
     def _lower_without_idle(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
         can = self._can_reduce and not self.strength.is_internal
         given = without_idle(self.assemblage, x, _N.idle) if can else None
-        if given is None:
+        smaller = None if given is None else self._of_less(given[0])
+        if given is None or smaller is None:
             return -np.inf, False, np.nan, np.nan
-        less, forces = given
-        smaller = self._of_less(less)
-        if smaller is None:
-            return -np.inf, False, np.nan, np.nan
-        return smaller._lower(forces, alpha, rate)
+        return smaller._lower(given[1], alpha, rate)
 
     def _of_less(self, less: Assemblage) -> Certifier | None:
         try:
@@ -291,12 +291,10 @@ class Certifier:
         return result
 
     def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
-        share = 0.0
         excess = self.strength.excess
-        for y, inside in zip(excess(forces), excess(reserve), strict=True):
-            over = np.maximum(y, 0.0)
-            share = max(share, float((over / (over - inside)).max()))
-        return share
+        found = zip(excess(forces), excess(reserve), strict=True)
+        over = [(np.maximum(y, 0.0), inside) for y, inside in found]
+        return max(0.0, *(float((y / (y - inside)).max()) for y, inside in over))
 
     def _largest_force(self, x: FloatArray | None, contacts: IntArray | None = None) -> float:
         """At some contacts (k,), or all: blocks that wedge each other may press with far more than
@@ -314,12 +312,10 @@ class Certifier:
         and whatever wedges their blocks: what is left can often be opened where the whole cannot.
         """
         given = glued(self.assemblage, u, share) if self._can_reduce else None
-        if given is None:
+        smaller = None if given is None else self._of_less(given[0])
+        if given is None or smaller is None:
             return np.inf, False, np.nan, np.nan
-        whole, rates, contacts = given
-        smaller = self._of_less(whole)
-        if smaller is None:
-            return np.inf, False, np.nan, np.nan
+        _, rates, contacts = given
         return smaller._upper(rates, self._largest_force(x, contacts))
 
     def _upper(self, u: FloatArray, force: float) -> _Bound:
@@ -332,9 +328,9 @@ class Certifier:
         missing = found.missing + self._rounding(u)
         violation = max(float(missing.max()), 0.0) / largest
         error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
-        field = self.witnesses.opening_field
+        field, share = self._opening(missing)
         if field is not None and _is_resisted(found.unresisted, u):
-            return *self._opened(u, field, missing, found.dissipation), violation, error
+            return *self._opened(u, field, share, found.dissipation), violation, error
         bound = found.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
         return bound + error * force, False, violation, error
@@ -344,22 +340,22 @@ class Certifier:
 
         As it is where no field is known that opens every contact.
         """
-        field = self.witnesses.opening_field
-        spare = np.array([-np.inf]) if field is None else self._spare_opening(field)
-        if field is None or not spare.min() > 0.0:
-            return mechanism
         found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
-        missing = found.missing + self._rounding(mechanism)
-        result: FloatArray = mechanism + _share(missing, spare) * field
-        return result
+        field, share = self._opening(found.missing + self._rounding(mechanism))
+        return mechanism if field is None else mechanism + share * field
+
+    def _opening(self, missing: FloatArray) -> tuple[FloatArray | None, float]:
+        """A field that opens every contact, and its share that makes up for what is missing."""
+        field = self.witnesses.opening_field
+        spare = np.zeros(1) if field is None else self._spare_opening(field)
+        if field is None or not spare.min() > 0.0:
+            return None, 0.0
+        asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
+        return field, float(np.max(missing[asks] / spare[asks], initial=0.0))
 
     def _opened(
-        self, u: FloatArray, field: FloatArray, missing: FloatArray, dissipation: float
+        self, u: FloatArray, field: FloatArray, share: float, dissipation: float
     ) -> tuple[float, bool]:
-        spare = self._spare_opening(field)
-        if not spare.min() > 0.0:
-            return np.inf, False
-        share = _share(missing, spare)
         u = u + share * field
         if not self.strength.is_cone and share > 0.0:
             opened = self.strength.flow.opened(self.statics.relative_rates(field))
@@ -411,15 +407,6 @@ def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
         return second if gain > 0.0 else first
     price = _N.price * abs(first[0]) if np.isfinite(first[0]) else 0.0
     return second if second[1] and gain >= -price else first
-
-
-def _share(missing: FloatArray, spare: FloatArray) -> float:
-    """Of a field with ``spare`` opening > 0 (n,), what makes up for all that is ``missing`` (n,).
-
-    A contact without any state misses -inf and has inf to spare: it asks for nothing.
-    """
-    asks = missing > 0.0
-    return float(np.max(missing[asks] / spare[asks], initial=0.0))
 
 
 def _is_resisted(unresisted: FloatArray, rates: FloatArray) -> bool:

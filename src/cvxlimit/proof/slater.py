@@ -79,14 +79,11 @@ nothing, but inside."""
 class Flow(Protocol):
     """What is asked of a flow rule: see :class:`FlowRule`, whose methods these are."""
 
-    def shortfall(self, rates: FloatArray) -> Shortfall:
-        """How far rates (n, 6) are from it, sublinear in them."""
+    def shortfall(self, rates: FloatArray) -> Shortfall: ...
 
-    def opened(self, rates: FloatArray) -> Shortfall:
-        """The same, with much opening to spare where the rule leaves a choice."""
+    def opened(self, rates: FloatArray) -> Shortfall: ...
 
-    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """A cheap upper bound (n,) on the missing opening."""
+    def shortfall_bound(self, rates: FloatArray) -> FloatArray: ...
 
 
 class Strength:
@@ -95,14 +92,7 @@ class Strength:
     Forces are checked as *states*: contact forces (n, 6), or, where the formulation has conditions
     of its own, its internal forces (p,), on which those are stated. A formulation without own
     conditions only chooses among the forces that surfaces allow, so contact forces say it all.
-
-    Parameters
-    ----------
-    assemblage : Assemblage
-    surfaces : sequence of YieldSurface
-    formulation : callable
-    flow : Flow or None
-        Flow rule of the mechanisms; None is that of surfaces and formulation.
+    ``flow`` is the flow rule of mechanisms, that of surfaces and formulation where it is None.
     """
 
     def __init__(
@@ -157,9 +147,11 @@ class Strength:
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
-        """What states must satisfy, besides compressions that are not negative."""
+        """What states must satisfy."""
         if self.is_internal:
-            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
+            pressed = [part for part in self.model.parts if part.nonneg]
+            found = [(Condition((), {p.name: 1.0}, p.contact), self.model.cone) for p in pressed]
+            return found + [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
 
     @cached_property
@@ -168,7 +160,6 @@ class Strength:
         return not any(has_constants(condition) for condition, _ in self.conditions)
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
-        """Surfaces and formulation without their constants."""
         surfaces = tuple(
             Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
             for s in self.surfaces
@@ -176,13 +167,6 @@ class Strength:
         return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
-        """``value`` as a state; None if it holds numbers that are not finite, or is None.
-
-        Raises
-        ------
-        ModelError
-            If it has not one row per contact (or entry per internal force).
-        """
         shape = (self.model.meaning.shape[1],) if self.is_internal else (len(self.contacts), 6)
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
@@ -194,26 +178,16 @@ class Strength:
         """Yield functions as forces, one array per condition; <= 0 is admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
         found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        if self._unresisted.any():
-            found = [
-                np.where(void & (y <= 0.0), -NOTHING, y)
-                for y, void in zip(found, self.is_void, strict=True)
-            ]
-        if not self.is_internal:
+        if not self._unresisted.any():
             return found
-        return [-state[self.model.nonneg], *found] if self._has_compressions else found
+        pairs = zip(found, self.is_void, strict=True)
+        return [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
 
     @cached_property
     def rows(self) -> list[IntArray]:
         """Contact of every entry of :meth:`excess`."""
         each = np.arange(len(self.contacts))
-        found = [each if c.contact is None else c.contact for c, _ in self.conditions]
-        is_first = self.is_internal and self._has_compressions
-        return [self.model.contact[self.model.nonneg], *found] if is_first else found
-
-    @cached_property
-    def _has_compressions(self) -> bool:
-        return bool(self.model.nonneg.any())
+        return [each if c.contact is None else c.contact for c, _ in self.conditions]
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""
@@ -241,13 +215,7 @@ class Strength:
 
 
 def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:
-    """``value`` as a float array of ``shape``; None if it is None or not finite.
-
-    Raises
-    ------
-    ModelError
-        If it has not that shape.
-    """
+    """``value`` as a float array of ``shape``; None if it is None or not finite."""
     if value is None:
         return None
     array = np.asarray(value, dtype=float)
@@ -256,8 +224,7 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
             f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
             f"got shape {array.shape}: does it belong to another scene?"
         )
-    small = np.abs(array).max(initial=0.0) <= _N.huge
-    return array if small else None
+    return array if np.abs(array).max(initial=0.0) <= _N.huge else None
 
 
 _PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
@@ -268,16 +235,11 @@ class Witnesses:
 
     Projections know plain corner compressions; where a formulation checks internal forces of its
     own, states come from outside (a solver) or not at all.
-
-    Parameters
-    ----------
-    assemblage : Assemblage
-    strength : Strength
     """
 
     def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
         self.assemblage, self.strength = assemblage, strength
-        self.statics: Statics = assemblage.statics
+        self.statics = assemblage.statics
         self._balance = strength.balance
         self._dead_state: FloatArray | None = None
         self._attempted = 0
@@ -364,9 +326,8 @@ class Witnesses:
 
     def _is_carried(self, forces: FloatArray) -> bool:
         """False where the load pushes a block in a way that nothing resists."""
-        is_held = self._balance.held is not None
         length = self.statics.contacts.typical_size
-        return not is_held or self.statics.is_balanced(forces, 0.0, length)
+        return self._balance.held is None or self.statics.is_balanced(forces, 0.0, length)
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model
@@ -384,10 +345,9 @@ class Witnesses:
         share = np.zeros(len(self.statics.contacts))
         at, goal = self._excess(z), self._excess(inner)
         for y, y_inner in zip(at, goal, strict=True):
-            beyond = (y_inner < 0.0) & (y > _N.spare * y_inner)
-            needed = np.where(beyond, y - _N.spare * y_inner, 0.0) / np.where(
-                beyond, y - y_inner, 1.0
-            )
+            goal_y = _N.spare * y_inner
+            beyond = (y_inner < 0.0) & (y > goal_y)
+            needed = np.where(beyond, y - goal_y, 0.0) / np.where(beyond, y - y_inner, 1.0)
             share = np.maximum(share, needed)
         return z + share[self._balance.model.contact] * (inner - z)
 
@@ -398,11 +358,8 @@ class Witnesses:
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
-        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None.
-
-        None also when contacts hold each other in self-stress: no such field exists then. May be
-        set from outside.
-        """
+        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None: as
+        where contacts hold each other in self-stress, so that there is no such field."""
         if not self._can_project:
             return None
         return self._remembered(("opening field",), self._find_opening_field)
@@ -425,9 +382,8 @@ class Witnesses:
         model, contacts = self._balance.model, self.statics.contacts
         mu, at = contacts.friction, model.contact
         lack = _N.opening_overshoot * np.maximum(missing + _N.opening_reserve, 0.0) / (1.0 + mu**2)
-        slips = np.where(
-            model.nonneg, 0.0, np.where(model.is_moment, contacts.torsion_arm[at], 1.0) * rates
-        )
+        arm = np.where(model.is_moment, contacts.torsion_arm[at], 1.0)
+        slips = np.where(model.nonneg, 0.0, arm * rates)
         size = np.sqrt(np.bincount(at, slips**2, len(contacts)))
         kept = np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
         return np.where(model.nonneg, rates + lack[at], kept[at] * rates)
