@@ -60,7 +60,6 @@ class Clock:
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the start."""
         return time.perf_counter() - self.started
 
     @contextmanager
@@ -108,11 +107,6 @@ class Answer:
     mechanism: FloatArray | None = None
     members: tuple[Member, ...] = ()
 
-    @property
-    def has_any(self) -> bool:
-        """True if there is a load factor, or a bound of one."""
-        return self.load_factor is not None or self.bracket.has_any
-
     def raised(
         self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
     ) -> Answer:
@@ -125,9 +119,9 @@ class Answer:
     def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
         """With a better upper bound, and the mechanism that has it."""
         bracket = self.bracket.lowered(upper, is_proved)
-        return (
-            self if bracket is self.bracket else replace(self, bracket=bracket, mechanism=mechanism)
-        )
+        if bracket is self.bracket:
+            return self
+        return replace(self, bracket=bracket, mechanism=mechanism)
 
 
 class Run:
@@ -261,14 +255,24 @@ class Run:
         outcome, factor = state.outcome, state.load_factor
         seconds = outcome.compile_seconds + outcome.solve_seconds
         self.history.append(Iterate(factor, seconds, str(solver), outcome.status, **figures))
-        if self.progress is None:
-            return
         has_bracket = self.best.bracket.has_any
-        found = "" if factor is None else f"load factor {rounded(factor)}"
+        found = outcome.status if factor is None else f"load factor {rounded(factor)}"
         inside = f"load factor in {self.best.bracket}" if has_bracket else found
-        line = Told(f"solve {len(self.history)}, {solver}: {inside or outcome.status}")
+        line = Told(f"solve {len(self.history)}, {solver}: {inside}")
         line.has_bracket = has_bracket
-        self.progress(line)
+        self.tell(line)
+
+    def change(self, state: LimitState) -> float | None:
+        """How far the load factor is from the last one of the history, relative (Eq. 43)."""
+        before, factor = [None, *self.load_factors][-1], state.load_factor
+        if before is None or factor is None:
+            return None
+        return abs(factor - before) / self.scaling.unit(factor)
+
+    @property
+    def load_factors(self) -> list[float | None]:
+        """Those of the history."""
+        return [iterate.load_factor for iterate in self.history]
 
     @property
     def has_only_failures(self) -> bool:
@@ -281,10 +285,7 @@ class Run:
         """How solvers ended since one of them last had an answer."""
         ended: dict[str, str] = {}
         for settings, outcome in self.attempts:
-            if outcome.has_values:
-                ended = {}
-            else:
-                ended[str(settings)] = outcome.status
+            ended = {} if outcome.has_values else ended | {str(settings): outcome.status}
         return "; ".join(f"solver {name}: {status}" for name, status in ended.items())
 
     @property
@@ -303,11 +304,6 @@ class Run:
         result.assemblage, result.history = assemblage or self.assemblage, []
         result.best, result.remarks = Answer(bracket=Bracket(least=result.scaling.least)), []
         return result
-
-    @property
-    def load_factors(self) -> list[float | None]:
-        """Those of the history."""
-        return [iterate.load_factor for iterate in self.history]
 
 
 Steps = Generator[None, None, Status]
@@ -375,23 +371,28 @@ def drive(method: Method, run: Run) -> Solution:
 
 def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best as a solution; bounds that contradict each other are said to do so."""
-    best = run.best if status.has_answer else replace(run.best, load_factor=None, bracket=Bracket())
+    scene, best = run.scene, run.best
+    if not status.has_answer:
+        best = replace(best, load_factor=None, bracket=Bracket())
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
         run.remarks.insert(
             0, "the bounds contradict each other, so an assumption behind them fails"
         )
-    elif status.has_answer and not best.has_any and run.has_only_failures:
+    is_empty = best.load_factor is None and not best.bracket.has_any
+    if status.has_answer and is_empty and run.has_only_failures:
         status = Status.SOLVER_FAILED
     words: dict[str, str] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         words[method.axis] = method.name
     factor = best.load_factor
+    mechanism = None if best.mechanism is None else np.reshape(best.mechanism, (-1, DOF))
+    ids = [scene.blocks[i].id for i in scene.free]
     return Solution(
         **words,
-        scene=run.scene.name,
+        scene=scene.name,
         moments=run.moments.name,
-        blocks=len(run.scene.free),
+        blocks=len(ids),
         contacts=len(run.contacts),
         load_factor=None if factor is None else best.bracket.clipped(factor),
         bracket=best.bracket,
@@ -399,7 +400,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
         forces=run.original(best.forces),
-        mechanism=by_block(run.scene, best.mechanism),
+        mechanism=None if mechanism is None else dict(zip(ids, mechanism, strict=True)),
         note=_note(method, run, status),
         versions=versions(run.solvers),
         members=tuple(replace(m, forces=run.original(m.forces)) for m in best.members),
@@ -436,14 +437,6 @@ def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar | None]:
     return Assemblage.of(mortar.scene, None if isinstance(scene, Scene) else given.scaling), mortar
 
 
-def by_block(scene: Scene, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
-    """A mechanism (free, 6) as rates by block id."""
-    if mechanism is None:
-        return None
-    rows = np.asarray(mechanism).reshape(-1, DOF)
-    return {scene.blocks[i].id: rates for i, rates in zip(scene.free, rows, strict=True)}
-
-
 def fallen(scene: Scene, rates: FloatArray) -> str:
     """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
     row = int((rates * scene.dead_forces).sum(axis=1).argmax())
@@ -459,11 +452,8 @@ def cycles(values: Sequence[float | None], tolerance: float) -> bool:
     >>> cycles([0.5, 0.3, 0.1, 0.3, 0.1, 0.3, 0.1], 1e-4), cycles([0.3, 0.2, 0.1], 1e-4)
     (True, False)
     """
-    for period in range(2, _N.longest + 1):
-        tail = values[-_N.laps * period :]
-        if len(tail) < _N.laps * period or any(value is None for value in tail):
-            continue
-        laps = np.array(tail, dtype=float).reshape(_N.laps, period)
-        if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():
+    for period in range(2, min(_N.longest, len(values) // _N.laps) + 1):
+        laps = np.array(values[-_N.laps * period :], dtype=float).reshape(_N.laps, period)
+        if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():  # NaN, for None, is more
             return True
     return False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -138,7 +137,7 @@ class FixedPoint(Method):
             pressure = Pressure.of(blended, run.contacts, epsilon)
             solver = partial(frozen.solve, pressure)
             state, rung = run.try_solvers(solver, run.ladder or iterate_ladder())
-            run.note(state, rung, change=_change(run.load_factors, state.load_factor))
+            run.note(state, rung, change=run.change(state))
             if state.forces is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.DIVERGED if claims else Status.SOLVER_FAILED
@@ -157,9 +156,3 @@ class FixedPoint(Method):
         if not changes or changes[-1] is None or changes[-1] > self.tolerance:
             return False
         return changes[0] is None or changes[0] <= _BEFORE * self.tolerance
-
-
-def _change(before: Sequence[float | None], factor: float | None) -> float | None:
-    if not before or before[-1] is None or factor is None:
-        return None
-    return abs(factor - before[-1]) / max(abs(factor), 1e-300)

@@ -117,7 +117,7 @@ class Gilbert(Method):
                 run.note(state, rung)
                 claims = state.outcome.claims_no_optimum
                 return Status.NOT_CONVERGED if claims else Status.SOLVER_FAILED
-            change = self._change(run, state.load_factor)
+            change = run.change(state)
             run.note(state, rung, change=change)
             over = [y.max() for s in run.surfaces for y in s.excess(state.forces, contacts)]
             excess = max(float(max(over)), 0.0) / unit
@@ -131,11 +131,6 @@ class Gilbert(Method):
             problem = scheme
             yield
         return Status.NOT_CONVERGED
-
-    def _change(self, run: Run, factor: float) -> float | None:
-        if not run.load_factors or run.load_factors[-1] is None:
-            return None
-        return abs(factor - run.load_factors[-1]) / run.scaling.unit(factor)
 
     def _worth(self, run: Run, change: float | None, excess: float) -> str:
         return (
