@@ -57,7 +57,7 @@ def literal_problem(scene: Scene, surface: str) -> cp.Problem:
         arms = np.array([arm(contacts.corners_of(j)) for j in range(n)])
         strength = cp.multiply(contacts.friction, x[:, N]) - cp.norm(x[:, : V2 + 1], axis=1)
         constraints.append(cp.abs(x[:, MT]) <= cp.multiply(arms, strength))
-    constraints.append(sp.block_diag(rows, format="csr") @ force <= 0)
+    constraints.append(sp.block_diag([*map(sp.csr_array, rows)], format="csr") @ force <= 0)
     assert rows[0].shape[1] == MT + 1 > M1
     return cp.Problem(cp.Maximize(alpha), constraints)
 

@@ -181,7 +181,8 @@ def _linear(scene: Scene, number: int, reach: float) -> float:
         np.vstack([rocking(data.contacts, j), facets(data.contacts, j, number, reach)])
         for j in range(len(data.contacts))
     ]
-    rows = sp.block_diag([r / np.abs(r).max(axis=1)[:, None] for r in each], format="csr")
+    scaled = [sp.csr_array(r / np.abs(r).max(axis=1)[:, None]) for r in each]
+    rows = sp.block_diag(scaled, format="csr")
     force = np.abs(data.dead).sum() or np.abs(data.live).sum()
     live = np.abs(data.live).sum()
     found = linprog(

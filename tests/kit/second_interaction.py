@@ -114,8 +114,12 @@ class Interaction:
             dead, live = 0.0 * dead, dead
         n = 1 + 4 * len(maps)
         most = sp.csc_array(([1.0], ([0], [0])), shape=(1, n))
-        balance = sp.hstack([live[:, None] / unit, matrix @ sp.block_diag(maps)])
-        stacked = sp.hstack([sp.csc_array((sum(map(len, rows)), 1)), sp.block_diag(rows)])
+        balance = sp.hstack(
+            [live[:, None] / unit, matrix @ sp.block_diag([*map(sp.csc_array, maps)])]
+        )
+        stacked = sp.hstack(
+            [sp.csc_array((sum(map(len, rows)), 1)), sp.block_diag([*map(sp.csc_array, rows)])]
+        )
         right = np.concatenate(
             [-dead / unit, np.zeros(stacked.shape[0]), [1.0 if is_dead_load else 1e6]]
         )

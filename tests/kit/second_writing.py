@@ -337,7 +337,9 @@ def largest(
             rows.append((cone, column))
             cones.append(clarabel.SecondOrderConeT(3))
         column += k + 3
-    balance = sp.hstack([sp.csc_array(live[:, None]), full @ sp.block_diag(maps, format="csc")])
+    balance = sp.hstack(
+        [sp.csc_array(live[:, None]), full @ sp.block_diag([*map(sp.csc_array, maps)])]
+    )
     stacked = [sp.hstack([sp.csc_array((len(b), at)), sp.csc_array(b),
                           sp.csc_array((len(b), column - at - b.shape[1]))])
                for b, at in rows]  # fmt: skip

@@ -111,7 +111,7 @@ class TestNewtonSystem:
         """The whole matrix, written out; 1e-9 because the right-hand sides are of order one."""
         rng = np.random.default_rng(3)
         G = sp.block_diag(  # rows in another order than the cones, so that blocks mix both kinds
-            [rng.normal(size=(7, 3)), rng.normal(size=(7, 4)), rng.normal(size=(7, 2))]
+            [sp.csr_array(rng.normal(size=(7, width))) for width in (3, 4, 2)]
         ).tocsr()
         order = [0, 1, 7, 8, 14, 15, 16, 17, 2, 3, 4, 9, 10, 11, 5, 6, 18, 19, 12, 13, 20]
         G = sp.hstack([G[order], sp.csr_array((21, 1))]).tocsr()

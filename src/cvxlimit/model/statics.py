@@ -96,7 +96,7 @@ class Statics:
         for row, direction in self.guides.items():
             blocks[row] = np.zeros((DOF, DOF))
             blocks[row][:3, :3] = np.outer(direction, direction)
-        return sp.csr_array(sp.block_diag(blocks, format="csr"))
+        return sp.csr_array(sp.block_diag([*map(sp.csr_array, blocks)], format="csr"))
 
     @classmethod
     def of(cls, scene: Scene) -> Statics:
