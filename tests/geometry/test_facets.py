@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import solve
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.detection import detect, detect_contacts
 from cvxlimit.geometry.facets import facets
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.polygons import mean_distance_over, united
@@ -184,6 +184,22 @@ class TestNotConvexContacts:
             assert len(contacts) == 1
             arms.append(contacts.torsion_arm[0])
         assert arms[0] == pytest.approx(arms[1], rel=1e-5)
+
+    @pytest.mark.parametrize("reach", [1e-7, 1e-3, 0.2])
+    def test_a_foot_that_hardly_rests_does_not_count(self, reach: float) -> None:
+        """Two feet on a plate that ends under the second: within the joint tolerance that foot
+        must not widen the hull, as it would rock about an edge that is not there."""
+        bridge = np.array([(0, 0), (1, 0), (1, 1), (2, 1), (2, 0), (3, 0), (3, 2), (0, 2)], float)
+        turn = Rotation.from_euler("x", 90, degrees=True).as_matrix()
+        plate = Block.box("plate", (-1, -2, -1), (2 + reach, 1, 0))
+        found = detect([plate, prism("bridge", bridge, 0.0, 1.0).moved(turn)], ["plate"],
+                       joint_tolerance=0.01)  # fmt: skip
+        area, _, hull, _ = shape_of(found.contacts, 0)
+        wide = reach > 0.01
+        assert area == pytest.approx(1.0 + (reach if wide else 0.0))
+        assert hull == pytest.approx(2.0 + reach if wide else 1.0)
+        seen = [miss.kind for miss in found.near_misses]
+        assert seen == (["sliver"] if reach == 1e-3 else [])
 
     @settings(max_examples=40, deadline=None)
     @given(seed=st.integers(0, 10_000))

@@ -10,7 +10,7 @@ from cvxlimit import Block, builtin_scene
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.masonry import BUILTIN, random_wall
-from placements import OUTLINES, assert_same_contacts, shaped
+from placements import OUTLINES, assert_same_contacts, prism, shaped
 
 LARGE = {"s10-panel", "s12-panel", "house-corner"}
 """Seconds each: every kind of contact they have stands in the others too."""
@@ -51,3 +51,14 @@ def test_a_drum_with_a_hole_on_another() -> None:
     low, high = (solid(f"d{z}", points + np.array([0.0, 0.0, z]), faces, 20.0) for z in (0.0, 0.5))
     turned = high.moved([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     assert len(assert_same_contacts([low, turned])) == 1
+
+
+def test_a_curved_joint_of_equal_strips() -> None:
+    """Strips as large as each other: rounding must not choose where the flat patches begin."""
+    angles = np.radians(np.linspace(30.0, 150.0, 61))
+    arc = np.column_stack([np.cos(angles), np.sin(angles)]).tolist()
+    lower = prism("lower", [(-1.0, -1.0), (1.0, -1.0), *arc], 0.0, 2.0)
+    upper = prism("upper", [*arc[::-1], (1.0, 2.0), (-1.0, 2.0)], 0.0, 2.0)
+    contacts = assert_same_contacts([lower, upper])
+    # Patches lie in each other's mean planes: a thousandth is the chord's loss over its arc.
+    assert contacts.area.sum() == pytest.approx(2.0 * np.radians(120.0), rel=1e-3)

@@ -138,8 +138,8 @@ class _Joints:
         alone = np.bincount(pair)[pair] == 1
         boxes = alone & _is_aligned_rectangle(flat[0], table.sides[lower], size[pair])
         boxes &= _is_aligned_rectangle(flat[1], table.sides[upper], size[pair])
-        found = outlines(flat[0], flat[1], boxes, pair)
         allowed = np.minimum(reach.tolerance[one.block], reach.tolerance[other.block])
+        found = outlines(flat[0], flat[1], boxes, pair, allowed)
         warped = one.off + other.off
         least = RELATIVE_TOLERANCE * np.minimum(size, reach.size[other.block])
         found = found.take(np.flatnonzero(found.width > least[found.pair]))

@@ -27,6 +27,10 @@ _CURVED = 0.5
 there differ, and their planes must still agree within it. On a curved joint of a public model it
 joins 1.05 and 0.96 m2, where patches of the whole tolerance join 0.97 and 0.89."""
 
+_ALIKE = 1e-6
+"""Faces whose areas differ by less than this share are as large, and the one listed first comes
+first: rounding, which is another wherever the body stands, must not choose between them."""
+
 _PARALLEL = 0.05
 """Facets whose unit normals, and whose distances over the body's size, differ by less are looked
 at for a common plane. Wide enough for facets of 1/20 of the body within any sensible tolerance."""
@@ -149,7 +153,10 @@ def _patches(
     begin = np.searchsorted(start, np.arange(len(surface.area) + 1))
     free = np.zeros(len(surface.area), dtype=bool)
     free[group] = True
-    for seed in group[np.argsort(-surface.area[group], kind="stable")].tolist():
+    falling = group[np.argsort(-surface.area[group], kind="stable")]
+    area = surface.area[falling]
+    alike = np.split(falling, np.flatnonzero(-np.diff(area) > _ALIKE * area[:-1]) + 1)
+    for seed in np.concatenate([np.sort(seeds) for seeds in alike]).tolist():
         if not free[seed]:
             continue
         patch = frontier = np.array([seed])
@@ -178,7 +185,8 @@ def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> In
     normal, point = (np.array([p[i] for p in planes]) for i in range(2))
     level = np.einsum("gk,gk->g", normal, point - point.mean(axis=0)) / surface.size
     tree = cKDTree(np.column_stack([normal, level]))
-    one, other = tree.query_pairs(_PARALLEL, output_type="ndarray").reshape(-1, 2).T
+    pairs = tree.query_pairs(_PARALLEL, output_type="ndarray").reshape(-1, 2)
+    one, other = pairs[np.lexsort(pairs.T[::-1])].T  # the tree's own order turns with the body
     between = point[other] - point[one]
     near = np.abs(np.einsum("pk,pk->p", between, normal[one])) <= tolerance
     near &= np.abs(np.einsum("pk,pk->p", between, normal[other])) <= tolerance

@@ -8,10 +8,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.geometry.polygons import area_and_centroid, convex_overlap, united
+from cvxlimit.geometry.polygons import SAME, area_and_centroid, convex_overlap, united
 
 _AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 """Signs of a rectangle's corners, counter-clockwise."""
@@ -46,8 +47,13 @@ class Outlines:
         )  # fmt: skip
 
 
-def outlines(first: FloatArray, second: FloatArray, is_box: BoolArray, pair: IntArray) -> Outlines:
+def outlines(
+    first: FloatArray, second: FloatArray, is_box: BoolArray, pair: IntArray, least: FloatArray
+) -> Outlines:
     """Overlaps of pairs of facets, in the order of the pairs.
+
+    Parts of an overlap that lie apart from the others and are no wider than ``least``, one for each
+    pair, are overlaps of their own: too narrow to count on, they must not widen its hull.
 
     Facets are given as convex pieces (p, k, 2), (p, m, 2), corners repeated where they have
     fewer; ``pair`` (p,) tells which facets a pair of pieces belongs to. Where ``is_box`` each is
@@ -56,7 +62,7 @@ def outlines(first: FloatArray, second: FloatArray, is_box: BoolArray, pair: Int
     boxes, other = np.flatnonzero(is_box), np.flatnonzero(~is_box)
     found = _joined(
         _rectangles(pair[boxes], first[boxes], second[boxes]),
-        _polygons(pair[other], convex_overlap(first[other], second[other])),
+        _polygons(pair[other], convex_overlap(first[other], second[other]), least),
     )
     return found.take(np.argsort(found.pair, kind="stable"))
 
@@ -80,7 +86,7 @@ def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlin
     )
 
 
-def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
+def _polygons(pair: IntArray, overlaps: Sequence[FloatArray], least: FloatArray) -> Outlines:
     """Overlaps of any other shape, from those (m, 2) of their pieces; without area left out."""
     together: dict[int, list[FloatArray]] = defaultdict(list)
     for j, polygon in zip(pair.tolist(), overlaps, strict=True):
@@ -88,7 +94,8 @@ def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
             together[j].append(polygon)
     found: list[tuple[Any, ...]] = []
     corners = [np.empty((0, 2))]
-    for j, parts in together.items():
+    separate = ((j, parts) for j, x in together.items() for parts in _bearing(x, float(least[j])))
+    for j, parts in separate:
         outline, surface, centroid = united(parts)
         perimeter = float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum())
         local, extent, rotation = _along_own_sides(outline - centroid)
@@ -115,6 +122,22 @@ def _polygons(pair: IntArray, overlaps: Sequence[FloatArray]) -> Outlines:
         np.cumsum([len(c) for c in corners])[:-1],
         np.concatenate(corners),
     )
+
+
+def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
+    """All pieces in parts wider than ``least``, then those of each narrower part."""
+    if len(pieces) == 1:
+        return [pieces]
+    shapes = shapely.polygons([shapely.linearrings(piece) for piece in pieces])
+    grid = 2.0 * SAME * float(np.ptp(np.concatenate(pieces), axis=0).max())
+    parts = shapely.get_parts(shapely.union_all(shapes, grid_size=grid))
+    wide = 2.0 * shapely.area(parts) > least * shapely.length(parts)
+    if wide.all() or not wide.any():
+        return [pieces]
+    nearest = shapely.STRtree(parts).nearest(shapely.centroid(shapes))
+    groups = [np.flatnonzero(wide), *np.flatnonzero(~wide)[:, None]]
+    members = (np.flatnonzero(np.isin(nearest, group)) for group in groups)
+    return [[pieces[i] for i in group.tolist()] for group in members if len(group)]
 
 
 _WHOLE = 1e-9

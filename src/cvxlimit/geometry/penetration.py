@@ -137,13 +137,13 @@ def check_no_interpenetration(
         if simple[j]:
             overlap = _penetration(a, b, normals(i), normals(k))
             if overlap > allowed:
-                raise _refusal(a, b, overlap, *_shared_box(a, b))
+                raise _refusal(a, b, overlap, allowed, *_shared_box(a, b))
             continue
         if _least_overlap(a, b, np.concatenate([normals(i), -normals(k)])) <= allowed:
             continue
         overlap, where, corners = shared_depth(bodies(i), bodies(k))
         if overlap > _REFUSED * allowed:
-            raise _refusal(a, b, overlap, where, corners)
+            raise _refusal(a, b, overlap, allowed, where, corners)
         if overlap > allowed:
             sunk.append(NearMiss(a.id, b.id, "overlap", overlap, allowed, where, corners))
     return sunk
@@ -159,11 +159,12 @@ joints that overlap by one tolerance each lie deeper than either."""
 
 
 def _refusal(
-    a: Block, b: Block, depth: float, where: FloatArray, corners: FloatArray
+    a: Block, b: Block, depth: float, allowed: float, where: FloatArray, corners: FloatArray
 ) -> GeometryError:
     return GeometryError(
-        f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near {place(where)}: "
-        "move or cut one of them, or raise joint_tolerance if the model is no more exact",
+        f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near {place(where)}, "
+        f"beyond their joint tolerance of {allowed:.3g}: move or cut one of them, or raise "
+        "joint_tolerance if the model is no more exact",
         points=corners,
         blocks=(a.id, b.id),
     )
