@@ -11,6 +11,10 @@ import numpy as np
 ROUNDING = 1e-9
 """Relative disagreement of two bounds that is put down to rounding."""
 
+_NOTHING = 1e-5
+"""Lower bounds below this share of :attr:`Bracket.least` are zero but for rounding: forces count as
+balanced with residuals of 1e-11 of the loads, :attr:`Bracket.least` is a millionth of these."""
+
 
 @dataclass(frozen=True)
 class Bracket:
@@ -69,9 +73,11 @@ class Bracket:
 
     @property
     def unit(self) -> float:
-        """What widths are relative to: the larger bound, or :attr:`least` where zero is inside."""
+        """What widths are relative to: the larger bound, or :attr:`least` where zero is inside, or
+        outside by no more than the residual of equilibrium that counts as rounding."""
         finite = [abs(x) for x in (self.lower, self.upper) if np.isfinite(x)]
-        return max([*finite, 0.0 if self.lower > 0.0 else self.least, 1e-300])
+        least = 0.0 if self.lower > _NOTHING * self.least else self.least
+        return max([*finite, least, 1e-300])
 
     @property
     def width(self) -> float:

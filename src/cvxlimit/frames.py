@@ -97,7 +97,7 @@ _COMPONENTS = {
 
 _USED = {
     "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
-    "1 is at the limit",
+    "1 is at the limit; strength that a formulation states itself, as for crushing, is not in it",
     "utilisation_rocking": "pressure centre's distance from the centre over the edge's",
     "utilisation_sliding": "shear over friction",
     "utilisation_torsion": "torsion over the torsional strength without shear",

@@ -198,7 +198,9 @@ class Solution:
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     surfaces : tuple of YieldSurface
         What limited the contact forces; empty for a solution read from a file. Surfaces of one's
-        own go into a pickle if they are in a module, which has to be there to read it.
+        own go into a pickle if they are in a module, which has to be there to read it. Strength
+        that a formulation states itself (friction at corners, stone that crushes) is not among
+        them, and so in no utilisation of tables and pictures.
     """
 
     scene: str

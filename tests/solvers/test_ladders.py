@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -395,17 +396,36 @@ class TestExtremeLoads:
         assert solution.load_factor == pytest.approx(min(friction, 0.4), rel=1e-5)
 
 
-@pytest.mark.exhaustive
-@given(
+RANDOM = given(
     scene=scenes(),
     mu=st.sampled_from([0.05, 0.2, 0.6, 1.1]),
     tilt=st.floats(0.0, 0.7),
     towards=st.floats(0.0, 6.28),
     units=st.sampled_from([(1.0, 1.0), (1e3, 1e3), (1.0, 1e-6), (1e-3, 1e6)]),
 )
-@example(single_block(live=Load(acceleration=(0, 0, -1))), 0.6, 0.0, 0.0, (1.0, 1.0))
-@settings(max_examples=30, deadline=None)
-def test_every_end_is_proved_and_right_on_random_scenes(
+
+
+@RANDOM
+@example(
+    scene=single_block(live=Load(acceleration=(0, 0, -1))),
+    mu=0.6,
+    tilt=0.0,
+    towards=0.0,
+    units=(1.0, 1.0),
+)
+@settings(max_examples=3, deadline=None)
+def test_every_end_is_proved_and_right(**drawn: Any) -> None:
+    assert_right(**drawn)
+
+
+@pytest.mark.exhaustive
+@RANDOM
+@settings(max_examples=60, deadline=None)
+def test_every_end_is_proved_and_right_on_random_scenes(**drawn: Any) -> None:
+    assert_right(**drawn)
+
+
+def assert_right(
     scene: Scene, mu: float, tilt: float, towards: float, units: tuple[float, float]
 ) -> None:
     """Leaning gravity, any friction, any units: standing, falling or harmless, each with its

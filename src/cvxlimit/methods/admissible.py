@@ -9,14 +9,13 @@ nothing, which is admissible everywhere, and the others are put into balance wit
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.gluing import with_contacts
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.slater import Strength
 
@@ -76,24 +75,9 @@ def _cuts(size: FloatArray) -> Iterator[IntArray]:
 
 
 def _reached(assemblage: Assemblage, kept: IntArray) -> Assemblage:
-    statics = assemblage.statics
-    if len(kept) == len(statics.contacts):
+    if len(kept) == len(assemblage.contacts):
         return assemblage
-    contacts, number = statics.contacts.take(kept), statics.row_of_block
-    rows = np.concatenate([number[contacts.a], number[contacts.b]])
-    is_reached = np.any(statics.dead.reshape(-1, DOF), axis=1)
-    is_reached[rows[rows >= 0]] = True
-    new = np.cumsum(is_reached) - 1
-    dof = np.repeat(is_reached, DOF)
-    smaller = replace(
-        statics,
-        contacts=contacts,
-        row_of_block=np.where((number >= 0) & is_reached[number], new[number], -1),
-        dead=statics.dead[dof],
-        live=statics.live[dof],
-    )
-    balance = Balance(smaller, corner_compressions(contacts))
-    return replace(assemblage, statics=smaller, balance=balance)
+    return with_contacts(assemblage, kept, np.any(assemblage.statics.dead.reshape(-1, DOF), axis=1))
 
 
 def _is_borne(strength: Strength, state: FloatArray, most: float, length: float) -> bool:

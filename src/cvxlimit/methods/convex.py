@@ -74,7 +74,6 @@ class Convex(Method):
         ratio(self.tolerance, "tolerance")
 
     def steps(self, run: Run) -> Steps:
-        """One rung of the ladder at a time, and the questions that come with it."""
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
         return (yield from Inquiry(run, run.model, self.tolerance).ladder_climbed())
 
@@ -95,13 +94,8 @@ def dead_load_falls(run: Run) -> bool:
 class Inquiry:
     """What is asked of a scene without interaction: the load factor, and what loads do alone.
 
-    Parameters
-    ----------
-    run : Run
-        Whose bounds, mechanism and remarks are kept up.
-    model : str
-        How much model; the certificate is that of the full scene in any case.
-    tolerance : float
+    Bounds, mechanism and remarks of ``run`` are kept up. The certificate is that of the full scene
+    however much ``model`` there is.
     """
 
     def __init__(self, run: Run, model: str, tolerance: float = TOLERANCE) -> None:
@@ -119,7 +113,6 @@ class Inquiry:
             self.certifier = Certifier(self.reductions.assemblage, self.surfaces, run.formulation)
 
     def _compile(self, reduction: Reduction) -> None:
-        """The problem, compiled anew unless the run shares what is compiled with others."""
         run, assemblage = self.run, self.reductions.assemblage
         run.reductions = reduction.names
         with run.clock.phase("compile"):
@@ -128,7 +121,7 @@ class Inquiry:
             self.ladder = run.ladder or self.problem.ladder(self.tolerance)
 
     def ladder_climbed(self) -> Steps:
-        """The load factor: all rungs with the model that suffices, then with the full one."""
+        """All rungs with the model that suffices, then with the full one."""
         self._compile(self.reductions.whole)
         if self.dead_load_falls():
             return Status.DEAD_LOAD_UNSTABLE
@@ -234,11 +227,10 @@ class Inquiry:
         dead = self.run.assemblage.statics.dead
         if not np.any(dead):
             return None, np.inf
-        self.run.tell("checking that the dead load can stand")
+        run, what = self.run, "dead load alone"
+        run.tell("checking that the dead load can stand")
         enough = 0.5 if self.certifier.strength.is_cone else _N.whole
-        for state, certificate in self._shares(
-            dead, "dead load alone", self.run.surfaces, self.run.formulation
-        ):
+        for state, certificate in self._shares(dead, what, run.surfaces, run.formulation):
             forces = self.certifier.given(state)
             if forces is not None and state.load_factor and state.load_factor > enough:
                 if self.certifier.offer_dead_state(forces / state.load_factor):
@@ -253,12 +245,8 @@ class Inquiry:
         run, found = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
-            problem = LimitProblem(
-                found.assemblage,
-                self.surfaces,
-                objective=LargestSelfStress(),
-                reduction=found.whole,
-            )
+            goal, whole = LargestSelfStress(), found.whole
+            problem = LimitProblem(found.assemblage, self.surfaces, objective=goal, reduction=whole)
         for settings in problem.ladder()[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
@@ -277,11 +265,8 @@ class Inquiry:
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
-                    forces = carried_exactly(
-                        loaded,
-                        lambda reached: Strength(reached, surfaces, formulation),
-                        given / state.load_factor,
-                    )
+                    strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
+                    forces = carried_exactly(loaded, strength_of, given / state.load_factor)
                 if forces is not None:
                     run.best = replace(run.best, forces=forces, mechanism=None)
                     return True
@@ -296,10 +281,7 @@ class Inquiry:
         surfaces: Sequence[YieldSurface],
         formulation: Formulation,
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
-        """Which share <= 1 of a load alone is carried, by the first rungs.
-
-        Certificates are computed when called for.
-        """
+        """Which share <= 1 of a load alone is carried, by the first rungs, and its certificate."""
         run, found = self.run, self.reductions
         with run.clock.phase("compile"):
             assemblage, goal = found.assemblage.alone(load), LargestFactor(most=1.0)

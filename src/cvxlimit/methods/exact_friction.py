@@ -52,7 +52,6 @@ class ExactFriction(Method):
         count(self.max_iterations, 1, "max_iterations")
 
     def steps(self, run: Run) -> Steps:
-        """Both problems at the present cells, and finer ones where they differ."""
         divisions = np.full(len(run.contacts), self.divisions)
         run.surfaces, flow = (Rocking(),), ExactFlow(run.contacts)
         certifier = Certifier(run.assemblage, (Rocking(),), flow=flow)

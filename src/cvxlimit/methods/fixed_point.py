@@ -53,7 +53,6 @@ class FrozenProblem:
         self.problem = LimitProblem(scene, surfaces, objective=objective)
 
     def solve(self, pressure: Pressure, settings: SolverSettings) -> LimitState:
-        """Set the Parameters from ``pressure`` and solve."""
         for name, value in vars(self._at(pressure)).items():
             getattr(self.parameters, name).value = value
         return self.problem.solve(settings, ignore_dpp=self.ignore_dpp)
@@ -122,7 +121,6 @@ class FixedPoint(Method):
         not_negative(self.regularisation, "regularisation")
 
     def steps(self, run: Run) -> Steps:
-        """One convex problem at the blended forces' eccentricities, the first at the centres."""
         moments = run.moments = parse_moments(self.moments)
         caution = [moments.caution] if moments.caution else []
         run.remarks = ["the iteration gives no bounds on the collapse load", *caution]

@@ -98,10 +98,6 @@ class Gilbert(Method):
         count(self.max_iterations, 1, "max_iterations")
 
     def steps(self, run: Run) -> Steps:
-        """The associated problem, then problems with cones rotated about its normal forces.
-
-        They stop when the load factor has settled; whether that is an answer, Coulomb's law says.
-        """
         contacts, unit = run.contacts, run.scaling.force / len(run.scene.free)
         with run.clock.phase("compile"):
             held = cp.Parameter(len(contacts))

@@ -128,10 +128,11 @@ def _reaction(
     solution: Solution, support: str, along: FloatArray, possible: float, sign: float
 ) -> Reaction:
     found = solution.bracket
-    ends = (possible - sign * found.lower, possible - sign * found.upper)
-    proofs = (found.lower_is_proved, found.upper_is_proved)
-    high, low = (0, 1) if sign > 0.0 else (1, 0)
-    bracket = Bracket(ends[low], ends[high], proofs[low], proofs[high], found.least)
+    low, high = possible - sign * found.upper, possible - sign * found.lower
+    proofs = (found.upper_is_proved, found.lower_is_proved)
+    if sign < 0.0:
+        low, high, proofs = high, low, proofs[::-1]
+    bracket = Bracket(low, high, *proofs, found.least)
     factor = solution.load_factor
     value = None if factor is None else possible - sign * factor
     if solution.mechanism is not None:
@@ -142,21 +143,14 @@ def _reaction(
 
 
 def _guided(
-    scene: Scene,
-    support: str,
-    along: FloatArray,
-    sign: float,
-    state: FloatArray,
+    scene: Scene, support: str, along: FloatArray, sign: float, state: FloatArray
 ) -> tuple[Assemblage, float]:
     at = [block.id for block in scene.blocks].index(support)
     weight = _NO_WEIGHT * scene.total_weight / scene.blocks[at].volume
     blocks = tuple(replace(b, density=weight) if b.id == support else b for b in scene.blocks)
     others = tuple(key for key in scene.supports if key != support)
-    free = scene._copy(
-        blocks=blocks,
-        supports=others,
-        live=Load(forces={support: (*(sign * along), 0.0, 0.0, 0.0)}),
-    )
+    push = Load(forces={support: (*(sign * along), 0.0, 0.0, 0.0)})
+    free = scene._copy(blocks=blocks, supports=others, live=push)
     statics = Statics.of(free)
     row = int(statics.row_of_block[at])
     pushed = (statics.matrix @ state.ravel()).reshape(-1, DOF)[row, :3]

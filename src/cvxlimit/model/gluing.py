@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.arrays import FloatArray, IntArray
@@ -68,8 +69,8 @@ def without_idle(
     """The assemblage without contacts that carry nothing, and the forces (n, 6) of the others.
 
     Contacts are left out whose forces are below ``share`` of the largest, and blocks with them that
-    no contact touches any more. None if no contact is left out, if such a block bears a load, and
-    for scenes with ties or guides.
+    no contact touches any more. None if no contact is left out, if some blocks then lack any
+    support, as one that bears a load would, and for scenes with ties or guides.
 
     Example
     -------
@@ -87,20 +88,31 @@ def without_idle(
     busy = np.flatnonzero(size > share * size.max(initial=0.0))
     if not len(busy) or len(busy) == len(contacts):
         return None
-    touched = np.zeros(len(statics.row_of_block), dtype=bool)
-    touched[contacts.a[busy]] = touched[contacts.b[busy]] = True
-    free = statics.row_of_block >= 0
-    kept = touched[free]
-    rows = np.repeat(kept, DOF)
-    if np.any(statics.dead[~rows]) or np.any(statics.live[~rows]):
-        return None
-    number = np.full(len(free), -1)
-    number[free & touched] = np.arange(int(kept.sum()))
-    less = Statics(
-        contacts.take(busy), statics.centroids, number, statics.dead[rows], statics.live[rows]
+    loaded = np.any(
+        (statics.dead != 0.0).reshape(-1, DOF) | (statics.live != 0.0).reshape(-1, DOF), axis=1
     )
-    balance = Balance(less, corner_compressions(less.contacts))
-    return replace(assemblage, statics=less, balance=balance), forces[busy]
+    less = with_contacts(assemblage, busy, loaded)
+    return (less, forces[busy]) if less.balance.is_supported else None
+
+
+def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: NDArray[np.bool_]) -> Assemblage:
+    """Some contacts only (k,), and the free blocks that they touch or that are named (free,)."""
+    statics = assemblage.statics
+    contacts, number = statics.contacts.take(kept), statics.row_of_block
+    rows = np.concatenate([number[contacts.a], number[contacts.b]])
+    is_kept = blocks.copy()
+    is_kept[rows[rows >= 0]] = True
+    new, dof = np.cumsum(is_kept) - 1, np.repeat(is_kept, DOF)
+    smaller = replace(
+        statics,
+        contacts=contacts,
+        row_of_block=np.where((number >= 0) & is_kept[number], new[number], -1),
+        dead=statics.dead[dof],
+        live=statics.live[dof],
+        guides={int(new[row]): way for row, way in statics.guides.items() if is_kept[row]},
+    )
+    balance = Balance(smaller, corner_compressions(contacts))
+    return replace(assemblage, statics=smaller, balance=balance)
 
 
 def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:

@@ -37,8 +37,9 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
 
     The largest is over the surfaces that were solved with; for the exact limit of torsion with
     shear stands the parabola inside it, of which a little more than all may be in use. With
-    interaction it is over
-    rocking and Eq. 30 as the solution reads it: ``utilisation_torsion_shear_bending``. NaN where a
+    interaction it is over rocking and Eq. 30 as the solution reads it:
+    ``utilisation_torsion_shear_bending``. Strength that a formulation states itself, such as
+    friction at every corner or stone that crushes, is no surface and in no share. NaN where a
     contact carries nothing.
 
     Raises

@@ -47,7 +47,6 @@ class Norm:
 
     @property
     def is_plain(self) -> bool:
-        """True if the weight is one."""
         return isinstance(self.weight, (int, float)) and self.weight == 1
 
 
@@ -148,21 +147,14 @@ class Recession(YieldSurface):
 
 
 def has_constants(condition: Condition) -> bool:
-    """False if forces that satisfy it may be scaled at will."""
     return any(np.any(number(form.get(CONSTANT, 0.0)) != 0.0) for form in condition.forms())
 
 
 def stated(
     surface: YieldSurface, contacts: Contacts, parts: Sequence[str] = ()
 ) -> Sequence[Condition]:
-    """A surface's conditions, checked for what is easily mistyped.
-
-    Raises
-    ------
-    ModelError
-        For a component that does not exist (``parts`` are further names), or a coefficient that is
-        no number, not finite, or not one per row.
-    """
+    """A surface's conditions, checked for what is easily mistyped; ``parts`` are further names of
+    components."""
     conditions = surface.conditions(contacts)
     for condition in conditions:
         check_condition(condition, f"surface {surface.name!r}", len(contacts), parts)
@@ -172,12 +164,7 @@ def stated(
 def check_condition(
     condition: Condition, owner: str, contacts: int, parts: Sequence[str] = ()
 ) -> None:
-    """Refuse components and coefficients that cannot be meant; ``owner`` is named.
-
-    Raises
-    ------
-    ModelError
-    """
+    """Refuse components and coefficients that cannot be meant; ``owner`` is named."""
     if not isinstance(condition, Condition):
         raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
     if condition.contact is not None and np.ndim(condition.contact) != 1:
@@ -218,7 +205,6 @@ def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
 
 
 def columns(forces: FloatArray) -> dict[str, FloatArray]:
-    """Forces (n, 6) by component."""
     return {name: forces[:, column] for name, column in COLUMN.items()}
 
 
@@ -237,13 +223,10 @@ def evaluate(
     form: LinearForm, values: Mapping[str, FloatArray], contact: IntArray | None = None
 ) -> FloatArray:
     """Value of a linear form in rows of ``contact`` (k,), or one row per contact."""
-    length = len(values["N"]) if contact is None else len(contact)
-    result = np.zeros(length)
+    result = np.zeros(len(values["N"]) if contact is None else len(contact))
     for component, coefficient in form.items():
-        if component == CONSTANT:
-            result = result + number(coefficient)
-        else:
-            result = result + number(coefficient) * _rows(values, component, contact)
+        of = 1.0 if component == CONSTANT else _rows(values, component, contact)
+        result = result + number(coefficient) * of
     return result
 
 
@@ -274,14 +257,12 @@ def admissible(
 
 
 def number(coefficient: Coefficient) -> float | FloatArray:
-    """The coefficient's present value."""
     if isinstance(coefficient, cp.Expression):
         return np.asarray(coefficient.value, dtype=float)
     return coefficient
 
 
 def product(first: Coefficient, second: Coefficient) -> Coefficient:
-    """Product of two coefficients, entry by entry."""
     if isinstance(first, cp.Expression) or isinstance(second, cp.Expression):
         return cp.multiply(first, second)
     return first * second
@@ -290,7 +271,6 @@ def product(first: Coefficient, second: Coefficient) -> Coefficient:
 def express(
     form: LinearForm, forces: Mapping[str, cp.Expression], contact: IntArray | None = None
 ) -> cp.Expression:
-    """A linear form as a CVXPY expression, one entry per row."""
     terms = [
         product(k, forces[CONSTANT])
         if component == CONSTANT
@@ -301,7 +281,6 @@ def express(
 
 
 def times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
-    """Coefficient times a CVXPY expression (n,)."""
     if isinstance(coefficient, (int, float)):
         return component if coefficient == 1 else coefficient * component
     return cp.multiply(coefficient, component)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
@@ -31,17 +31,13 @@ class Cone(ABC):
 
     def epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
         """Constraints ``gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            return [rows[0] <= bound, -rows[0] <= bound]
-        return self._epigraph(bound, rows)
+        return _between(bound, rows[0]) if len(rows) == 1 else self._epigraph(bound, rows)
 
     def polar_epigraph(
         self, bound: cp.Expression, rows: Sequence[cp.Expression]
     ) -> list[cp.Constraint]:
         """Constraints ``polar_gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            return [rows[0] <= bound, -rows[0] <= bound]
-        return self._polar_epigraph(bound, rows)
+        return _between(bound, rows[0]) if len(rows) == 1 else self._polar_epigraph(bound, rows)
 
     @abstractmethod
     def _gauge(self, rows: FloatArray) -> FloatArray: ...
@@ -74,16 +70,10 @@ class Conic(Cone):
     def _gauge(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(rows, axis=0))
 
-    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
-        return self._gauge(rows)
-
     def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
         return [cp.SOC(bound, cp.vstack(list(rows)), axis=0)]
 
-    def _polar_epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]:
-        return self._epigraph(bound, rows)
+    _polar_gauge, _polar_epigraph = _gauge, _epigraph
 
 
 @dataclass(frozen=True)
@@ -114,9 +104,7 @@ class Facets(Cone):
     @classmethod
     def inscribed(cls, count: int) -> Facets:
         """Polygon inside the circle."""
-        if isinstance(count, int) and count < 3:
-            raise ModelError(f"a yield surface needs at least 3 facets, got {count!r}")
-        return cls(count, float(np.cos(np.pi / count)))
+        return replace(cls.circumscribed(count), reach=float(np.cos(np.pi / count)))
 
     def __str__(self) -> str:
         name = "octagon" if self.count == 8 else f"{self.count}-gon"
@@ -143,7 +131,8 @@ class Facets(Cone):
 
     def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
         self._check(len(rows))
-        return [_weighted(normal, rows) <= bound for normal in self.normals]
+        pairs = [zip(normal.tolist(), rows, strict=True) for normal in self.normals]
+        return [sum(w * row for w, row in pair if w != 0.0) <= bound for pair in pairs]
 
     def _polar_epigraph(
         self, bound: cp.Expression, rows: Sequence[cp.Expression]
@@ -161,6 +150,7 @@ class Facets(Cone):
             )
 
 
+@dataclass(frozen=True)
 class Parabola(Cone):
     """Gauge of vectors (v1, v2, m) whose unit ball is abs(m) <= 1 - v1^2 - v2^2.
 
@@ -173,12 +163,6 @@ class Parabola(Cone):
 
     def __str__(self) -> str:
         return "parabola"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Parabola)
-
-    def __hash__(self) -> int:
-        return hash(Parabola)
 
     def _gauge(self, rows: FloatArray) -> FloatArray:
         v1, v2, m = rows
@@ -194,7 +178,7 @@ class Parabola(Cone):
         v1, v2, m = rows
         half = cp.Variable(bound.shape)
         cone = cp.SOC(bound - half, cp.vstack([v1, v2, 0.5 * m]), axis=0)
-        return [cone, 0.5 * m <= half, -0.5 * m <= half]
+        return [cone, *_between(half, 0.5 * m)]
 
     def _polar_epigraph(
         self, bound: cp.Expression, rows: Sequence[cp.Expression]
@@ -202,12 +186,11 @@ class Parabola(Cone):
         slip_1, slip_2, twist = rows
         share = cp.Variable(bound.shape)
         cone = cp.SOC(bound, cp.vstack([slip_1, slip_2, 2.0 * share]), axis=0)
-        return [cone, 2.0 * (twist - share) <= bound, 2.0 * (share - twist) <= bound]
+        return [cone, *_between(bound, 2.0 * (twist - share))]
 
 
-def _weighted(weights: FloatArray, rows: Sequence[cp.Expression]) -> cp.Expression:
-    terms = [float(w) * row for w, row in zip(weights, rows, strict=True) if w != 0.0]
-    return sum(terms[1:], start=terms[0])
+def _between(bound: cp.Expression, row: cp.Expression) -> list[cp.Constraint]:
+    return [row <= bound, -row <= bound]
 
 
 def parse_cone(name: str) -> Cone:

@@ -144,13 +144,6 @@ def surfaces_of(
 ) -> tuple[tuple[YieldSurface, ...], str]:
     """Surfaces and their name from ``"octagon"``, ``"parabolic"`` ..., a cone, or surfaces.
 
-    Raises
-    ------
-    ModelError
-        For anything else.
-
-    Example
-    -------
     >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
     ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
     """

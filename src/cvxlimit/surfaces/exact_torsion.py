@@ -55,13 +55,6 @@ class Edges:
         Of the contacts; size is the largest distance of a corner from the origin.
     spread : (n, 2, 2)
         Mean of r r'.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> edges = Edges.of(builtin_scene("single-block").contacts)
-    >>> edges.length.tolist()
-    [0.4, 0.4, 0.4, 0.4]
     """
 
     contact: IntArray
@@ -74,7 +67,6 @@ class Edges:
 
     @classmethod
     def of(cls, contacts: Contacts) -> Edges:
-        """Of all contacts."""
         polygons = [(j, piece) for j in range(len(contacts)) for piece in contacts.pieces_of(j)]
         return cls.of_polygons(polygons, np.asarray(contacts.area))
 
@@ -94,31 +86,28 @@ class Edges:
         np.add.at(spread, contact, _second_moments(start, end[kept]))
         return cls(contact, start, along, length, area, size, spread / area[:, None, None])
 
-    def _sums(self, values: FloatArray) -> FloatArray:
+    def _means(self, values: FloatArray) -> FloatArray:
         result = np.zeros((len(self.area), *values.shape[1:]))
         np.add.at(result, self.contact, values)
-        return result
+        return result / self.area.reshape(-1, *[1] * (values.ndim - 1))
 
     def _integrals(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-        offset = self.start.reshape(-1, *[1] * (centre.ndim - 2), 2) - centre[self.contact]
-        t1, t2 = (x.reshape(-1, *[1] * (centre.ndim - 2)) for x in self.along.T)
-        length = self.length.reshape(t1.shape)
-        h = offset[..., 0] * t2 - offset[..., 1] * t1
-        s = offset[..., 0] * t1 + offset[..., 1] * t2
+        each = [1] * (centre.ndim - 2)
+        x, y = np.moveaxis(self.start.reshape(-1, *each, 2) - centre[self.contact], -1, 0)
+        t1, t2, length = (v.reshape(-1, *each) for v in (*self.along.T, self.length))
+        h, s = x * t2 - y * t1, x * t1 + y * t2
         return h, distance_integral(h, s + length) - distance_integral(h, s)
 
     def mean_distance(self, centre: FloatArray) -> FloatArray:
         """Mean of abs(r - c) (n, ...) over each contact, for centres (n, ..., 2)."""
         h, integral = self._integrals(centre)
-        return self._sums(h * integral) / (3.0 * self.area.reshape(-1, *[1] * (h.ndim - 1)))
+        return self._means(h * integral) / 3.0
 
     def mean_direction(self, centre: FloatArray) -> FloatArray:
         """Mean of (r - c) / abs(r - c) (n, ..., 2) over each contact, for centres (n, ..., 2)."""
         _, integral = self._integrals(centre)
-        shape = (-1, *[1] * (integral.ndim - 1))
-        normal = [self.along[:, 1].reshape(shape), -self.along[:, 0].reshape(shape)]
-        parts = [self._sums(n * integral) / self.area.reshape(shape) for n in normal]
-        return np.stack(parts, axis=-1)
+        t1, t2 = (t.reshape(-1, *[1] * (integral.ndim - 1)) for t in self.along.T)
+        return np.stack([self._means(t2 * integral), self._means(-t1 * integral)], axis=-1)
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
         """Mean size (n,) of the slip of each contact's points.

@@ -33,12 +33,9 @@ class TorsionShearBending(YieldSurface):
 
     Multiplied by c instead of divided, with Eq. 10 beside it, which follows from it only while c
     is not zero: a contact pressed in a corner resists no torsion (c = 0), but slides as any other.
-    Without these rows solvers took friction off such contacts, as what c times it amounts to lies
-    within any tolerance: in the second iterate of the paper's panel S12 Coulomb's limit was
-    exceeded in 243 of 888 contacts, by three times the panel's weight in all, and Clarabel took
-    198 iterations in place of 59. With auxiliaries for the absolute values only one row has
-    coefficients that change; it describes the same set as the paper's 64 rows with all
-    combinations of signs.
+    Without these rows solvers take friction off such contacts, as what c times it amounts to lies
+    within any tolerance. With auxiliaries for the absolute values only one row has coefficients
+    that change, for the same set as the paper's 64 rows with all combinations of signs.
     """
 
     name = "torsion-shear-bending"
@@ -49,7 +46,6 @@ class TorsionShearBending(YieldSurface):
         self.eccentricity = eccentricity
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        """See the class; Eq. 32."""
         at = self.eccentricity
         norms = [
             Norm({"V1": 1}, {"V2": 1}, weight=at.arm),

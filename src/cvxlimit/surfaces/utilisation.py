@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from cvxlimit.surfaces.base import (
     Condition,
     YieldSurface,
     columns,
+    condition_excess,
     evaluate,
-    number,
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
@@ -55,10 +56,7 @@ def _used(
 ) -> FloatArray:
     given = {k: c for k, c in condition.resistance.items() if k in ("N", CONSTANT)}
     signed = {k: c for k, c in condition.resistance.items() if k not in given}
-    used = -evaluate(signed, values, condition.contact)
-    for norm in condition.norms:
-        rows = [evaluate(form, values, condition.contact) for form in norm.rows]
-        used = used + number(norm.weight) * cone.gauge(rows)
+    used = condition_excess(replace(condition, resistance=signed), cone, values)
     available = evaluate(given, values, condition.contact)
     carries = available > least
     return np.where(carries, used, np.nan) / np.where(carries, available, 1.0)

@@ -90,13 +90,13 @@ def rates_like(count: int, seed: int) -> np.ndarray:
     return rng.normal(size=(count, 6)) * rng.choice([0.0, 0.1, 1.0, 5.0], (count, 6))
 
 
-def grid_power(contacts: Contacts, moments: str, w: np.ndarray) -> float:
+def grid_power(contacts: Contacts, moments: str, w: np.ndarray, fine: int = 4) -> float:
     """Largest power by brute force: pressure centres on a grid, directions of shear on a grid."""
-    share = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 241))
+    share = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 60 * fine + 1))
     e = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2) * contacts.sides[0] / 2.0
     arm = torsion_arm(*(contacts.sides[0] - 2.0 * np.abs(e)).clip(0.0).T)
     best = -np.inf
-    for angle in np.linspace(0.0, 2.0 * np.pi, 361):
+    for angle in np.linspace(0.0, 2.0 * np.pi, 90 * fine + 1):
         way = np.tile([np.cos(angle), np.sin(angle), 0.0], (len(e), 1))
         if moments == "signed":
             way[:, 2] = e[:, 0] * way[:, 1] - e[:, 1] * way[:, 0]
@@ -129,16 +129,17 @@ def test_no_true_state_does_more_work_than_the_support(
         assert (forces @ w).max() <= found.missing[0] + ROUNDING * np.abs(w).max()
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("moments", ["independent", slow("signed")])
-def test_the_support_is_attained(moments: str) -> None:
-    """Grid values lie below by the grid's spacing squared, 1e-4, where they do not meet it."""
+@pytest.mark.parametrize(("examples", "fine"), [(3, 1), slow(8, 4)])
+@pytest.mark.parametrize("moments", ["independent", "signed"])
+def test_the_support_is_attained(moments: str, examples: int, fine: int) -> None:
+    """Grid values lie below by the grid's spacing squared, 1e-4 for the finer one, where they do
+    not meet it."""
     contacts = block_of((1.0, 0.4))
-    for w in rates_like(3, seed=3):
+    for w in rates_like(examples, seed=3):
         missing = InteractionFlow(contacts, parse_moments(moments)).shortfall(-w[None]).missing[0]
-        best = grid_power(contacts, moments, w)
+        best = grid_power(contacts, moments, w, fine)
         assert best <= missing + ROUNDING * np.abs(w).max()
-        assert missing - best <= 2e-4 * np.abs(w).max()
+        assert missing - best <= 2e-4 * (4 / fine) ** 2 * np.abs(w).max()
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
