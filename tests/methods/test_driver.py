@@ -196,6 +196,12 @@ def test_bounds_that_contradict_each_other_are_no_answer() -> None:
     assert (run.lower, run.upper) == (0.5, 0.3)
 
 
+def test_a_bracket_that_equilibrium_cannot_tell_from_zero_is_closed() -> None:
+    """Forces count as balanced with 1e-11 of the loads left; above that, widths are relative."""
+    assert Bracket(3e-14, 8e-13, least=1e-6).is_within(1e-5)
+    assert not Bracket(3e-10, 8e-10, least=1e-6).is_within(1e-5)
+
+
 def test_the_ladder_is_climbed_until_there_are_forces() -> None:
     ladder = [SolverSettings("NO_SUCH_SOLVER"), *default_ladder()]
     run = Run(single_block(), ladder=ladder)

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.methods.admissible import carried_exactly
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.gluing import with_contacts
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
@@ -333,3 +335,14 @@ def test_a_small_stack_on_a_large_block(ladder: tuple[SolverSettings, ...] | Non
     assert solution.status is not Status.CERTIFIED or solution.load_factor == pytest.approx(
         0.332305, rel=1e-5
     )
+
+
+def test_a_guide_stays_with_its_block_where_others_are_left_out() -> None:
+    """The top block of a stack of five, guided upwards: what pushes it sideways is taken up."""
+    stack = Assemblage.of(builtin_scene("stack"))
+    up = np.array([0.0, 0.0, 1.0])
+    guided = replace(stack, statics=replace(stack.statics, guides={4: up}))
+    top = with_contacts(guided, np.array([4]), np.zeros(5, dtype=bool)).statics
+    assert top.guides == {1: up}
+    np.testing.assert_array_equal(top.dead[6:], guided.statics.dead[24:])
+    np.testing.assert_array_equal(top.live.reshape(-1, 6)[1], np.zeros(6))  # it was sideways

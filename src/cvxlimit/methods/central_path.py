@@ -27,7 +27,6 @@ from cvxlimit.methods.complementarity import (
     FrictionSystem,
     Point,
     by_columns,
-    elimination_order,
     in_blocks,
     in_order,
     typical,
@@ -40,19 +39,17 @@ class _Numbers:
     """What each number is for, and where it was measured."""
 
     steps: int = 400
-    """Most steps of a path, each of which takes 0.02 (dome) to 0.14 (panel S12) of a first conic
-    solve; of the paths that arrive most need 80 to 360."""
+    """Most steps of a path; of those that arrive most need 80 to 360."""
     spread: float = 0.7
-    """Standard deviation of the weights' logarithms. With equal weights the paths of symmetrical
-    scenes (dome) meet branches and stop there."""
+    """Standard deviation of the weights' logarithms: with equal weights the paths of symmetrical
+    scenes meet branches and stop there."""
     ends: float = 1e-06
     """Share of the load factor, and of typical forces and rates, that may be left at the end; the
     polish goes on from there. Below 1e-8 rounding keeps correctors from their aim."""
     near: float = 0.1
     clamp: float = 0.5
     """Relative error of products at which the path is left for the next predictor, and the largest
-    relative change by a corrector: with 0.7 and no limit correctors left the path at folds (dome,
-    house corner: 4 of 8 paths ended, 7 of 8 so)."""
+    relative change by a corrector: with more, correctors leave the path at folds."""
     longest: float = 2.0
     first: float = 0.5
     shortest: float = 0.0001
@@ -75,26 +72,17 @@ _GROUPS = ((0, 3, (0, 1)), (3, 4, (2,)))
 equations, the unknown that holds them, and their own."""
 
 
-class CentralPath:
-    """Paths of one system, each to where it ends from near a state."""
+def followed(
+    system: FrictionSystem, state: LimitState, width: float, random: np.random.Generator
+) -> LimitState:
+    """Where a path ends that begins near a state with forces and mechanism.
 
-    def __init__(self, system: FrictionSystem) -> None:
-        self.system = system
-        square = (system.opening.T @ system.opening + system.slip.T @ system.slip).tocsc()
-        largest = float(square.diagonal().max())
-        each = sp.eye_array(len(system.dead))
-        self.order = elimination_order((square + largest * each).tocsc())
-
-    def followed(self, state: LimitState, width: float, random: np.random.Generator) -> LimitState:
-        """Where a path ends that begins near a state with forces and mechanism.
-
-        ``width`` is how far from it, in typical forces and rates: 1 forgets the state, 0.1 does
-        not. ``random`` draws the weights.
-        """
-        n, corners = len(self.system.cohesion), self.system.opening.shape[0]
-        weights = np.exp(_N.spread * random.normal(size=corners + 2 * n))
-        follower = _Follower(self, self.system.point(state), width, weights)
-        return self.system.state(follower.end(), state)
+    ``width`` is how far from it, in typical forces and rates: 1 forgets the state, 0.1 does not.
+    ``random`` draws the weights.
+    """
+    size = system.opening.shape[0] + 2 * len(system.cohesion)
+    weights = np.exp(_N.spread * random.normal(size=size))
+    return system.state(_Follower(system, system.point(state), width, weights).end(), state)
 
 
 class _At(NamedTuple):
@@ -110,13 +98,15 @@ class _At(NamedTuple):
 
 
 class _Follower:
-    def __init__(self, path: CentralPath, first: Point, width: float, weights: FloatArray) -> None:
-        self.system, self.order, self.weights = path.system, path.order, weights
+    def __init__(
+        self, system: FrictionSystem, first: Point, width: float, weights: FloatArray
+    ) -> None:
+        self.system, self.weights = system, weights
         n, k = len(first.friction), len(first.pressed)
         self.ends = np.cumsum([k, k, 6 * n, len(first.motion), 1])
         self.kinds = np.cumsum([k, n])
         """Ends of corners and shear among products and their weights; torsion follows."""
-        system, motion = self.system, first.motion
+        motion = first.motion
         self.force = typical(np.append(first.pressed, first.friction))
         self.rate = typical(np.append(system.opening @ motion, system.slip @ motion))
         self.first = self._inside(first, width * self.force, width * self.rate)
@@ -276,7 +266,7 @@ class _Follower:
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
     def _solved(self, square: sp.csc_array, right: FloatArray) -> FloatArray:
-        order, damping = self.order, _N.damping * self.force / self.rate
+        order, damping = self.system.order, _N.damping * self.force / self.rate
         square = (square + damping * sp.eye_array(len(order))).tocsc()
         options = {"SymmetricMode": True}
         ordered = in_order(square, order)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -44,12 +45,11 @@ class _Numbers:
     least_damping: float = 1e-10
     factor: float = 8.0
     rounding: float = 1e-13
-    """Least damping over the largest diagonal entry: with less, rounding made matrices indefinite,
-    and SuperLU's symmetric mode, which does not pivot, did not return."""
+    """Least damping over the largest diagonal entry: with less, rounding makes matrices indefinite,
+    and SuperLU's symmetric mode, which does not pivot, may not return."""
     slow: float = 0.7
     patience: int = 3
-    """Steps that leave more than this share of the squared residual are slow; so many end the
-    polish: on the tuff wall and the panel S12 they did not recover."""
+    """Steps that leave more than this share of the squared residual are slow; so many end it."""
     exact: float = 1e-24
     """Sum of squared residuals, in typical forces and rates, where rounding begins."""
 
@@ -98,6 +98,11 @@ class FrictionSystem:
         at = contacts.corner_contact
         self.limit = sp.csr_array((contacts.friction[at], (at, np.arange(len(at)))))
         self.cohesion = contacts.cohesion * contacts.area / units.force
+
+    @cached_property
+    def order(self) -> IntArray:
+        """In which to eliminate block rates."""
+        return elimination_order(self.opening.T @ self.opening + self.slip.T @ self.slip)
 
     def point(self, state: LimitState) -> Point:
         """A state with forces and mechanism, the latter scaled to live power 1."""
@@ -173,10 +178,10 @@ class _Newton:
         largest = float(square.diagonal().max())
         if not np.isfinite(largest):
             return None
-        each = sp.eye_array(len(down))
         if self._order is None:
-            self._order = elimination_order((square + largest * each).tocsc())
-        matrix = (square + max(weight, _N.rounding * largest) * each).tocsc()
+            self._order = elimination_order(square)
+        damping = max(weight, _N.rounding * largest) * sp.eye_array(len(down))
+        matrix = (square + damping).tocsc()
         step = np.empty_like(down)
         try:
             step[self._order] = factorised(in_order(matrix, self._order))(down[self._order])
@@ -265,9 +270,10 @@ def projected(force: FloatArray, limit: FloatArray) -> Projected:
     return Projected(value, by_force, np.column_stack(by_limit))
 
 
-def elimination_order(matrix: sp.csc_array) -> IntArray:
+def elimination_order(square: sp.csc_array) -> IntArray:
     """Of minimum degree, as SuperLU finds it; the pattern is that of all steps."""
-    symmetric = {"SymmetricMode": True}
+    each, symmetric = sp.eye_array(square.shape[0]), {"SymmetricMode": True}
+    matrix = (square + float(square.diagonal().max()) * each).tocsc()
     factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
     return np.argsort(factor.perm_c)
 

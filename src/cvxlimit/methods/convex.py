@@ -33,11 +33,9 @@ class _Numbers:
 
     no_force: float = 100000000.0
     """Contact forces, over the dead load, beyond which it is rounding alone that could hold a
-    block: a mechanism that is exact has a missing opening of 1e-12 to 1e-10 of its rates, from a
-    solver."""
+    block: solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms."""
     rungs_aside: int = 2
-    """Rungs of the ladder for a question on the way: with friction of 1e6 the first, QOCO, often
-    fails where the second, Clarabel, does not."""
+    """Rungs of the ladder for a question on the way: the first may fail where friction is huge."""
     whole: float = 1.0 - 1e-06
     """Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
 

@@ -189,12 +189,16 @@ class Run:
         self.tell("finding contacts")
         if not isinstance(scene, Assemblage):
             check_scene(scene)
-        self.given = scene.scene if isinstance(scene, Assemblage) else scene
-        self.repeats = scene.repeats if isinstance(scene, Assemblage) else None
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
         with self.clock.phase("compile"):
-            self.assemblage, self.mortar = _assembled(scene)
+            self.assemblage = given = Assemblage.of(scene)
+            self.given, self.repeats = given.scene, given.repeats
+            is_mortar = np.any(given.contacts.tensile_strength)
+            self.mortar = Mortar.of(given.scene) if is_mortar else None
+            if self.mortar is not None:
+                kept = given.scaling if given is scene else None
+                self.assemblage = Assemblage.of(self.mortar.scene, kept)
         self.best = Answer(bracket=Bracket(least=self.scaling.least))
 
     @property
@@ -427,14 +431,6 @@ def __getattr__(name: str) -> NoReturn:
     if name == "Rule":
         raise ImportError("Rule has become cvxlimit.Method: its settings, and one generator, steps")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def _assembled(scene: Scene | Assemblage) -> tuple[Assemblage, Mortar | None]:
-    given = Assemblage.of(scene) if isinstance(scene, Scene) else scene
-    if not np.any(given.contacts.tensile_strength):
-        return given, None
-    mortar = Mortar.of(given.scene)
-    return Assemblage.of(mortar.scene, None if isinstance(scene, Scene) else given.scaling), mortar
 
 
 def fallen(scene: Scene, rates: FloatArray) -> str:

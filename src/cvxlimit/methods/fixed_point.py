@@ -26,11 +26,8 @@ from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.frozen import Eccentricity
 
 DPP_LIMIT = 3_000
-"""Parameter entries (three per contact) up to which the compiled problem is kept for re-solves;
-beyond, every solve is compiled afresh. The first compile with Parameters grows with their square,
-0.5, 1.7 and 3.3 s at 444, 886 and 1,203 contacts (512 and 830 MB at the last two), after which a
-re-solve costs 2 to 6 ms; afresh it is 23 to 37 ms each. ``python -m benchmarks run --methods
-"frozen/*"`` shows the same."""
+"""Parameter entries (three per contact) up to which the compiled problem is kept for re-solves. The
+first compile with them grows with their square; beyond, every solve is compiled afresh."""
 
 _BEFORE = 100.0
 """The change before the last one may be so many times the tolerance."""

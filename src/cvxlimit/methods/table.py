@@ -133,7 +133,6 @@ def words(axis: str) -> tuple[str, ...]:
 
 
 def kind_of(surface: Surface) -> str:
-    """Which kind of surface it is."""
     if not isinstance(surface, (str, Cone)):
         return "own"
     return str(surface) if str(surface) in ("conic", PARABOLIC) else "facets"
@@ -145,21 +144,10 @@ def chosen(
     older: Mapping[str, str | Method | None],
     settings: Mapping[str, Any],
 ) -> tuple[Surface, Method]:
-    """The surface and the method that a call means.
+    """The surface and the method that a call means; refuses what does not go together.
 
-    Parameters
-    ----------
-    surface : str, Cone or sequence of YieldSurface
-    method : str, Method or None
-    older : mapping
-        The words of :data:`USUAL`, with which a method may be said instead.
-    settings : mapping
-        ``tolerance`` and ``moments``, set where they are not None.
-
-    Raises
-    ------
-    ModelError
-        For what does not exist, what does not go together, and settings that a method has not.
+    ``older`` are the words of :data:`USUAL`, with which a method may be said instead; ``settings``
+    are set where they are not None.
     """
     said: list[str | Method] = [] if method is None else [method]
     for axis, word in older.items():
@@ -208,24 +196,14 @@ def _with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
 
 
 def check(what: str, run: Run, takes: Collection[str]) -> None:
-    """Refuse a run with one of :data:`EXTRAS` that ``what`` does not take.
-
-    Raises
-    ------
-    ModelError
-    """
+    """Refuse a run with one of :data:`EXTRAS` that ``what`` does not take."""
     for extra, (is_there, refusal) in EXTRAS.items():
         if extra not in takes and is_there(run):
             raise ModelError(f"{what} {refusal}")
 
 
 def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
-    """Refuse a value that is not one of those allowed; ``what`` names it.
-
-    Raises
-    ------
-    ModelError
-    """
+    """Refuse a value that is not one of those allowed; ``what`` names it."""
     if value not in allowed:
         raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")
 

@@ -20,7 +20,7 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.central_path import CentralPath
+from cvxlimit.methods.central_path import followed
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
@@ -44,11 +44,10 @@ class _Numbers:
     the whole live load does power 1: blocks that wedge each other need some price to have a
     solution."""
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    """Random prices over the last iterate's largest, in turn: on a wall of six blocks whose
-    solutions a mixed-integer search knows, only prices far above found the lowest branch."""
+    """Random prices over the last iterate's largest, in turn: only prices far above find the lowest
+    branch of a wall whose solutions are all known."""
     polish: int = 10
-    """Iterates between attempts to solve the equations of the fixed point from where it is: an
-    attempt takes as long as about five iterates."""
+    """Iterates between attempts to solve the equations from there, as long as five of them."""
     widths: tuple[float, ...] = (0.1, 1.0)
     """How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive
     more often."""
@@ -142,7 +141,6 @@ class _Search:
             self.verifier = Verifier(run)
             is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
             self.system = FrictionSystem(run.assemblage) if is_known else None
-            self.path = None if self.system is None else CentralPath(self.system)
         self.random = np.random.default_rng(rule.seed)
         self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
 
@@ -219,12 +217,12 @@ class _Search:
 
     def _followed(self, found: Found, at: tuple[int, int]) -> Found:
         tolerance = self.rule.tolerance
-        if self.path is None or found[1].internal is None or found[0].residual <= tolerance:
+        if self.system is None or found[1].internal is None or found[0].residual <= tolerance:
             return found
         width = _N.widths[(at[1] // _N.polish - 1) % len(_N.widths)]
         random = np.random.default_rng((self.rule.seed, *at))
         with self.run.clock.phase("solve"):
-            end = self.path.followed(found[1], width, random)
+            end = followed(self.system, found[1], width, random)
         better = self._better(found, end)
         is_near = tolerance < better[0].residual <= _N.promising * tolerance
         return self._polished(better) if better is not found and is_near else better
@@ -354,10 +352,7 @@ class Verifier:
         return result
 
     def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
-        """A solver's answer with all its residuals; None if there are no forces or rates.
-
-        Forces are put into equilibrium first, the mechanism is scaled to live power 1.
-        """
+        """A solver's answer, balanced and scaled to live power 1, with all its residuals."""
         given, alpha = self.certifier.given(state), state.load_factor
         if given is None or state.mechanism is None or alpha is None:
             return None

@@ -62,11 +62,10 @@ class _Numbers:
     """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
     stuck: tuple[float, ...] = (1e-09, 1e-12)
     """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be
-    meant to move as one; both are tried. Solvers leave 1e-17 to 1e-11 where nothing moves, and
-    slips that are meant are as small as 3e-9 beside joints with friction of 1e6."""
+    meant to move as one; both are tried. Solvers leave up to 1e-11 where nothing moves."""
     gripping: float = 100.0
     """Friction from which that matters: the flow rule asks for an opening of friction times the
-    slip, so that slips of 1e-15 cost 1e-9 of the bracket with a friction of 1e6."""
+    slip, so that slips by rounding cost some of the bracket."""
     idle: float = 1e-09
     """Forces at a contact, over the largest of all, up to which it may be meant to carry
     nothing."""

@@ -57,9 +57,8 @@ class _Numbers:
     opening_reserve: float = 0.2
     opening_overshoot: float = 1.9
     opening_iterations: int = 50
-    """Opening fields aim at rates of 1; projections with this reserve and relaxation took 12
-    iterations on the tuff wall and 2 on the S12-class panel, half of what plain ones took. On
-    propped walls of 1,000 contacts and more they do not end at all: a solver does
+    """Opening fields aim at rates of 1; with this reserve and relaxation projections take half the
+    iterations of plain ones. Where they do not end, a solver does
     (:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
     attempts: tuple[tuple[float, int], ...] = ((0.1, 25), (0.1, 100), (0.01, 100), (0.0001, 60))
     """Least corner compression, as a share of what the lighter of the two blocks would give if its

@@ -1,9 +1,8 @@
 """Yield surfaces: one small class each. A new one needs a file here, or none at all outside."""
 
-from cvxlimit.surfaces.base import Condition, Norm, YieldSurface
+from cvxlimit.surfaces.base import Condition, Norm, YieldSurface, utilisation
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone
 from cvxlimit.surfaces.coulomb import ParabolicTorsionShear, Rocking, Sliding, Torsion, TorsionShear
-from cvxlimit.surfaces.utilisation import utilisation
 
 __all__ = [
     "Condition",

@@ -27,15 +27,13 @@ class _Numbers:
 
     far: float = 1000.0
     """Centres of rotation farther off than this many sizes of the contact count as translations,
-    with the rotation's share bounded from above: relative error 1e-9 at this distance, falling with
-    its cube, where the closed form has lost as many digits."""
+    with the rotation's share bounded from above: the relative error there is 1e-9 either way."""
     grid: int = 25
     rounds: int = 5
     reach: float = 3.0
     margin: float = 1e-06
     """Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its
-    size, then four finer ones around the worst. Ten times as many centres change the arms of 500
-    random polygons by less than the margin that is taken off."""
+    size, then four finer ones around the worst. More change arms by less than the margin."""
 
 
 _N = _Numbers()
@@ -110,10 +108,9 @@ class Edges:
         return np.stack([self._means(t2 * integral), self._means(-t1 * integral)], axis=-1)
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
-        """Mean size (n,) of the slip of each contact's points.
+        """Mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at its centroid.
 
-        ``slip`` (n, 2) at the contact's centroid, ``twist`` (n,). Exact, or, for translations with
-        next to no rotation, above the exact value by ``far`` to the power of -3 at most.
+        Exact, or, where next to nothing rotates, above by ``far`` to the power of -3 at most.
         """
         speed = np.linalg.norm(slip, axis=1)
         turning = np.abs(twist) * self.size
@@ -158,13 +155,8 @@ def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:
 def parabola_arm(contacts: Contacts) -> FloatArray:
     """Largest arm c (n,) for which abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
 
-    c_T for rectangles (tried for 200 side ratios); for other polygons c_T times the largest safe
-    scaling, at most 1, searched over centres of rotation.
-
-    >>> from cvxlimit import builtin_scene
-    >>> contacts = builtin_scene("single-block").contacts
-    >>> bool(parabola_arm(contacts)[0] == contacts.torsion_arm[0])
-    True
+    c_T for rectangles; for other polygons c_T times the largest safe scaling, at most 1, searched
+    over centres of rotation.
     """
     arm = np.array(contacts.torsion_arm)
     others = np.flatnonzero(~contacts.is_rectangle)
