@@ -1,6 +1,6 @@
-"""``python -m benchmarks.closing_page``: docs/closing.md's table and picture from stored rows.
+"""``python -m benchmarks.closing_page``: table and picture of docs/evidence/closing.md.
 
-Rows are those of ``python -m benchmarks.closing --out docs/closing.jsonl``.
+Rows are those of ``python -m benchmarks.closing --out docs/evidence/closing.jsonl``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.closing import Row, stored
 
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = Path(__file__).parent.parent / "docs" / "evidence"
 
 COLOURS = {"independent": "#0072b2", "signed": "#d55e00"}
 """Wong's, told apart by colour-blind readers too."""

@@ -1,9 +1,9 @@
-"""``python -m benchmarks.models``: how much model scenes need, and what it gains; docs/models.md.
+"""``python -m benchmarks.models``: how much model scenes need, and what it gains.
 
 Every built-in scene, and planar walls, with the full model and with ``auto``: sizes of the compiled
 problem, peak memory (in a process of its own) and seconds of CPU, medians of some runs; and the
 best choice by hand, of both models and three solvers. ``--write`` replaces the table in
-docs/models.md.
+docs/evidence/models.md.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ENOUGH, MOST = 8.0, 31
 """Small scenes run until this many seconds are used, at most so often."""
 
 HANDS = ("QOCO", "CLARABEL", "BLOCKWISE")
-PAGE = Path(__file__).parents[1] / "docs" / "models.md"
+PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "models.md"
 _START, _END = "<!-- models -->\n", "<!-- end -->\n"
 
 HEAD = (

@@ -1,9 +1,9 @@
 """Models of the same contacts side by side: limit curves, load factors, and what they cost.
 
-python -m benchmarks.physics docs                       writes all three pictures
-python -m benchmarks.physics docs curves                torsion-shear.png: limit curves
-python -m benchmarks.physics docs speed                 torsion-shear-speed.png, with a table
-python -m benchmarks.physics docs models                models.png, with a table
+python -m benchmarks.physics docs/evidence            writes all three pictures
+python -m benchmarks.physics docs/evidence curves     torsion-shear.png: limit curves
+python -m benchmarks.physics docs/evidence speed      torsion-shear-speed.png, with a table
+python -m benchmarks.physics docs/evidence models     models.png, with a table
 """
 
 from __future__ import annotations

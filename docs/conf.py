@@ -1,7 +1,8 @@
 """Settings of the documentation site: ``.venv/bin/sphinx-build -W docs site`` builds it.
 
 What other tools write is made on the way, into ``docs/_made``: the pages of the command line (from
-the command line itself) and the notebooks (from ``notebooks/``). Notebooks show the outputs of the
+the command line itself), the gallery of built-in scenes (solved anew) and the notebooks (from
+``notebooks/``). Notebooks show the outputs of the
 run they were saved with, which the tests repeat; ``-D nb_execution_mode=force`` runs them anew.
 """
 
@@ -31,11 +32,15 @@ extensions = [
     "links",
     "mathml",
 ]
-exclude_patterns = ["_made/commands.md", "_made/gallery.md"]
+exclude_patterns = [
+    f"_made/{name}.md"
+    for name in ("commands", "gallery", "scenes", "columns-contacts", "columns-blocks")
+]
 
 html_theme = "furo"
 html_title = f"cvxlimit {version}"
 html_static_path = ["_static"]
+html_extra_path = ["_made/site"]  # pages to turn, made beside this file
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_show_copyright = False

@@ -214,6 +214,42 @@ def dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], 
     axes.text(*middle, text, ha="center", va="center", color=INK, bbox=paper)
 
 
+# --- readings of Eq. 30 ---------------------------------------------------------------------------
+
+
+def readings() -> plt.Figure:
+    """What a square contact admits under each reading, its pressure centre a quarter side off."""
+    figure, axes = plt.subplots(figsize=(6.2, 4.4), layout="constrained")
+    side, friction, e1 = 1.0, 0.7, 0.25
+    whole, arm = torsion_arm(side, side), torsion_arm(side - 2 * e1, side)
+    shear, torsion = np.meshgrid(np.linspace(-1.1, 1.1, 801), np.linspace(-1.1, 1.1, 801))
+    # Over mu N and c_T mu N, with V along t2 alone: e1 V2 is then e1 / c_T times the shear.
+    lever, room = e1 / whole * shear, arm / whole * (1.0 - np.abs(shear))
+    sets = {
+        "signed moments": (np.abs(torsion - lever) - room, ORANGE, 0.3),
+        "independent signs": (np.abs(torsion) + np.abs(lever) - room, GREEN, 0.6),
+    }
+    for excess, colour, alpha in sets.values():
+        axes.contourf(shear, torsion, excess, [-9.0, 0.0], colors=[colour], alpha=alpha)
+        axes.contour(shear, torsion, excess, [0.0], colors=[colour], linewidths=1.5)
+    paper = np.maximum(np.abs(torsion + np.abs(e1) / whole * shear) - room,
+                       np.abs(torsion) - arm / whole)  # fmt: skip
+    axes.contour(shear, torsion, paper, [0.0], colors=[INK], linewidths=1.3, linestyles="--")
+    axes.plot([-1, 0, 1, 0, -1], [0, 1, 0, -1, 0], color=BLUE, lw=2.0)
+    for at, text, colour in (
+        ((-0.62, 0.9), "no interaction (Eq. 24)", BLUE),
+        ((0.72, 0.86), "signed moments", ORANGE),
+        ((0.0, 0.0), "independent\nsigns", INK),
+        ((0.72, -0.86), "the paper's signs", INK),
+    ):
+        axes.text(*at, text, color=colour, ha="center", va="center")
+    axes.set_xlabel(f"shear along $t_2$, $V_2 / \\mu N$  ($\\mu = {friction}$)")
+    axes.set_ylabel("torsion, $M_T / (c_T\\,\\mu N)$")
+    axes.set_xlim(-1.15, 1.15)
+    axes.set_ylim(-1.05, 1.05)
+    return figure
+
+
 # --- gallery ------------------------------------------------------------------------------------
 
 FRAMES = {"forces": "arch-on-piers", "thrust": "arch-on-piers"}
@@ -231,6 +267,7 @@ FIGURES = {
     "contact-frame": contact_frame,
     "block-frame": block_frame,
     "pressure-centre": pressure_centre,
+    "readings": readings,
 }
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the site shows and other tools write: commands, pictures by name, and the notebooks."""
+"""What the site shows and the package knows: commands, pictures, scenes, columns, notebooks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 
 import nbformat
 from links import for_site
+from scenes import make_scenes
 
+from cvxlimit import builtin_scene, solve
 from cvxlimit.plotting import PICTURES
 
 FIGURES = Path(__file__).parent / "figures"
@@ -21,6 +23,10 @@ def make_all(root: Path, made: Path) -> None:
     (made / "notebooks").mkdir(parents=True, exist_ok=True)
     keep(made / "commands.md", commands())
     keep(made / "gallery.md", gallery())
+    make_scenes(made)
+    solution = solve(builtin_scene("single-block"))
+    for kind in ("contacts", "blocks"):
+        keep(made / f"columns-{kind}.md", columns(solution.to_dataframe(kind)))
     for name in ("CONTRIBUTING.md", "CHANGELOG.md"):
         keep(made / name.lower(), for_site((root / name).read_text("utf-8"), "."))
     sources = sorted((root / "notebooks").glob("*.ipynb"))
@@ -56,6 +62,15 @@ def commands() -> str:
     asked = ["typer", "cvxlimit.cli.main", "utils", "docs", "--name", "cvxlimit"]
     done = subprocess.run([sys.executable, "-m", *asked], capture_output=True, check=True)
     return done.stdout.decode("utf-8")
+
+
+def columns(table: Any) -> str:
+    """The columns of a table of results, with their units, as a list of definitions."""
+    units, said = table.attrs["units"], table.attrs["description"]
+    return "\n".join(
+        f"`{name}`{f' ({units[name]})' if name in units else ''}\n: {text}\n"
+        for name, text in said.items()
+    )
 
 
 def gallery() -> str:

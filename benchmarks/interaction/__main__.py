@@ -2,8 +2,8 @@
 
 Runs what :mod:`benchmarks.interaction.experiments` lists, in a process of their own: first what
 was never measured, then the oldest, until ``--budget`` seconds are over. Results are kept in
-``docs/interaction.json``; with ``--write``, the tables and pictures of ``docs/interaction.md`` are
-made from all of them. ``--budget 0 --write`` draws only.
+``docs/evidence/interaction.json``; with ``--write``, the tables and pictures of the page beside it
+are made from all of them. ``--budget 0 --write`` draws only.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KINDS = (FIRST, "certified", "fixed-point")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure within the budget, keep what was found, write the page if asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.interaction", description=__doc__)
-    parser.add_argument("--docs", type=Path, default=Path("docs"))
+    parser.add_argument("--docs", type=Path, default=Path("docs/evidence"))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--scenes", nargs="+", default=None)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)

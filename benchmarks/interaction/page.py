@@ -1,4 +1,4 @@
-"""The page ``docs/interaction.md``: its tables between markers, and its pictures, from results."""
+"""``docs/evidence/interaction.md`` from results: tables between markers, and pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The three pictures of ``docs/interaction.md``."""
+"""The three pictures of ``docs/evidence/interaction.md``."""
 
 from __future__ import annotations
 

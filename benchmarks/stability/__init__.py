@@ -1,5 +1,5 @@
 """Where methods fail: scenes made to break them, and what each method says about them.
 
 ``python -m benchmarks.stability run`` fills ``benchmarks/results/stability``; ``write`` makes
-``docs/atlas.md`` and its pictures from it.
+``docs/evidence/atlas.md`` and its pictures from it.
 """

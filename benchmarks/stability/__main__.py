@@ -13,7 +13,7 @@ from benchmarks.stability.peers import ask_peer
 from benchmarks.stability.studies import STUDIES
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "evidence"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""``docs/atlas.md`` from the records: tables, pictures, and what they mean in plain words."""
+"""``docs/evidence/atlas.md`` from the records: tables, pictures, and what they mean."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ Answers fall into five classes:
 - **wrong**: called right by the method, and off by more than 0.1 %, or a claim that there is no answer
   where there is one. For our own brackets, anything that contradicts them.
 
-Three failures are told at length, with pictures, among the [notebooks](notebooks.md): a fixed point
+Three failures are told at length, with pictures, among the [notebooks](../notebooks.md): a fixed point
 that never settles, blocks that lock each other, and "optimal" that is no proof.
 
 The judge is the certificate, plain NumPy on the full scene, from forces and mechanisms alone;

@@ -21,7 +21,7 @@ from benchmarks.interaction.page import PAGES, TABLES, brackets, readings, sprea
 
 from cvxlimit.cli.main import run as run_cli
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "evidence"
 
 
 def result(factors: list[float], lower: float | None = None, upper: float | None = None) -> Result:

@@ -372,7 +372,7 @@ def test_a_line_of_forces_holds_the_forces_of_a_solution() -> None:
 
 
 def test_the_atlas_in_the_docs_shows_its_pictures() -> None:
-    docs = Path(__file__).parents[2] / "docs"
+    docs = Path(__file__).parents[2] / "docs" / "evidence"
     page = (docs / "atlas.md").read_text("utf-8")
     assert "0 wrong of 1,100" in page
     for name in charts.PICTURES:

@@ -21,8 +21,14 @@ from cvxlimit.cli.main import app
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("api/*.md")])
+PAGES = sorted(page for page in DOCS.rglob("*.md") if "_made" not in page.parts)
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+
+
+SNIPPET = re.compile(
+    r"^```python\n(.*?)^```$(?:\n*^```text\n(.*?)^```$)?", re.DOTALL | re.MULTILINE
+)
+"""Code, and what it prints if a block of text follows it."""
 
 
 def fenced(path: Path, language: str) -> list[str]:
@@ -30,20 +36,39 @@ def fenced(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
+def snippets(page: Path) -> list[tuple[str, str]]:
+    return SNIPPET.findall(page.read_text("utf-8"))
+
+
+TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials"]
+"""Pages whose pieces of code belong together."""
+
 CODE = [
-    pytest.param(code, id=f"{page.stem}-{number}")
+    pytest.param([snippet], id=f"{page.stem}-{number}")
     for page in PAGES
-    for number, code in enumerate(fenced(page, "python"))
+    if page not in TUTORIALS
+    for number, snippet in enumerate(snippets(page))
 ]
+CODE += [pytest.param(snippets(page), id=page.stem) for page in TUTORIALS]
 
 
 @pytest.mark.exhaustive_cases(
-    "closing-0", "first-steps-1", "geometry-1", "pictures-0", "recipes-1", "recipes-6"
-)
+    "closing-0", "first-steps-1", "geometry-1", "interaction-0", "pictures-0", "recipes-1",
+    "recipes-6", "engineer", "researcher",
+)  # fmt: skip
 @pytest.mark.parametrize("code", CODE)
-def test_code_runs_on_its_own(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_runs_and_prints_what_the_page_shows(
+    code: list[tuple[str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, "docs", "exec", dont_inherit=True), {"__name__": "docs"})
+    names = {"__name__": "docs"}
+    for source, printed in code:
+        exec(compile(source, "docs", "exec", dont_inherit=True), names)
+        shown = capsys.readouterr().out
+        assert not printed or shown == printed
 
 
 def commands(program: str) -> list[str]:

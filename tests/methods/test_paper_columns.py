@@ -1,8 +1,8 @@
 """The paper's Tables 8 and 10, first and last column, under its reading with all choices of axes.
 
 The paper: S12
-0.186 -> 0.137, S10 0.262 -> 0.215, octagon, weight 0.8 of the old values. ``docs/interaction.md``
-shows more iterates, block orders and settings.
+0.186 -> 0.137, S10 0.262 -> 0.215, octagon, weight 0.8 of the old values.
+``docs/evidence/interaction.md`` shows more iterates, block orders and settings.
 """
 
 from __future__ import annotations

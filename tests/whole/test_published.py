@@ -127,7 +127,7 @@ def test_facets_bracket_the_cone(name: str, inscribed: str, circumscribed: str) 
     assert np.isfinite([low.lower, high.upper]).all()
 
 
-PAGE = (Path(__file__).parents[2] / "docs" / "paper.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "evidence" / "paper.md").read_text("utf-8")
 ROWS = re.findall(r"^\| (.+?) \|(.*?)\| \[([\d.]+), ([\d.]+)\] \| `cvxlimit (.+?)` \|$", PAGE, re.M)
 FIRST = {"panel S12": 0.186, "panel S10": 0.262}
 

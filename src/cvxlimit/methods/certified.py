@@ -66,7 +66,7 @@ class Certified(Method):
     starts : tuple of {"relaxation", "middle", "boxes"} or None
         Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
         contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
-        has local optima, so several starts help (figures: docs/interaction-speed.md).
+        has local optima, so several starts help (figures: docs/evidence/interaction-speed.md).
         None is all of them for independent signs, each while the bracket is wider than 0.5 % and
         boxes up to 500 contacts, and for signed moments the relaxation.
     solves : int

@@ -89,7 +89,7 @@ class FixedPoint(Method):
     regularisation : float
         Weight of the squared norm of the forces that is taken off the scaled load factor, so that
         the forces which the next eccentricities are made of are the only ones there are: not those
-        that rounding picks. It is no cure: docs/atlas.md has what it gains and where it does not.
+        that rounding picks. It is no cure: docs/evidence/atlas.md has what it gains.
 
     Example
     -------

@@ -1,7 +1,7 @@
 """Limit problems of scenes that differ in friction and loads only: compiled once, as Parameters.
 
 CVXPY's compile is then a product with a sparse matrix. For a scene that is solved once it does not
-pay: compiling with Parameters takes longer. docs/models.md has figures, and what else was tried.
+pay: compiling with Parameters takes longer. docs/evidence/models.md has figures.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Ladders: in which order solvers are tried, one for each purpose.
 
 A ladder is gone down until an answer is certified. Figures behind the orders and tolerances here
-are in docs/solvers.md.
+are in docs/evidence/solvers.md.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Ladder = tuple[SolverSettings, ...]
 
 @dataclass(frozen=True)
 class LadderNumbers:
-    """The numbers behind the ladders; where each was measured is in docs/solvers.md.
+    """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md.
 
     Attributes
     ----------

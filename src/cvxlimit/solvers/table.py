@@ -56,7 +56,7 @@ class Solver:
         What it is installed as, if that is not its name in small letters.
     pace : (float, float)
         Seconds on one core: the first times the number of variables to the power of the second,
-        fitted to planar walls (docs/solvers.md). Without measurements it is Clarabel's.
+        fitted to planar walls (docs/evidence/solvers.md). Without measurements it is Clarabel's.
     plug_in : subclass of cvxpy's ConicSolver, or None
         Its interface, if CVXPY does not know it by name.
     """
@@ -85,7 +85,7 @@ _OWN_LDL = {"direct_solve_method": "qdldl", "max_iter": 200}
 
 _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
-    # tolerances save little and cost the bracket (docs/solvers.md).
+    # tolerances save little and cost the bracket (docs/evidence/solvers.md).
     Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL),
     Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(1.7e-5, 1.2),
            starts_warm=True, plug_in=Blockwise),

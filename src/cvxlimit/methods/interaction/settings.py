@@ -1,8 +1,9 @@
 """The numbers behind a certified bracket, one record for each part of the method.
 
-Where each was measured, with the command, is in docs/interaction-speed.md ("Where the numbers come
-from"). Only speed and width depend on them: bounds are checked outside of all problems. Forces and
-excess are shares of the total load, places fractions of contacts' half extents.
+Where each was measured, with the command, is in docs/evidence/interaction-speed.md ("Where the
+numbers come from"). Only speed and width depend on them: bounds are checked outside of all
+problems. Forces and excess are shares of the total load, places fractions of the half extents of
+contacts.
 """
 
 from __future__ import annotations

@@ -1,0 +1,67 @@
+"""The gallery of built-in scenes: each is solved, drawn, and written as a page to turn.
+
+Load factors and seconds are therefore always those of the code that builds the site.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from time import process_time
+
+import cvxlimit
+from cvxlimit import Solution, builtin_scene, solve
+from cvxlimit.masonry import BUILTIN
+
+CARD = """:::{{grid-item-card}} {name}
+[![{name}, as it falls](/_made/pictures/{name}.png)](../live/{name}.html)
+
+{said}
+
+Load factor **{factor}**, {status}; {blocks} blocks, {contacts} contacts, {seconds:.1f} s.
+
+`solve(builtin_scene("{name}"))`
+:::"""
+
+
+def make_scenes(made: Path) -> None:
+    """Write ``scenes.md``, its pictures and its pages, unless the package is as it was then."""
+    stamp, state = made / "scenes.stamp", of_sources()
+    if stamp.exists() and stamp.read_text("utf-8") == state:
+        return
+    for folder in ("pictures", "site/live"):
+        (made / folder).mkdir(parents=True, exist_ok=True)
+    cards = [card(name, made) for name in BUILTIN]
+    grid = ["::::{grid} 1 2 2 3\n:gutter: 2\n", *cards, "::::\n"]
+    (made / "scenes.md").write_text("\n".join(grid), "utf-8")
+    stamp.write_text(state, "utf-8")
+
+
+def card(name: str, made: Path) -> str:
+    """Solve a scene; its picture, its page, and the text beside them."""
+    started = process_time()
+    solution = solve(builtin_scene(name))
+    seconds = process_time() - started
+    figure = solution.plot("mechanism")
+    figure.savefig(made / "pictures" / f"{name}.png", dpi=70)
+    solution.plot("page", made / "site" / "live" / f"{name}.html")
+    return CARD.format(
+        name=name,
+        said=description(solution),
+        factor=f"{solution.load_factor:.4f}",
+        status=solution.status.value,
+        blocks=solution.blocks,
+        contacts=solution.contacts,
+        seconds=seconds,
+    )
+
+
+def description(solution: Solution) -> str:
+    """What the list of built-in scenes says of it."""
+    return str(BUILTIN[solution.scene.name].description if solution.scene else "")
+
+
+def of_sources() -> str:
+    """A short name for the state of the package and of this file."""
+    files = [Path(__file__), *sorted(Path(cvxlimit.__file__).parent.rglob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

@@ -1,0 +1,79 @@
+"""Prose stays short and plain: words per page, rows per table, and a list of words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+USER = sorted(
+    page
+    for page in DOCS.rglob("*.md")
+    if not {"_made", "api", "evidence"} & set(page.relative_to(DOCS).parts)
+)
+"""Pages that every reader meets; those of evidence and of the API are as long as they must be."""
+
+REFERENCE = ("symbols", "conventions")
+"""Pages whose tables are the reference itself."""
+
+MOST_WORDS, MOST_ROWS = 2000, 6
+
+INSTEAD = {
+    r"seconds of the wall|wall seconds|s of wall\b": "elapsed time (there are walls here)",
+    r"wall[- ]clock": "elapsed time",
+    r"seconds of the processor|s of processor": "CPU seconds",
+    r"what is there": "a noun: the blocks, the results",
+    r"what that is worth": "how large its error is",
+    r"at a price": "with a penalty",
+    r"could have had": "had a limit of",
+    r"\bA reservation:": "a sentence that says what is limited",
+    r"is told by": "follows from, or: is given by",
+    r"utili[sz]e[sd]?\b": "use",
+    r"in order to\b": "to",
+    r"\bhence\b": "therefore, or a new sentence",
+    r"simply|obviously|of course": "nothing",
+}
+"""What is not written, as a pattern, and what is written instead."""
+
+
+def prose(page: Path) -> str:
+    """Without code, tables, formulas and directives."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^\$\$.*?^\$\$$", "", text, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"`[^`\n]+`", "", text)
+
+
+@pytest.mark.parametrize("page", USER, ids=lambda page: page.stem)
+def test_pages_are_short(page: Path) -> None:
+    assert len(page.read_text("utf-8").split()) <= MOST_WORDS
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in USER if page.stem not in REFERENCE], ids=lambda page: page.stem
+)
+def test_tables_are_short(page: Path) -> None:
+    tables = re.findall(r"(?:^\|.*\n)+", page.read_text("utf-8"), re.MULTILINE)
+    assert max((table.count("\n") - 2 for table in tables), default=0) <= MOST_ROWS
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *USER], ids=lambda page: page.stem)
+@pytest.mark.parametrize("words", INSTEAD)
+def test_words_that_are_not_written(page: Path, words: str) -> None:
+    found = re.findall(rf"[^.\n]*(?:{words})[^.\n]*", prose(page), re.IGNORECASE)
+    assert not found, f"write instead: {INSTEAD[words]}"
+
+
+@pytest.mark.parametrize("page", USER, ids=lambda page: page.stem)
+def test_formulas_are_formulas(page: Path) -> None:
+    """No subscripts written with underscores or Unicode in running text, no raw norms."""
+    text = re.sub(r"\$[^$]+\$", "", prose(page))
+    if page.stem not in REFERENCE:
+        assert not re.findall(r"\bM_T|\bc_T|[A-Za-z][₀-₉]|\\\|", text)
+
+
+@pytest.mark.parametrize("word", ["seismic", "overturn", "cite", "in-plane", "Windows", "conda"])
+def test_what_readers_search_for_is_on_a_page(word: str) -> None:
+    assert any(word in page.read_text("utf-8") for page in USER)
