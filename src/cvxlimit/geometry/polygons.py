@@ -161,11 +161,11 @@ def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArr
 
 
 def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[FloatArray]:
-    """:func:`effective_region` of one contact for many pressure centres (p, 2)."""
+    """:func:`effective_region` of a contact, or of one each (p, k, 2), for centres (p, 2)."""
     points = np.asarray(corners, dtype=float)
     centres = np.asarray(pressure_centres, dtype=float)
     reach = np.abs(points - centres[:, None]).max(axis=(1, 2))
-    both = np.broadcast_to(points, (len(centres), *points.shape))
+    both = np.broadcast_to(points, (len(centres), *points.shape[-2:]))
     found, count = _common(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
     regions = [region[:n] for region, n in zip(found, count.tolist(), strict=True)]
     return [_region(region, float(r)) for region, r in zip(regions, reach, strict=True)]

@@ -1,10 +1,7 @@
 """The certified answer with interaction: a bracket proved from below and from above.
 
-The condition of Eq. 30 is not convex, so no single convex problem gives the collapse load factor.
-Forces that satisfy it exactly bound the factor from below (:mod:`interaction.restriction`), a
-mechanism checked against the convex hull of every contact's true states bounds it from above
-(:mod:`interaction.relaxation`), and branch and bound closes what is left
-(:mod:`interaction.branching`).
+Forces that satisfy Eq. 30 exactly bound the factor from below, a mechanism checked against the
+convex hull of every contact's true states from above; branch and bound closes what is left.
 """
 
 from __future__ import annotations
@@ -13,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,14 +26,13 @@ from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
-from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.restriction.proving import basis, prove
+from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
-from cvxlimit.methods.interaction.settings import BRACKET, STEPS
+from cvxlimit.methods.interaction.settings import BRACKET, CLIMB
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
-from cvxlimit.solvers import SolverSettings, default_ladder, leading_ladder
+from cvxlimit.solvers import default_ladder, leading_ladder
 
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""
@@ -102,11 +99,9 @@ class Certified(Method):
     def __post_init__(self) -> None:
         if isinstance(self.starts, str):
             object.__setattr__(self, "starts", (self.starts,))
-        if self.starts is not None and not (
-            isinstance(self.starts, Sequence)
-            and self.starts
-            and all(start in STARTS for start in self.starts)
-        ):
+        starts = () if self.starts is None else self.starts
+        is_known = isinstance(starts, Sequence) and all(start in STARTS for start in starts)
+        if not is_known or (self.starts is not None and not starts):
             known = ", ".join(map(repr, STARTS))
             raise ModelError(f"starts must be among {known}, at least one, got {self.starts!r}")
         if self.tolerance is not None:
@@ -131,28 +126,6 @@ class Certified(Method):
         return basis(run.best.bracket, *caution)
 
 
-@dataclass
-class Stall:
-    """Notices that a gap no longer shrinks.
-
-    Example
-    -------
-    >>> stall = Stall(idle=10.0)
-    >>> [stall.is_over(seconds, gap) for seconds, gap in ((0, 1.0), (9, 0.5), (18, 0.5), (20, 0.5))]
-    [False, False, False, True]
-    """
-
-    idle: float
-    seconds: float = 0.0
-    gap: float = np.inf
-
-    def is_over(self, seconds: float, gap: float) -> bool:
-        """True if the gap has hardly shrunk for ``idle`` seconds and a third of all."""
-        if gap < 0.99 * self.gap or not np.isfinite(self.gap):
-            self.seconds, self.gap = seconds, gap
-        return seconds - self.seconds > max(self.idle, seconds / 3.0)
-
-
 def _percent(width: float) -> str:
     return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
 
@@ -162,9 +135,7 @@ class _Proof:
 
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
-
-    def _say(self, remark: str) -> None:
-        self.run.remarks = [remark]
+        self.ladder = run.ladder or (*leading_ladder(), *default_ladder()[:2])
 
     def steps(self) -> Steps:
         run = self.run
@@ -177,7 +148,7 @@ class _Proof:
         run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
-        outer.search(tolerance, self._outer_ladder())
+        outer.search(tolerance, self.ladder)
         yield None
         is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
         if is_doubtful and self._cannot_stand():
@@ -186,12 +157,12 @@ class _Proof:
         if (is_boundless or outer.claims_no_optimum) and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
         if run.best.mechanism is None:
-            yield from self._borrow(self._method())
+            yield from self._borrow()
         else:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch()
-            prove(run, LowerBounds(run.assemblage, run.moments))
+            prove(run)
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
@@ -222,42 +193,39 @@ class _Proof:
         if not run.best.bracket.is_within(self.rule.tolerance or BRACKET.outer):
             return False
         run.reductions = found.whole.names
-        self._say("planar, without torsion")
+        run.remarks = ["planar, without torsion"]
         return True
-
-    def _outer_ladder(self) -> tuple[SolverSettings, ...]:
-        return self.run.ladder or (*leading_ladder(), *default_ladder()[:2])
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state
-        method = self._method()
         starts = self.rule.starts or run.moments.starts
         for number, name in enumerate(starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
-                yield from self._until_met(method.iterates(at))
-            elif self.rule.starts or len(run.contacts) <= STEPS.most_boxed:
-                yield from self._until_met(method.narrowed(at))
-        yield from self._borrow(method)
-        if not run.remarks:
-            self._say("no further progress from these starts")
+                yield from self._until_met(self.method.iterates(at))
+            elif self.rule.starts or len(run.contacts) <= CLIMB.most_boxed:
+                yield from self._until_met(self.method.narrowed(at))
+        yield from self._borrow()
+        run.remarks = run.remarks or ["no further progress from these starts"]
 
-    def _method(self) -> InnerMethod:
+    @cached_property
+    def method(self) -> InnerMethod:
+        """Searches from below."""
         return InnerMethod(self.run, self.rule.solves, reductions=self.found)
 
-    def _borrow(self, method: InnerMethod) -> Iterator[None]:
+    def _borrow(self) -> Iterator[None]:
         for stricter in self.run.moments.stricter:
             if not self._is_within(BRACKET.outer):
-                yield from self._until_met(method.borrowed(stricter))
+                yield from self._until_met(self.method.borrowed(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
         if self._is_met():
             return
         for _ in iterates:
             if self._is_met():
-                self._say("the tolerance is met")
+                self.run.remarks = ["the tolerance is met"]
                 return
             yield None
 
@@ -273,21 +241,22 @@ class _Proof:
         if not seconds or run.best.bracket.width <= asked:
             return
         start, before = run.clock.elapsed, run.best.bracket.width
-        pool = (
-            nullcontext(self.rule.executor) if self.rule.executor else processes(self.rule.workers)
-        )
-        with pool as executor:
+        own = self.rule.executor
+        with nullcontext(own) if own else processes(self.rule.workers) as executor:
             search = BranchAndBound(run, asked, executor, self.rule.workers)
-            stall = Stall(BRACKET.idle)
+            seen, gained = np.inf, 0.0  # the gap that was last a hundredth less, and when
             while True:
                 spent = run.clock.elapsed - start
-                self._say(
+                run.remarks = [
                     f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
                     f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
-                )
-                has_stalled = stall.is_over(spent, search.upper - search.lower)
-                is_idle = has_stalled and search.nodes >= BRACKET.least_nodes
-                is_over = spent > seconds or (self.rule.branching_seconds is None and is_idle)
+                ]
+                gap = search.upper - search.lower
+                if gap < 0.99 * seen or not np.isfinite(seen):
+                    seen, gained = gap, spent
+                is_idle = spent - gained > max(BRACKET.idle, spent / 3.0)
+                is_idle &= self.rule.branching_seconds is None
+                is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
                 if is_over or not search.can_go_on or run.best.bracket.is_below_zero:
                     return
                 yield None
@@ -311,28 +280,28 @@ class _Proof:
         if not np.any(run.scene.dead_forces):
             return False
         alone = run.aside(run.assemblage.alone(run.assemblage.statics.dead))
-        UpperBound(alone).search(BRACKET.dead, self._outer_ladder())
+        UpperBound(alone).search(BRACKET.dead, self.ladder)
         if alone.best.bracket.upper < 0.5:
             rates = alone.best.mechanism
             run.best = replace(run.best, forces=None, mechanism=rates)
             if rates is not None:
-                self._say(fallen(run.scene, rates))
+                run.remarks = [fallen(run.scene, rates)]
             return True
         bracket = run.best.bracket
         if not (bracket.is_below_zero and bracket.upper_is_proved):
             return False
         most = rounded_up(bracket.upper)
         reason = "".join(run.remarks[:1])
-        self._say(f"{reason}: no load factor above {most} is carried at any eccentricities")
+        run.remarks = [f"{reason}: no load factor above {most} is carried at any eccentricities"]
         return True
 
     def _stand(self) -> None:
         run = self.run
         if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
             return
-        forces = carrying_forces(run, run.assemblage.statics.dead, self._outer_ladder())
+        forces = carrying_forces(run, run.assemblage.statics.dead, self.ladder)
         if forces is None:
-            self._say(_MAY_FALL)
+            run.remarks = [_MAY_FALL]
         else:
             run.best = run.best.raised(0.0, True, 0.0, forces)
 
@@ -342,9 +311,9 @@ class _Proof:
         Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
         """
         run = self.run
-        forces = carrying_forces(run, run.assemblage.statics.live, self._outer_ladder())
+        forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
         if forces is None:
-            self._say(_OPEN)
+            run.remarks = [_OPEN]
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
         run.remarks = []

@@ -19,17 +19,10 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.restriction.boxes import Boxes
-from cvxlimit.methods.interaction.restriction.inner import InnerMethod
+from cvxlimit.methods.interaction.restriction.inner import Boxes, InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate
-from cvxlimit.methods.interaction.states.majorants import (
-    Forces,
-    Plane,
-    Point,
-    Row,
-    StepRows,
-)
+from cvxlimit.methods.interaction.states.majorants import Forces, Point, Row, StepRows
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
@@ -94,9 +87,8 @@ def rows_at(
     )
     ones = np.ones(SAMPLES)
     rectangles = Rectangles(contacts, ones, np.tile(np.eye(2), (SAMPLES, 1, 1)), 0 * contacts.sides)
-    plane = Plane.at(point, rectangles, balance)
     slopes = parse_moments(moments).slopes
-    found = StepRows(fields, point, plane, contacts.sides, contacts.friction, slopes, False).rows()
+    found = StepRows(fields, point, rectangles, slopes, False, balance).rows()
     return [row_value(row, normal) for row in found], fields
 
 

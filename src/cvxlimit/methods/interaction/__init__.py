@@ -6,6 +6,6 @@ Folders, lowest first; each sees those before it:
   outside (``support``, ``copies``, ``cells``) and from inside (``majorants``, ``rectangles``);
 - ``readings``: what depends on how Eq. 30 adds moments; a further reading is one more class here;
 - ``relaxation``: bounds from above, the convex hull of every contact's states;
-- ``climb``: bounds from below, and loads that need none (``recognition``);
+- ``restriction``: bounds from below, and loads that need none (``slater``);
 - ``branching``: both, closed by branch and bound.
 """

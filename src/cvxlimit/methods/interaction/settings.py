@@ -12,6 +12,26 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class SupportSettings:
+    """Support functions, arms and shapes of contacts."""
+
+    halvings: int = 45  # of pieces at most: they are then as short as rounding
+    edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
+    boxes: float = 1e-8  # the same over boxes, which close more slowly
+    sections: int = 44  # golden sections of the share of Eq. 30: 6e-10 of the range is left
+    cells: int = 2  # along each side of a polygon's box, besides cuts at zero
+    rounding: float = 1e-9  # share of a contact's size, or area, that counts as nothing
+    stations: int = 48  # positions along a contact that ends of inscribed rectangles try,
+    angles: int = 24  # and directions, besides those of the contact's edges
+    grid: int = 21  # pressure centres per axis at which their arms are compared
+    margin: float = 0.99  # share of the least ratio of arms there: what may lie between
+    friction: float = 1e-3  # least in the balance of product bounds, to keep that finite
+    idle: float = 0.3  # least share of it for the half of a moment that is zero at the point
+    central: float = 1e-4  # share of a side from an axis within which centres may cross that
+    narrowest: float = 0.2  # least share of a range that a child gets, so that ranges shrink
+
+
+@dataclass(frozen=True)
 class ProofSettings:
     """When forces count, and how they are proved."""
 
@@ -31,18 +51,8 @@ class ProofSettings:
 
 
 @dataclass(frozen=True)
-class HullSettings:
-    """The relaxation of a whole run, and copies added to it."""
-
-    noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
-    worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
-    beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
-    most_rounds: int = 12  # solves with added copies
-
-
-@dataclass(frozen=True)
-class StepSettings:
-    """Safe, long and penalty steps to a lower bound."""
+class ClimbSettings:
+    """Steps to a lower bound; boxes of pressure centres that follow a relaxation to one."""
 
     penalty_steps: int = 4  # at most
     price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
@@ -53,20 +63,13 @@ class StepSettings:
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
     frozen: float = 1e-10  # tolerance of frozen problems, whose excess is taken off the bound
-    relaxed: float = 1e-4  # tolerance of a stricter reading's relaxation
     lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     first_ratio: float = 0.7  # of one gain to the one before, until there are two
     most_boxed: int = 500  # contacts up to which boxes are tried unasked
     # prices of slack, scaled, where forces are sought that carry a load alone; None: a safe step
     prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, None)
-
-
-@dataclass(frozen=True)
-class BoxSettings:
-    """Boxes of pressure centres that follow a relaxation to admissible forces."""
-
-    first: float = 0.8  # half width about given pressure centres
+    first: float = 0.8  # half width of boxes about given pressure centres
     largest: float = 2.0  # the whole contact from wherever the centre is
     exploring: int = 8  # boxes that may grow
     settling: int = 12  # boxes that only shrink
@@ -81,8 +84,8 @@ class BoxSettings:
 
 
 @dataclass(frozen=True)
-class NodeSettings:
-    """What is done at a node of branch and bound."""
+class BranchSettings:
+    """What is done at a node of branch and bound, and the search as a whole."""
 
     narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
@@ -98,12 +101,6 @@ class NodeSettings:
     gain: float = 0.1  # share of the gap that a round of it must close for another one
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """Branch and bound as a whole."""
-
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most
     steps: int = 16  # places tried on the way between two force states
@@ -119,8 +116,12 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class BracketSettings:
-    """The certified method as a whole."""
+    """The relaxation of a whole run with copies added to it, and the method as a whole."""
 
+    noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
+    worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
+    beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
+    most_rounds: int = 12  # solves with added copies
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     dead: float = 1e-5  # the same where only 1 / 2 decides: whether the dead load stands
@@ -131,5 +132,5 @@ class BracketSettings:
     least_nodes: int = 30  # but not before so many nodes, however slow the machine
 
 
-PROOF, HULL, STEPS = ProofSettings(), HullSettings(), StepSettings()
-BOXES, NODES, SEARCH, BRACKET = BoxSettings(), NodeSettings(), SearchSettings(), BracketSettings()
+SUPPORT, PROOF, CLIMB = SupportSettings(), ProofSettings(), ClimbSettings()
+BRANCH, BRACKET = BranchSettings(), BracketSettings()

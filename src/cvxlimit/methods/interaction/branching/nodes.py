@@ -1,37 +1,30 @@
-"""Nodes of branch and bound: boxes of pressure centres, relaxed and certified.
+"""Nodes of branch and bound: boxes of pressure centres, relaxed, certified and split.
 
-The relaxation is the convex hull of every contact's states in its box, with a mechanism that is
-certified against the true states in the boxes. Copies on the edges of boxes are added where the
-mechanism misses them. A node whose states cannot carry the dead load needs no special proof: its
-relaxation may take dead load off at a price, and its mechanism then has a bound of minus that
-price.
+A node whose states cannot carry the dead load needs no special proof: its relaxation may take dead
+load off at a price, and its mechanism then has a bound of minus that price.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
-from cvxlimit.methods.interaction.settings import NODES
+from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.solvers import (
-    LimitState,
-    SolverSettings,
-    node_ladder,
-    tight_ladder,
-)
+from cvxlimit.solvers import LimitState, SolverSettings, node_ladder, tight_ladder
 from cvxlimit.surfaces import Rocking
 
 
@@ -53,19 +46,8 @@ class Node:
 
 @dataclass(frozen=True)
 class Goal:
-    """What a node is explored for.
-
-    Attributes
-    ----------
-    lower : float
-        Lower bound on the load factor; nodes below need no answer.
-    width : float
-        Gap that is asked for; bounds to ``lower`` + :attr:`NodeSettings.closed` of it close a node.
-    price : float or None
-        Of the dead load.
-    tried : int
-        Contacts that are tried for a split.
-    """
+    """What a node is explored for: a ``lower`` bound on the load factor, the gap ``width`` that is
+    asked for, the ``price`` of the dead load, and how many contacts are ``tried`` for a split."""
 
     lower: float
     width: float
@@ -76,15 +58,13 @@ class Goal:
     def cut(self) -> float:
         """Bound at which a node is closed: nearly all of the gap that is asked for, for ranges
         shrink the less the closer it is to the lower bound."""
-        return self.lower + NODES.closed * self.width
+        return self.lower + BRANCH.closed * self.width
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """What came of a node: those still open, the largest bound of what was closed, and the cost.
-
-    ``solvers`` are the names of those that ran in its process so far.
-    """
+    """What came of a node: those still open, the largest bound of what was closed, what it cost,
+    and the names of the solvers that ran in its process so far."""
 
     open: tuple[Node, ...]
     closed: float
@@ -93,17 +73,8 @@ class Explored:
 
 
 class Relaxer:
-    """All that nodes of one scene share.
-
-    Parameters
-    ----------
-    assemblage : Assemblage
-    moments : Moments
-    ladder : sequence of SolverSettings or None
-        Tried in turn; None is :func:`node_ladder`.
-    opening : (free blocks, 6) array or None
-        A field that opens all contacts, where one is known.
-    """
+    """All that nodes of one scene share; ``opening`` is a field (free blocks, 6) that opens all
+    contacts, where one is known."""
 
     def __init__(
         self,
@@ -126,17 +97,10 @@ class Relaxer:
         self.solvers: set[str] = set()
         self.closed = -np.inf
 
-    def root(self, goal: Goal) -> Node:
-        """All pressure centres."""
-        empty = Node(np.inf, whole_boxes(self.contacts), Copies.none())
-        return self.evaluated(empty, goal)
-
     def begun(self) -> None:
-        """Count anew what the next node costs."""
         self.solves, self.closed = 0, -np.inf
 
     def explored(self, nodes: Sequence[Node], goal: Goal) -> Explored:
-        """What came of a node that these stand for."""
         still = tuple(node for node in nodes if node.bound > goal.cut)
         closed = max([self.closed, *(n.bound for n in nodes if n.bound <= goal.cut)])
         return Explored(still, closed, self.solves, frozenset(self.solvers))
@@ -146,8 +110,8 @@ class Relaxer:
         flow = InteractionFlow(self.contacts, self.moments, node.boxes)
         certifier = self.certifier.with_flow(flow)
         first = self.moments.box_copies(self.contacts, node.boxes)
-        worth = NODES.worth_a_copy * goal.width
-        for _ in range(NODES.rounds):
+        worth = BRANCH.worth_a_copy * goal.width
+        for _ in range(BRANCH.rounds):
             state = self.solve(first.joined(node.added), goal.price)
             if state.mechanism is None or state.load_factor is None:
                 break
@@ -180,10 +144,6 @@ class Relaxer:
                 break
         return state
 
-    def safe(self, copies: Copies) -> LimitState:
-        """States that are all admissible, solved tightly: their forces are what counts."""
-        return self.solve(copies, None, ladder=self.tight)
-
     def speeds(self, mechanism: FloatArray) -> FloatArray:
         """Slip and twist of contacts (n,) for unit live power."""
         rates = self.statics.relative_rates(mechanism)
@@ -194,4 +154,94 @@ class Relaxer:
     def centre(self, forces: FloatArray) -> FloatArray:
         """Pressure centres (n, 2) as fractions of the half extent."""
         at = Pressure.of(forces, self.contacts)
-        return np.clip(np.stack([at.e1, at.e2], axis=1) / self.half, -1.0, 1.0)
+        return np.clip(at.centre / self.half, -1.0, 1.0)
+
+
+_Seen = tuple[FloatArray, FloatArray, BoolArray]  # forces, mechanism, and the contacts that count
+
+
+def scores(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
+    """How much contacts (n,) carry of the gap: excess of Eq. 30 times speed."""
+    forces, mechanism, free = seen
+    speed = relaxer.speeds(mechanism)
+    speed = speed + BRANCH.speed_at_rest * float(speed.max())
+    width = np.ptp(boxes, axis=2).max(axis=1)
+    # what is beyond that in a narrow box is the solver's, and no split takes it away
+    most = width * np.maximum(forces[:, COLUMN["N"]], 0.0)
+    excess = np.clip(relaxer.moments.excess(forces, relaxer.contacts), 0.0, most)
+    return np.where(free & (width > BRANCH.narrowest), excess * speed, 0.0)
+
+
+def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[tuple[int, int, float]]:
+    """Contacts, axes and fractions at which to split, the best first; none if nothing can."""
+    if node.forces is None or node.mechanism is None:
+        return _widest(node)
+    every = np.ones(len(relaxer.contacts), dtype=bool)
+    seen = _beneath(relaxer, node, (node.forces, node.mechanism, every), goal)
+    # the halves of contacts beneath others have one and the same bound at first
+    tried = goal.tried if seen[2].all() else 1
+    score = scores(relaxer, node.boxes, seen)
+    best = [j for j in np.argsort(-score)[:tried].tolist() if score[j] > 0.0]
+    return [_place(relaxer, node, seen[0], j) for j in best] or _widest(node)
+
+
+def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
+    """What tells where to split. Where a part of the scene collapses at a load factor that no split
+    changes, all excess is at rest, and says nothing: with that part's contacts glued the rest shows
+    how it would collapse."""
+    for _ in range(BRANCH.layers):
+        forces, mechanism, free = seen
+        speed = relaxer.speeds(mechanism)
+        excess = np.maximum(relaxer.moments.excess(forces, relaxer.contacts), 0.0)
+        if float((excess * speed)[free].sum()) > BRANCH.at_rest * (node.bound - goal.lower):
+            break
+        glued = ~free | (speed > BRANCH.moves * float(speed.max()))
+        copies = relaxer.moments.box_copies(relaxer.contacts, node.boxes).joined(node.added)
+        state = relaxer.solve(copies, goal.price, np.flatnonzero(glued))
+        factor = state.load_factor
+        if state.forces is None or state.mechanism is None or factor is None:
+            break
+        if glued.all() or not node.bound - goal.width < factor < BRANCH.far * abs(node.bound):
+            break
+        seen = state.forces, state.mechanism, ~glued
+    return seen
+
+
+def _place(
+    relaxer: Relaxer, node: Node, forces: FloatArray, contact: int
+) -> tuple[int, int, float]:
+    centre = relaxer.centre(forces)[contact]
+    high = node.boxes[contact, :, 1]
+    low, centre = relaxer.moments.folded(node.boxes[contact], centre)
+    inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
+    axis = int(inner.argmax())
+    return contact, axis, float(centre[axis])
+
+
+def _widest(node: Node) -> list[tuple[int, int, float]]:
+    width = np.ptp(node.boxes, axis=2)
+    contact, axis = np.unravel_index(int(width.argmax()), width.shape)
+    if width[contact, axis] <= BRANCH.narrowest:
+        return []
+    return [(int(contact), int(axis), float(node.boxes[contact, axis].mean()))]
+
+
+def explore(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
+    relaxer.begun()
+    best: tuple[float, list[Node]] | None = None
+    for contact, axis, at in choices(relaxer, node, goal):
+        children, added = [], node.added.without(np.array([contact]))
+        low, high = node.boxes[contact, axis]
+        for ends in pairwise(relaxer.moments.split(low, high, at)):
+            boxes = node.boxes.copy()
+            boxes[contact, axis] = ends
+            children.append(relaxer.evaluated(replace(node, boxes=boxes, added=added), goal))
+        gains = [node.bound - max(child.bound, goal.lower) for child in children]
+        gain = min(gains) + 0.1 * float(np.mean(gains))
+        if best is None or gain > best[0]:
+            best = gain, children
+        if max(child.bound for child in children) <= goal.cut:
+            break
+    if best is None:
+        relaxer.closed = node.bound
+    return relaxer.explored(best[1] if best else [], goal)

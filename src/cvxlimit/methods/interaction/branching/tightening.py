@@ -8,31 +8,30 @@ bound has shown the same.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
-from cvxlimit.methods.interaction.branching.splitting import scores
+from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.relaxation.hull import CopyColumns, HullProblem, stacked
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
-from cvxlimit.methods.interaction.settings import NODES
+from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 
 
-def tightened_root(relaxer: Relaxer, root: Node, goal: Goal) -> Explored:
+def tightened_root(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
     """The root after tightening as long as that gains; without a lower bound nothing is cut."""
     relaxer.begun()
-    node = root
     while node.bound > goal.cut > -np.inf:
         gap = node.bound - goal.cut
         node = _Tightening(relaxer, node, goal).tightened()
-        if gap - (node.bound - goal.cut) < NODES.gain * gap:
+        if gap - (node.bound - goal.cut) < BRANCH.gain * gap:
             break
     return relaxer.explored([node], goal)
 
@@ -49,14 +48,14 @@ class _Tightening:
         if node.forces is None or node.mechanism is None:
             return node
         self._aim()
+        seen = node.forces, node.mechanism, np.ones(len(relaxer.contacts), dtype=bool)
         centre = relaxer.centre(node.forces)
-        for j in np.flatnonzero(scores(relaxer, node) > 0.0).tolist():
-            for axis in (0, 1):
-                for side, sign in ((0, -1.0), (1, 1.0)):
-                    low, high = self.boxes[j, axis]
-                    beyond = sign * (self.boxes[j, axis, side] - centre[j, axis])
-                    if beyond >= NODES.cut * (high - low):
-                        self.boxes[j, axis, side] = self._reached(j, axis, sign)
+        rows = np.flatnonzero(scores(relaxer, node.boxes, seen)).tolist()
+        for j, axis, side in product(rows, (0, 1), (0, 1)):
+            low, high = self.boxes[j, axis]
+            sign = 2.0 * side - 1.0
+            if sign * (self.boxes[j, axis, side] - centre[j, axis]) >= BRANCH.cut * (high - low):
+                self.boxes[j, axis, side] = self._reached(j, axis, sign)
         if np.array_equal(self.boxes, node.boxes):
             return self.node
         changed = np.flatnonzero((self.boxes != node.boxes).any(axis=(1, 2)))
@@ -70,13 +69,13 @@ class _Tightening:
     def _reached(self, j: int, axis: int, sign: float) -> float:
         relaxer, boxes, side = self.relaxer, self.boxes, int(sign > 0.0)
         present, width = float(boxes[j, axis, side]), float(np.ptp(boxes[j, axis]))
-        for _ in range(NODES.attempts):
+        for _ in range(BRANCH.attempts):
             relaxer.solves += 1
             found = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
             if found is None:
                 break
-            at = sign * (found[0] + NODES.beyond * width)
-            if sign * (present - at) < NODES.cut * width:
+            at = sign * (found[0] + BRANCH.beyond * width)
+            if sign * (present - at) < BRANCH.cut * width:
                 break
             slab = boxes.copy()
             slab[j, axis, 1 - side] = at
@@ -94,7 +93,7 @@ class _Tightening:
         flow = InteractionFlow(relaxer.contacts, relaxer.moments, slab)
         certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
-        tilt = NODES.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()
+        tilt = BRANCH.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()
         rates = mechanism + tilt * node.mechanism
         bound = certifier.certificate(node.forces, None, rates).upper
         if bound <= goal.cut + 0.1 * goal.width:
@@ -102,7 +101,7 @@ class _Tightening:
             return True
         power, new = float(relaxer.statics.live @ rates.ravel()), Copies.none()
         if power > 0.0:
-            worth = NODES.worth_a_copy * goal.width
+            worth = BRANCH.worth_a_copy * goal.width
             new = missed_copies(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
         self.node = replace(node, added=node.added.joined(new))
@@ -116,14 +115,6 @@ class Reach:
     is one convex problem: by homogeneity states may be scaled to N = 1 at the contact asked about,
     with the dead load scaled by t >= 0 (Charnes and Cooper). Its mechanism shows why pressure
     beyond cannot act: it bounds the load factor of all such states by ``least``.
-
-    Parameters
-    ----------
-    problem : HullProblem
-        Of a whole scene.
-    copies : Copies
-    least : float
-        Load factor, in the user's units.
     """
 
     def __init__(self, problem: HullProblem, copies: Copies, least: float) -> None:
@@ -134,8 +125,8 @@ class Reach:
         zero, self.width = plain.zero, plain.matrix.shape[1] + 1
         dead = sp.csc_array(problem.dead[:, None])
         alpha = least / problem.scaling.load_factor(1.0)
-        reached = [(np.array([0, 0, 1]), np.array([0, self.width - 1, self.width - 1]),
-                    np.array([-1.0, alpha, -1.0]))]  # fmt: skip
+        last = self.width - 1
+        reached = [(np.array([0, 0, 1]), np.array([0, last, last]), np.array([-1.0, alpha, -1.0]))]
         rest = sp.hstack([rows[zero:], sp.csc_array((rows.shape[0] - zero, 1))])
         self.matrix = sp.vstack(
             [sp.hstack([rows[:zero], dead]), stacked(reached, (2, self.width)), rest], format="csr"

@@ -9,21 +9,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer
-from cvxlimit.methods.interaction.branching.splitting import explore
+from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import Scaling, Statics
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import (
-    SolverSettings,
-)
+from cvxlimit.solvers import SolverSettings
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """An relaxer on its way to another process: what it is made of, and ``key``, its name."""
+    """A relaxer on its way to another process: what it is made of, and ``key``, its name."""
 
     key: str
     scene: Scene
@@ -35,7 +32,6 @@ class Task:
 
     @classmethod
     def of(cls, key: str, relaxer: Relaxer, assemblage: Assemblage) -> Task:
-        """For the same scene, moments and solvers."""
         opening = relaxer.certifier.witnesses.opening_field
         return cls(
             key, assemblage.scene, assemblage.statics, assemblage.scaling, relaxer.moments,

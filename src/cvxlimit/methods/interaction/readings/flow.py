@@ -7,16 +7,15 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.support import (
+    Asked,
     Support,
     corner_support,
     half_extent,
     whole_boxes,
 )
 from cvxlimit.model.flow import Shortfall
-
-_HALVINGS = 45
-"""Rounds of halving at most: pieces are then as short as rounding."""
 
 
 class InteractionFlow:
@@ -26,15 +25,9 @@ class InteractionFlow:
     :class:`~cvxlimit.proof.certificate.Certifier` with it proves upper bounds on the collapse load
     with interaction: the shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear,
     and forces do at least -s N of work on rates q.
-
-    Parameters
-    ----------
-    contacts : Contacts
-    moments : Moments
-    boxes : (n, 2, 2) array, optional
-        Pressure centres considered: lowest and highest e1 and e2 as fractions of
-        :func:`half_extent`. Arms of polygons that are not rectangles are bounded over cells
-        (:mod:`cells`) where friction at their corners does not stand for all states.
+    ``boxes`` (n, 2, 2) are the pressure centres considered: lowest and highest e1 and e2 as
+    fractions of :func:`half_extent`, None is all. Arms of polygons that are not rectangles are
+    bounded over cells (:mod:`cells`) where friction at their corners does not stand for all states.
     """
 
     def __init__(
@@ -54,11 +47,9 @@ class InteractionFlow:
         An upper bound on the exact value, above it by 1e-10 of the largest power at most
         (independent signs on polygons: by what friction at the corners allows more).
         """
-        return Shortfall(self._support(-rates, _HALVINGS)[0], np.zeros(0))
+        return Shortfall(self._support(-rates, SUPPORT.halvings)[0], np.zeros(0))
 
-    def opened(self, rates: FloatArray) -> Shortfall:
-        """The shortfall itself: the rule leaves no choice."""
-        return self.shortfall(rates)
+    opened = shortfall  # the rule leaves no choice
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the shortfall, without a search along the edges."""
@@ -69,7 +60,7 @@ class InteractionFlow:
 
         Centres are found for rectangles with independent signs, and are NaN elsewhere.
         """
-        return self._support(-rates, _HALVINGS)
+        return self._support(-rates, SUPPORT.halvings)
 
     def _support(self, w: FloatArray, halvings: int) -> Support:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
@@ -82,7 +73,6 @@ class InteractionFlow:
             np.maximum.at(power, j[cells.start], found)
         rows = self._rectangles
         if len(rows):
-            power[rows], centre[rows] = self.moments.support(
-                w[rows], self.half[rows], friction[rows], self.boxes[rows], halvings
-            )
+            asked = Asked(w[rows], self.half[rows], friction[rows], self.boxes[rows])
+            power[rows], centre[rows] = self.moments.support(asked, halvings)
         return power + w[:, COLUMN["N"]], centre

@@ -1,11 +1,7 @@
 """One half of a symmetric scene with interaction: half the problem, bounds of the whole.
 
-Eq. 30 is not convex, so the mean of a state and its mirror image need not be admissible, and the
-best state may be none that is its own image (:mod:`cvxlimit.reductions.mirror` says why it is
-without interaction). But hulls of true states are convex, and safe steps built at a symmetric point
-are convex and symmetric too: each of these problems has a symmetric solution. A relaxation loses
-nothing by being solved on one half, and a climb stays among symmetric states, which are admissible
-or not like any others. Bounds are computed on the whole scene as ever.
+Hulls of true states are convex, and safe steps built at a symmetric point are convex and symmetric:
+each of these problems has a symmetric solution. Bounds are computed on the whole scene as ever.
 """
 
 from __future__ import annotations
@@ -18,38 +14,19 @@ import scipy.sparse as sp
 from cvxlimit.arrays import IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.mirror import Mirror
-
-_SAME = 1e-9
-"""Difference of excesses over the largest that is put down to rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Half:
     """The half of a symmetric scene that says it all, under one reading of Eq. 30.
 
-    Attributes
-    ----------
-    kept, dropped : (k,), (n - k,) int arrays
-        Contacts of this half, those on the plane among them, and those of the other.
-    forces : (6 n, 6 k) sparse array
-        Forces of all contacts, per forces of those kept.
-    rates : (r, 6 free blocks) sparse array
-        Symmetric ways in which blocks move.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.model.assemblage import Assemblage
-    >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
-    >>> from cvxlimit.surfaces.coulomb import surfaces_of
-    >>> assemblage = Assemblage.of(builtin_scene("s10-panel"))
-    >>> found = Reductions.of(assemblage, surfaces_of("conic")[0])
-    >>> half = Half.of(found, SIGNED)
-    >>> len(half.kept), len(assemblage.contacts)
-    (960, 1906)
+    ``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
+    those of the other; ``forces`` (6 n, 6 k) of all contacts, per forces of those kept; ``rates``
+    (r, 6 free blocks) the symmetric ways in which blocks move.
     """
 
     kept: IntArray
@@ -100,4 +77,4 @@ def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> boo
     image[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, forces)
     one = moments.excess(forces, contacts)
     other = moments.excess(image, contacts)[mirror.contacts]
-    return bool(np.abs(one - other).max() <= _SAME * np.abs(one).max())
+    return bool(np.abs(one - other).max() <= SUPPORT.rounding * np.abs(one).max())

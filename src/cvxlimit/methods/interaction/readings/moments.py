@@ -19,19 +19,15 @@ import numpy as np
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.states.cells import Cells, independent_cell_support
+from cvxlimit.methods.interaction.settings import SUPPORT
+from cvxlimit.methods.interaction.states.cells import Cells, independent_power, levered_power
 from cvxlimit.methods.interaction.states.copies import (
     Copies,
     cell_copies,
     copies_of,
     corner_copies,
-    level_places,
+    corner_places,
     spread_copies,
-)
-from cvxlimit.methods.interaction.states.levered import (
-    cell_support,
-    levered_support,
-    limited_support,
 )
 from cvxlimit.methods.interaction.states.pressure import Pressure, own_arm
 from cvxlimit.methods.interaction.states.rectangles import (
@@ -40,11 +36,12 @@ from cvxlimit.methods.interaction.states.rectangles import (
     largest_centred,
 )
 from cvxlimit.methods.interaction.states.support import (
+    Asked,
     Support,
-    axis_levels,
     free_sign,
     independent_support,
     is_whole,
+    levered_support,
     whole_boxes,
 )
 from cvxlimit.surfaces.base import YieldSurface
@@ -56,59 +53,37 @@ from cvxlimit.surfaces.frozen import (
     TorsionShearBending,
 )
 
-_SMALLEST_ARM = 1e-9
-"""An effective area without extent counts as this fraction of c_T: the frozen surface keeps an
-interior, and nothing is allowed there that a solver could tell from nothing."""
-
-_NARROWEST_CHILD = 0.2
-"""Least share of a range that a child gets, so that ranges shrink whatever the forces say."""
-
 
 class Moments(ABC):
     """A reading of Eq. 30: torque of a contact's forces <= c (mu N - abs(V)).
 
     Derive a reading of one's own from :class:`TiedMoments`.
-
-    Attributes
-    ----------
-    name : str
-        As in options and result files.
-    starts : tuple of {"relaxation", "middle", "boxes"}
-        Where searches for a lower bound begin unless they are told.
-    way : {"steps", "boxes"}
-        How they go on: by safe steps, or by shrinking boxes of pressure centres.
-    slopes : (2, 2) array or None
-        d_i / e_i of the lever about which torsion is taken, for each axis at positive and negative
-        e_i; None for independent signs.
-    is_limited : bool
-        True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N.
-    frozen : callable
-        Eq. 32: the convex surface with the eccentricities frozen, and its cone.
-    inscribed : callable
-        A rectangle in a contact of another shape (corners (k, 2)) on which Eq. 30 is as strict or
-        stricter.
-    balance : float
-        k^2 of the product bounds of safe steps, in units of (half side / friction).
-    reach : float
-        Safe steps are built ahead of the last forces by this share of the last move, while that
-        gains.
-    shrink : float
-        Safe steps are built this share nearer to the middle than the last forces.
-    caution : str
-        What every answer under this reading has to be read with; "" if nothing.
     """
 
     name: str
+    """As in options and result files."""
     starts: tuple[str, ...]
+    """Where searches for a lower bound begin unless they are told: relaxation, middle, boxes."""
     way: Literal["steps", "boxes"] = "steps"
+    """How they go on: by safe steps, or by shrinking boxes of pressure centres."""
     is_limited: bool = False
+    """True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N."""
     slopes: FloatArray | None = None
+    """d_i / e_i (2, 2) of the lever about which torsion is taken, for each axis at positive and
+    negative e_i; None for independent signs."""
     frozen: Callable[[Eccentricity, Cone], YieldSurface]
+    """Eq. 32: the convex surface with the eccentricities frozen, and its cone."""
     inscribed: Callable[[FloatArray], Rectangle]
+    """A rectangle in a contact of another shape, of corners (k, 2), where Eq. 30 is as strict."""
     balance: ClassVar[float]
+    """k^2 of the product bounds of safe steps, in units of (half side / friction)."""
     reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
+    """Safe steps are built ahead of the last forces by ``reach`` of the last move, while that
+    gains, and nearer to the middle by ``shrink``: pressed in a corner or at full slip a contact's
+    safe set has no interior, and solvers return inaccurate answers."""
     caution: ClassVar[str] = ""
+    """What every answer under this reading has to be read with; "" if nothing."""
 
     def __str__(self) -> str:
         return self.name
@@ -122,6 +97,31 @@ class Moments(ABC):
     @abstractmethod
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
         """Left side of Eq. 30 (n,), for forces (n, 6) that press ``at`` some centre."""
+
+    @abstractmethod
+    def lever(self, e: FloatArray) -> FloatArray:
+        """Arms (..., 2) of V2 and V1 for pressure centres (..., 2)."""
+
+    @abstractmethod
+    def support(self, asked: Asked, halvings: int) -> Support:
+        """Largest power of true states on rectangles: see :mod:`~.states.support`."""
+
+    @abstractmethod
+    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
+        """An upper bound (g,) on the power of true states with N = 1 pressed in each cell, but for
+        w_N; rates (k, 6) and friction (k,) are those of the cells' corners."""
+
+    @abstractmethod
+    def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
+        """True (n,) for contacts whose states friction at the corners stands for."""
+
+    @abstractmethod
+    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
+        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2)."""
+
+    @abstractmethod
+    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+        """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
 
     def largest_arm(self, contacts: Contacts) -> FloatArray:
         """The largest arm c (n,) there may be; infinite as a rule."""
@@ -146,39 +146,16 @@ class Moments(ABC):
 
     def parameters(self, contacts: int) -> Eccentricity:
         """What :attr:`frozen` takes, as Parameters of so many contacts."""
-        return Eccentricity(
-            cp.Parameter(contacts, nonneg=True), cp.Parameter(contacts), cp.Parameter(contacts)
-        )
+        signed = self.slopes is not None
+        arms = (cp.Parameter(contacts, nonneg=not signed) for _ in range(2))
+        return Eccentricity(cp.Parameter(contacts, nonneg=True), *arms)
 
     def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
-        """What :attr:`frozen` takes, over c_T."""
+        """What :attr:`frozen` takes, over c_T; an effective area without extent counts as a little,
+        so that the surface keeps an interior."""
         arm = np.minimum(at.arm, self.largest_arm(contacts)) / contacts.torsion_arm
-        lever = self._arms_of_shear(np.stack([at.e1, at.e2], axis=1)).T / contacts.torsion_arm
-        return Eccentricity(np.maximum(arm, _SMALLEST_ARM), *lever)
-
-    @abstractmethod
-    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
-        """Arms (n, 2) of V2 and V1 for pressure centres (n, 2)."""
-
-    @abstractmethod
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """Largest power of true states on rectangles: see :mod:`~.states.support`."""
-
-    @abstractmethod
-    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-        """An upper bound (g,) on the power of true states with N = 1 pressed in each cell, but for
-        w_N; rates (k, 6) and friction (k,) are those of the cells' corners."""
-
-    @abstractmethod
-    def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
-        """True (n,) for contacts whose states friction at the corners stands for."""
+        shears = self.lever(at.centre).T / contacts.torsion_arm
+        return Eccentricity(np.maximum(arm, SUPPORT.rounding), *shears)
 
     def cells(self, contacts: Contacts, boxes: FloatArray) -> Cells:
         """Those of contacts that neither are rectangles nor have friction at their corners."""
@@ -189,29 +166,24 @@ class Moments(ABC):
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         by_corners = self.has_corner_hull(contacts, boxes)
-        places = level_places(contacts.is_rectangle & ~by_corners, self._levels(boxes))
-        inside = (self.copies_at(rows, centre, boxes) for rows, centre in places)
-        split = self._cell_copies(self.cells(contacts, boxes), contacts)
-        return corner_copies(contacts, by_corners).joined(split, *inside)
+        rows, centre = corner_places(boxes, self.half_wanted(boxes))
+        inside = (contacts.is_rectangle & ~by_corners)[rows]
+        cells = self.cells(contacts, boxes)
+        about = np.nan if self.slopes is None else self.lever
+        split = cell_copies(cells, contacts, about, self.is_limited)
+        within = self.copies_at(rows[inside], centre[inside], boxes)
+        return corner_copies(contacts, by_corners).joined(split, within)
 
-    @abstractmethod
-    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
-        """Copies at the corners of cells."""
+    def half_wanted(self, boxes: FloatArray) -> FloatArray | float:
+        """Sign (n, 2) of the half of each range that stands for both; zero where none does."""
+        return 0.0
 
-    def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
-        return axis_levels(boxes)
-
-    @abstractmethod
-    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2)."""
-
-    @abstractmethod
-    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
-        """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
-
-    @abstractmethod
     def split(self, low: float, high: float, at: float) -> list[float]:
-        """Ends of the ranges into which branching cuts [low, high] near ``at``."""
+        """Ends of the ranges into which branching cuts [low, high] near ``at``: at zero first."""
+        if low < 0.0 < high:
+            return [low, 0.0, high]
+        reserve = SUPPORT.narrowest * (high - low)
+        return [low, float(np.clip(at, low + reserve, high - reserve)), high]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Low ends and pressure centre (2,) as branching sees them in a box (2, 2)."""
@@ -221,62 +193,37 @@ class Moments(ABC):
 class Independent(Moments):
     """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
-    Only magnitudes of eccentricities count. On contacts that are not convex the arm is no larger
-    than the contact's own (:func:`own_arm`), so that Eq. 24 follows there as on rectangles.
+    Only magnitudes of eccentricities count: copies are spread over both signs where boxes allow
+    both alike. On contacts that are not convex the arm is no larger than the contact's own
+    (:func:`own_arm`), so that Eq. 24 follows there as on rectangles.
     """
 
     name = "independent"
     starts = ("relaxation", "middle", "boxes")
     frozen = TorsionShearBending
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+    largest_arm = staticmethod(own_arm)
+    support = staticmethod(independent_support)
+    cell_power = staticmethod(independent_power)
     balance = 2.0
     reach = 1.0
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """See the class."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
         return np.abs(v1 * at.e2) + np.abs(v2 * at.e1) + np.abs(mt)
 
-    def largest_arm(self, contacts: Contacts) -> FloatArray:
-        """See the class."""
-        return own_arm(contacts)
-
-    def parameters(self, contacts: int) -> Eccentricity:
-        """Magnitudes."""
-        return Eccentricity(*(cp.Parameter(contacts, nonneg=True) for _ in range(3)))
-
-    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
+    def lever(self, e: FloatArray) -> FloatArray:
         return np.abs(e)
-
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """On the edges of boxes."""
-        return independent_support(w, half, friction, boxes, halvings)
-
-    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-        """At the corners of cells, with their drag."""
-        return independent_cell_support(w, friction, cells)
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Polygons that press anywhere: a hull that is larger than needed."""
         return ~contacts.is_rectangle & is_whole(boxes)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Spread over both signs where boxes allow both alike."""
         return spread_copies(rows, centre, free_sign(boxes[rows]))
 
-    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
-        return cell_copies(cells, contacts, None, False)
-
-    def _levels(self, boxes: FloatArray) -> list[tuple[FloatArray, BoolArray]]:
-        high, (low, has_low), zero = axis_levels(boxes)
-        return [high, (low, has_low & ~free_sign(boxes)), zero]
+    def half_wanted(self, boxes: FloatArray) -> FloatArray | float:
+        return np.where(free_sign(boxes), 1.0, 0.0)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -288,9 +235,9 @@ class Independent(Moments):
     def split(self, low: float, high: float, at: float) -> list[float]:
         """A range of both signs into its middle and what lies beyond, so that no other has both."""
         if not low < 0.0 < high:
-            return _halved(low, high, at)
-        reach = max(-low, high)
-        cut = float(np.clip(abs(at), _NARROWEST_CHILD * reach, (1.0 - _NARROWEST_CHILD) * reach))
+            return super().split(low, high, at)
+        reach, least = max(-low, high), SUPPORT.narrowest
+        cut = float(np.clip(abs(at), least * reach, (1.0 - least) * reach))
         return [low, *([-cut] if -cut > low else []), *([cut] if cut < high else []), high]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -320,8 +267,6 @@ class TiedMoments(Moments):
 
     balance = 1.0
     shrink = 0.005
-    """Pressed in a corner or at full slip a contact's safe set has no interior, and solvers return
-    inaccurate answers."""
 
     @abstractmethod
     def lever(self, e: FloatArray) -> FloatArray:
@@ -333,13 +278,6 @@ class TiedMoments(Moments):
 
     @cached_property
     def slopes(self) -> FloatArray:  # type: ignore[override]  # computed here, given elsewhere
-        """See :class:`Moments`.
-
-        Raises
-        ------
-        ModelError
-            If the lever is none that :meth:`lever` allows.
-        """
         unit = self.lever(np.array([[1.0, 1.0], [-1.0, -1.0]])) * [[1.0, 1.0], [-1.0, -1.0]]
         tried = np.array([[0.5, -1.0], [-0.25, 0.5], [1.0, -0.125], [0.0, 1.0], [-1.0, 0.0]])
         expected = tried * np.where(tried > 0.0, unit[0], unit[1])
@@ -361,7 +299,6 @@ class TiedMoments(Moments):
 
     @property
     def starts(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The relaxation; and the middle, where steps follow."""
         return ("relaxation",) if self.is_about_centre else ("relaxation", "middle")
 
     @property
@@ -371,7 +308,6 @@ class TiedMoments(Moments):
 
     @property
     def frozen(self) -> Callable[[Eccentricity, Cone], YieldSurface]:  # type: ignore[override]
-        """With Eq. 27 where it stands beside Eq. 30."""
         return LimitedTorsionShearBending if self.is_limited else SignedTorsionShearBending
 
     @property
@@ -381,41 +317,22 @@ class TiedMoments(Moments):
         return largest_anywhere if is_free else largest_centred
 
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
-        """About the lever."""
         v1, v2, mt = (forces[:, COLUMN[c]] for c in ("V1", "V2", "MT"))
-        d1, d2 = self.lever(np.stack([at.e1, at.e2], axis=1)).T
+        d1, d2 = self.lever(at.centre).T
         return np.abs(mt - d1 * v2 + d2 * v1)
 
-    def _arms_of_shear(self, e: FloatArray) -> FloatArray:
-        return self.lever(e)
-
-    def support(
-        self,
-        w: FloatArray,
-        half: FloatArray,
-        friction: FloatArray,
-        boxes: FloatArray,
-        halvings: int,
-    ) -> Support:
-        """By corners of boxes; with Eq. 27 by a search."""
-        if self.is_limited:
-            return limited_support(self.lever, w, half, friction, boxes, halvings)
-        return levered_support(self.lever, w, half, friction, boxes)
+    def support(self, asked: Asked, halvings: int) -> Support:
+        return levered_support(self.lever, self.is_limited, asked, halvings)
 
     def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-        """At the corners of cells; with Eq. 27 for all corners of one together."""
-        return cell_support(self.lever, self.is_limited, w, friction, cells)
+        return levered_power(self.lever, self.is_limited, w, friction, cells)
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Whole contacts of any shape about the pressure centre, where it is the exact hull."""
         return is_whole(boxes) & (self.is_about_centre and not self.is_limited)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Torsion about the lever, and Eq. 27."""
         return copies_of(rows, centre, 0.0, self.lever(centre), self.is_limited)
-
-    def _cell_copies(self, cells: Cells, contacts: Contacts) -> Copies:
-        return cell_copies(cells, contacts, self.lever, self.is_limited)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
@@ -426,10 +343,6 @@ class TiedMoments(Moments):
         every = np.arange(len(contacts))
         return copies_of(every, centre, around, self.lever(centre), self.is_limited)
 
-    def split(self, low: float, high: float, at: float) -> list[float]:
-        """At zero first, where the range has both signs."""
-        return [low, 0.0, high] if low < 0.0 < high else _halved(low, high, at)
-
 
 class Signed(TiedMoments):
     """abs(MT - e1 V2 + e2 V1): static torsion about the pressure centre."""
@@ -437,13 +350,7 @@ class Signed(TiedMoments):
     name = "signed"
 
     def lever(self, e: FloatArray) -> FloatArray:
-        """The pressure centre."""
         return e
-
-
-def _halved(low: float, high: float, at: float) -> list[float]:
-    reserve = _NARROWEST_CHILD * (high - low)
-    return [low, float(np.clip(at, low + reserve, high - reserve)), high]
 
 
 INDEPENDENT, SIGNED = Independent(), Signed()

@@ -85,18 +85,7 @@ def reading_of(name: str) -> Moments | None:
 
 
 def parse_moments(moments: str | Moments) -> Moments:
-    """The reading of this name; one of your own is returned as it is.
-
-    Raises
-    ------
-    ModelError
-        If there is none of this name.
-
-    Example
-    -------
-    >>> str(parse_moments("signed"))
-    'signed'
-    """
+    """The reading of this name; one of your own is returned as it is."""
     if isinstance(moments, Moments):
         return moments
     if moments not in MOMENTS:

@@ -21,19 +21,13 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.solvers.program import ConeProgram
 
-_Entry = tuple[IntArray, IntArray, FloatArray]
-"""Rows, columns and values of a sparse matrix."""
+_Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
 
 
 class HullProblem:
     """Limit problems over copies of one scene's contacts; equilibrium is kept from one to the next.
 
-    Parameters
-    ----------
-    scene : Scene or Assemblage
-    half : Half or None
-        The half of a symmetric scene to which problems are restricted; answers are those of the
-        whole.
+    With a ``half`` of a symmetric scene problems are restricted to it; answers are of the whole.
 
     Example
     -------
@@ -66,12 +60,9 @@ class HullProblem:
         relief_price: float | None = None,
         glued: IntArray | None = None,
     ) -> LimitState:
-        """One run of one solver; never raises for what the solver does.
-
-        With ``relief_price``, any share of the dead load may be taken off at this price: see
-        :class:`~cvxlimit.model.problem.LargestFactor`. Contacts ``glued`` (k,) bear any force; what
-        that says bounds nothing.
-        """
+        """One run of one solver; never raises for what the solver does. Any share of the dead load
+        may be taken off at ``relief_price``. Contacts ``glued`` (k,) bear any force; what that says
+        bounds nothing."""
         if self.half is not None:
             copies = copies.without(self.half.dropped)
         columns = CopyColumns(self, copies, relief_price, glued)
@@ -217,7 +208,6 @@ class CopyColumns:
 
     @property
     def meaning(self) -> sp.csc_array:
-        """Contact forces (6 n,) from the variables."""
         return stacked(self.gives, (len(COMPONENTS) * len(self.problem.contacts), self.width))
 
     def program(self) -> ConeProgram:

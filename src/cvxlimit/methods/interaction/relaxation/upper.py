@@ -1,15 +1,7 @@
 """Upper bounds on the load factor from the convex hull of every contact's states.
 
-Which copies (:mod:`~.states.copies`) make the hull follows from where the support function
-(:mod:`~.states.support`) has its maximum:
-
-- signed: the corners of a box, and its corners at zero where it holds zero. For a whole
-  contact the polygon's corners alone (c = 0): *Coulomb friction at the corners of the contact is
-  the exact hull of signed torsion-shear-bending*;
-- independent: four copies with eps = (0, 0), (l1/2, 0), (0, l2/2), (l1/2, l2/2), and further ones
-  on the edges of the box, added where the mechanism shows that they are missed (column pricing).
-
-Bounds never rest on the copies: a mechanism is certified against the support function itself.
+Bounds never rest on the copies that make the hull: a mechanism is certified against the support
+function itself, and shows which copies are missed (column pricing).
 """
 
 from __future__ import annotations
@@ -26,7 +18,7 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.settings import HULL
+from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import LimitState, SolverSettings
@@ -40,16 +32,16 @@ def missed_copies(
     worth: float,
     beside: float = 0.0,
 ) -> Copies:
-    """Copies at the worst pressure centres of contacts that open too little.
+    """Copies at the worst pressure centres of contacts that open too little; with ``beside``,
+    further ones that far along the edges of whole contacts.
 
     ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
-    With ``beside``, further copies that far along the edges of whole contacts.
     """
     statics, field = certifier.statics, certifier.witnesses.opening_field
     rates = statics.relative_rates(mechanism)
     missing, centre = flow.worst(rates)
-    noise = HULL.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
+    noise = BRACKET.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
     chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())
@@ -67,28 +59,11 @@ def missed_copies(
 
 
 class UpperBound:
-    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
+    """Relaxations of a run by the hull of every contact, with copies ``added`` as they are missed.
 
-    Bounds go to ``run.best``; what else is known is here.
-
-    Attributes
-    ----------
-    state : LimitState or None
-        The last relaxation with a mechanism: no hull bound could be lower than nearly its load
-        factor, and its pressure centres are a start for methods from below.
-    claims_no_optimum : bool
-        True if the last solver found the relaxation to be without limit.
-    added : Copies
-        Those added by pricing.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.solvers import default_ladder
-    >>> run = Run(builtin_scene("single-block"))
-    >>> UpperBound(run).search(1e-5, default_ladder())
-    >>> round(run.best.bracket.upper, 5)
-    0.4
+    Bounds go to ``run.best``. ``state`` is the last relaxation with a mechanism: no hull bound
+    could be lower than nearly its load factor, and its pressure centres are a start for methods
+    from below. ``claims_no_optimum`` if the last solver found the relaxation to be without limit.
     """
 
     def __init__(self, run: Run, half: Half | None = None) -> None:
@@ -100,16 +75,13 @@ class UpperBound:
             self.first = run.moments.box_copies(run.contacts)
         self.added = Copies.none()
         self.state: LimitState | None = None
-        self._beside, self.claims_no_optimum = HULL.beside, False
+        self._beside, self.claims_no_optimum = BRACKET.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
-        """Solve, certify the mechanism, add copies where it opens too little, and repeat.
-
-        Ends when bound and relaxation are within ``tolerance`` of each other. Solvers that give
-        nothing are followed by the next of the ladder.
-        """
+        """Solve, certify the mechanism, add copies where it opens too little, and repeat, until
+        bound and relaxation are within ``tolerance`` of each other."""
         for rung in ladder:
-            for _ in range(HULL.most_rounds):
+            for _ in range(BRACKET.most_rounds):
                 is_changed = self._improve(rung, tolerance)
                 if self._is_closed(tolerance):
                     return
@@ -136,11 +108,11 @@ class UpperBound:
         with run.clock.phase("certify"):
             bound = self.certifier.certificate(state.forces, None, state.mechanism)
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
-            worth = HULL.worth_a_copy * tolerance * self._unit
+            worth = BRACKET.worth_a_copy * tolerance * self._unit
             new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
         self.added = self.added.joined(new)
-        self._beside *= HULL.beside
+        self._beside *= BRACKET.beside
         return len(new) > 0
 
     def _is_closed(self, tolerance: float) -> bool:

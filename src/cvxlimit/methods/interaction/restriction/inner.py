@@ -14,41 +14,79 @@ from itertools import islice
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
+from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
-from cvxlimit.methods.interaction.restriction.boxes import Boxes, narrowing, settling
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
-from cvxlimit.methods.interaction.settings import STEPS
+from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
+from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.reductions.choice import Reductions
+
+
+class Boxes:
+    """Boxes of pressure centres about those of ``forces`` (n, 6), or of whole contacts, that follow
+    a relaxation to admissible forces; ``force`` is the unit of excess.
+
+    The hull of states pressed within a box holds states that are not admissible; the smaller the
+    box, the less they exceed Eq. 30. So boxes shrink where the last relaxation's forces exceed it,
+    and only there; while the way is still open (*exploring*) others even grow.
+
+    ``centre`` (n, 2) and ``size`` (n,) to either side are fractions of :func:`half_extent`;
+    ``excess`` and ``largest`` say by how much the last forces exceed Eq. 30, over ``force``: summed
+    over all contacts that have boxes, and at the worst of them.
+    """
+
+    def __init__(
+        self,
+        contacts: Contacts,
+        moments: Moments,
+        force: float,
+        forces: FloatArray | None = None,
+        size: float | None = None,
+    ) -> None:
+        self.contacts, self.moments, self.force = contacts, moments, force
+        self.half = half_extent(contacts)
+        first = CLIMB.largest if forces is None else CLIMB.first
+        self.size = np.full(len(contacts), first if size is None else size)
+        self.centre = np.zeros((len(contacts), 2))
+        self.excess = self.largest = np.inf
+        if forces is not None:
+            self._move(forces)
+
+    @property
+    def copies(self) -> Copies:
+        """The hull of all states within the boxes."""
+        reach = self.size[:, None]
+        ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
+        return self.moments.box_copies(self.contacts, np.clip(ends, -1.0, 1.0))
+
+    def follow(self, forces: FloatArray, *, exploring: bool) -> None:
+        """Move to the forces' pressure centres; shrink where they exceed Eq. 30."""
+        over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
+        over[~self.contacts.is_rectangle] = 0.0  # their boxes stay whole: cells take too long
+        self.excess, self.largest = float(over.sum()), float(over.max())
+        self._move(forces)
+        shrink, growth = (CLIMB.shrink, CLIMB.growth) if exploring else (CLIMB.settle, 1.0)
+        factor = np.where(over > CLIMB.over, shrink, growth)
+        self.size = np.minimum(factor * self.size, CLIMB.largest)
+
+    def _move(self, forces: FloatArray) -> None:
+        centre = np.clip(Pressure.of(forces, self.contacts).centre / self.half, -1.0, 1.0)
+        pressed = forces[:, [COLUMN["N"]]] > PROOF.pressed * self.force
+        self.centre = np.where(pressed, centre, self.centre)  # idle contacts keep theirs
 
 
 class InnerMethod:
     """Searches of one run; :meth:`iterates` may be called for several starts.
 
-    Bounds that the checker accepts go to ``run.best``, every solve into the run's history.
-
-    Parameters
-    ----------
-    run : Run
-    max_iterations : int
-        Solves per start, at most.
-    gain : float
-        Safe steps, or frozen problems between boxes, end when one gains less than this share of
-        the load factor.
-    reductions : Reductions or None
-        Those of the scene: where they have a mirror plane, steps stay among symmetric states.
-    moments : Moments or None
-        A reading that is stricter than the run's, to search in; None is the run's.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> run = Run(builtin_scene("single-block"))
-    >>> found = [iterate.lower for iterate in InnerMethod(run).iterates()]
-    >>> round(run.best.bracket.lower, 5)
-    0.4
+    Bounds that the checker accepts go to ``run.best``, every solve into the run's history. Each
+    start has ``max_iterations`` solves at most, and ends when a bound gains less than ``gain`` of
+    the load factor. Where ``reductions`` have a mirror plane, steps stay among symmetric states.
+    ``moments`` are a reading that is stricter than the run's, to search in; None is the run's.
     """
 
     def __init__(
@@ -64,23 +102,16 @@ class InnerMethod:
         self.middle, self._mark = self.problems.middle, -np.inf
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """All solves in order, lazily; stop taking them when the bound is good enough.
-
-        ``start`` (n, 6) are forces to begin at, those of a relaxation from above for example,
-        whether or not they are admissible; None begins at the middle of the contacts.
-        """
-        self._mark = self.problems.begin("middle" if start is None else "relaxation")
+        """All solves in order, lazily; stop taking them when the bound is good enough. ``start``
+        (n, 6) are forces to begin at, admissible or not; None is the middle of the contacts."""
         by_boxes = self.problems.moments.way == "boxes"
         way = self._settled(start) if by_boxes else self._stepped(start)
-        yield from islice(way, self.max_iterations)
-        yield from self.problems.tightened()
+        return self._search("middle" if start is None else "relaxation", way)
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes about ``start`` (n, 6) that shrink until their forces nearly satisfy Eq. 30, and
         steps from there: slower than :meth:`iterates`, and on irregular walls often higher."""
-        self._mark = self.problems.begin("boxes")
-        yield from islice(self._narrowed(start), self.max_iterations)
-        yield from self.problems.tightened()
+        return self._search("boxes", self._narrowed(start))
 
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
         """Solves in a stricter reading, whose forces are admissible in this one too, where they
@@ -89,10 +120,8 @@ class InnerMethod:
         problems.begin(f"{stricter} relaxation")
         relaxed = problems.relaxed("hull", stricter.box_copies(run.contacts))
         yield relaxed
-        state = relaxed.state
-        if state.forces is None or state.load_factor is None:
-            return
-        if state.load_factor <= run.best.bracket.lower:
+        near = relaxed.state.forces
+        if near is None or relaxed.load_factor <= run.best.bracket.lower:
             return
         other = InnerMethod(
             run, self.max_iterations, problems.gain, self.reductions, moments=stricter
@@ -100,23 +129,37 @@ class InnerMethod:
         aside = run.aside()
         aside.moments = stricter
         outer = UpperBound(aside, other.problems.half)
-        outer.search(STEPS.relaxed, (*problems.leading, *problems.tight))
-        near = outer.state.forces if outer.state else state.forces
+        outer.search(BRACKET.outer, (*problems.leading, *problems.tight))
+        near = outer.state.forces if outer.state else near
         for start in (near, None):
             yield from other.iterates(start)
-        if "boxes" in stricter.starts and len(run.contacts) <= STEPS.most_boxed:
+        if "boxes" in stricter.starts and len(run.contacts) <= CLIMB.most_boxed:
             yield from other.narrowed(near)
 
+    def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
+        self._mark = self.problems.begin(start)
+        yield from islice(way, self.max_iterations)
+        yield from self.problems.tightened()
+
+    def _boxes(self, start: FloatArray | None) -> Boxes:
+        problems = self.problems
+        return Boxes(problems.contacts, problems.moments, problems.step.scaling.force, start)
+
     def _narrowed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        point = self.middle
-        for iterate in narrowing(self.problems, start):
+        """Hulls over boxes alone, until the last one's forces nearly satisfy Eq. 30."""
+        boxes, point = self._boxes(start), self.middle
+        for number in range(1, CLIMB.exploring + CLIMB.settling + 1):
+            iterate = self.problems.relaxed("box", boxes.copies)
             yield iterate
-            state = iterate.state
-            if state.forces is None or state.load_factor is None:
+            forces = iterate.state.forces
+            if forces is None:
                 break
-            if state.load_factor <= self._mark:
+            if iterate.load_factor <= self._mark:
                 return
-            point = self.problems.point(state.forces, point)
+            point = self.problems.point(forces, point)
+            boxes.follow(forces, exploring=number < CLIMB.exploring)
+            if boxes.excess <= CLIMB.settled and number >= CLIMB.exploring:
+                break
         yield from self.climb(point)
 
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
@@ -125,14 +168,14 @@ class InnerMethod:
         if start is None:
             yield from self._after_penalties()
         else:
-            yield from self._after_long(self.problems.point(start).shrunk(STEPS.inward))
+            yield from self._after_long(self.problems.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
         if not (best is None or self.run.contacts.is_rectangle.all()):
-            yield self.problems.frozen(Boxes.first(self.problems, best).centre)
+            yield self.problems.frozen(self._boxes(best).centre)
 
     def _settled(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         point, has_bound = self.middle, False
-        for iterate in settling(self.problems, start):
+        for iterate in self._settling(start):
             yield iterate
             has_bound = has_bound or iterate.is_safe
             if iterate.state.forces is not None:
@@ -140,11 +183,59 @@ class InnerMethod:
         if not has_bound:
             yield from self.climb(point)
 
+    def _settling(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        """Hulls over boxes of pressure centres, and what is safe near the last ones."""
+        problems, boxes = self.problems, self._boxes(start)
+        best, nearly, explored, freezes = -np.inf, CLIMB.nearly, 0, True
+        for _ in range(CLIMB.exploring + CLIMB.settling):
+            copies = boxes.copies
+            iterate = problems.relaxed("box", copies)
+            yield iterate
+            forces, factor = iterate.state.forces, iterate.load_factor
+            if forces is None:
+                return
+            upper = self.run.best.bracket.upper
+            no_more = upper - factor < problems.gain * abs(upper)  # in any boxes
+            exploring = explored + 1 < CLIMB.exploring and not no_more
+            explored = explored + 1 if exploring else CLIMB.exploring
+            boxes.follow(forces, exploring=exploring)
+            if boxes.excess > nearly and not iterate.is_safe:
+                continue
+            lower = iterate.lower
+            for nearby in self._nearby(boxes, copies, forces, freezes):
+                yield nearby
+                freezes = nearby.is_safe if nearby.kind == "frozen" else freezes
+                lower = max(lower, nearby.lower)
+            least = problems.gain * abs(lower)
+            if lower - best < least or factor - lower < least:
+                return
+            best, nearly = max(best, lower), CLIMB.retry * boxes.excess
+
+    def _nearby(
+        self, boxes: Boxes, copies: Copies, forces: FloatArray, freezes: bool
+    ) -> Iterator[InnerIterate]:
+        """The frozen problem at the boxes' centres. Where that has no interior, as where forces are
+        determinate: the box problem itself, tightly, if all that keeps its forces from being
+        admissible is how it was solved; else a safe step at them."""
+        problems = self.problems
+        if freezes:
+            frozen = problems.frozen(boxes.centre)
+            yield frozen
+            if frozen.is_safe:
+                return
+        if boxes.largest <= CLIMB.noise:
+            tight = problems.restricted("box", lambda rung: problems.hull.solve(copies, rung))
+            yield tight
+            if tight.is_safe:
+                return
+        point = problems.point(forces)
+        yield problems.restricted("safe", lambda rung: problems.step.solve(point, rung))
+
     def climb(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
         moments have it), until they gain little, or could not reach the best bound."""
         reach = self.problems.moments.reach if reach is None else reach
-        best, before, retreats, gains = -np.inf, None, iter(STEPS.retreats), [np.inf]
+        best, before, retreats, gains = -np.inf, None, iter(CLIMB.retreats), [np.inf]
         here = at = point
         while True:
             iterate = self.problems.safe(at)
@@ -164,30 +255,27 @@ class InnerMethod:
             least, hope = self.problems.gain * abs(iterate.lower), _predicted(gains)
             if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
-            if best + STEPS.hope * hope < self._mark:
+            if best + CLIMB.hope * hope < self._mark:
                 return
-            reach = reach if gain > 0.0 else 0.0
-            at = here if before is None or reach == 0.0 else self._ahead(here, before, reach)
+            reach, at = reach if gain > 0.0 else 0.0, here
+            if before is not None and reach > 0.0:
+                at = here.moved(reach, before).inside(self.problems.step.statics.contacts)
             before = here
-
-    def _ahead(self, here: Point, before: Point, reach: float) -> Point:
-        return here.moved(reach, before).inside(self.problems.step.statics.contacts)
 
     def _after_long(self, point: Point) -> Iterator[InnerIterate]:
         first = self.problems.safe(point)
         yield first
         if first.state.forces is not None and first.is_safe:
             point, best = self.problems.point(first.state.forces, point), first.lower
-            for curvature in STEPS.long:
-                iterate = self.problems.long(point, curvature)
+            for curvature in CLIMB.long:
+                iterate = self.problems.leading_step("long", point, curvature=curvature)
                 yield iterate
-                state = iterate.state
-                if state.forces is None or state.load_factor is None:
+                if iterate.state.forces is None:
                     break
-                point = self.problems.point(state.forces, point)
-                if state.load_factor - best < STEPS.long_gain * abs(best):
+                point = self.problems.point(iterate.state.forces, point)
+                if iterate.load_factor - best < CLIMB.long_gain * abs(best):
                     break
-                best = state.load_factor
+                best = iterate.load_factor
         yield from self.climb(point)
 
     def _after_penalties(self) -> Iterator[InnerIterate]:
@@ -195,24 +283,24 @@ class InnerMethod:
         grows until nothing is bought, then safe ones."""
         first = self.problems.safe(self.middle)
         yield first
-        price = STEPS.price * self.problems.fastest_twist(first.state)
+        price = CLIMB.price * self.problems.fastest_twist(first.state)
         point, last = self.middle, np.inf
-        for number in range(STEPS.penalty_steps):
-            iterate = self.problems.penalty(point, price)
+        for number in range(CLIMB.penalty_steps):
+            iterate = self.problems.leading_step("penalty", point, price)
             yield iterate
             if iterate.state.forces is None:
                 break
             point = self.problems.point(iterate.state.forces, point)
-            if iterate.slack <= STEPS.bought:
+            if iterate.slack <= CLIMB.bought:
                 break
             stuck = number > 0 and iterate.slack > 0.5 * last
-            price *= STEPS.price_growth * (10.0 if stuck else 1.0)
+            price *= CLIMB.price_growth * (10.0 if stuck else 1.0)
             last = iterate.slack
         yield from self.climb(point)
 
 
 def _predicted(gains: Sequence[float]) -> float:
     before, last = gains[-2], max(gains[-1], 0.0)
-    ratio = last / before if 0.0 < before < np.inf else STEPS.first_ratio
+    ratio = last / before if 0.0 < before < np.inf else CLIMB.first_ratio
     ratio = min(max(ratio, 0.0), 1.0)
     return np.inf if ratio >= 1.0 or not np.isfinite(last) else last * ratio / (1.0 - ratio)

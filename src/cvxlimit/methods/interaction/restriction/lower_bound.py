@@ -1,4 +1,4 @@
-"""What forces prove: the lower bound that the independent checker accepts."""
+"""What forces prove: the lower bound that the independent checker accepts, and how it is said."""
 
 from __future__ import annotations
 
@@ -9,40 +9,35 @@ from functools import cached_property
 import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.bracket import Bracket
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.driver import Answer
+from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.settings import PROOF
+from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import default_ladder
+from cvxlimit.solvers import clarabel_at, default_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 
 @dataclass(frozen=True, eq=False)
 class LowerBound:
-    """A lower bound on the load factor with interaction, and the forces that show it.
+    """A lower bound on the load factor with interaction, and the forces (n, 6) that show it.
 
-    Attributes
-    ----------
-    value : float
-        -inf if the forces were refused.
-    forces : (n, 6) array
-        In the user's units.
-    load_factor : float
-        The one with which they are in equilibrium; ``value`` if that is proved.
-    is_proved : bool
-        True if they satisfy Eq. 9 and 30 and equilibrium to rounding; otherwise they do so
-        within :attr:`ProofSettings.accepted` of the total load, and ``value`` is ``load_factor``
-        less what that is worth if no rate of the exact mechanism exceeds ten times that of the
-        block with the least live load, moving alone.
-    excess, residual : float
-        Largest excess of Eq. 9 and 30 and largest equilibrium residual, over the total load.
+    ``value`` is -inf if the forces were refused; ``load_factor`` is the one with which they are in
+    equilibrium. ``is_proved`` where they satisfy Eq. 9 and 30 and equilibrium to rounding;
+    otherwise they do so within :attr:`ProofSettings.accepted` of the total load, and ``value`` is
+    ``load_factor`` less what that is worth if no rate of the exact mechanism exceeds ten times that
+    of the block with the least live load, moving alone. ``excess`` and ``residual`` are the largest
+    of Eq. 9 and 30 and of equilibrium, over the total load.
     """
 
     value: float
@@ -69,11 +64,6 @@ class LowerBounds:
     they are mixed with a share t of a state that carries the dead load alone strictly inside
     Eq. 30: the mixture is in equilibrium with (1 - t) alpha, and is checked itself, since Eq. 30
     is not convex. Nothing of this asks where the forces came from.
-
-    Parameters
-    ----------
-    scene : Scene or Assemblage
-    moments : Moments
     """
 
     def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
@@ -82,10 +72,9 @@ class LowerBounds:
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
-        given = np.asarray(forces, dtype=float)
-        if not (np.isfinite(given).all() and np.isfinite(load_factor)):
-            return LowerBound(-np.inf, given, load_factor, False, np.inf, np.inf)
-        balanced = self.balanced(given, load_factor)
+        if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
+            return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
+        balanced = self.balanced(forces, load_factor)
         plain = self.checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
@@ -103,11 +92,8 @@ class LowerBounds:
     def reserves(self) -> tuple[FloatArray, ...]:
         """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
         found = tuple(state for state in central_states(self.assemblage) if self._is_inside(state))
-        return found or self._solved_state()
-
-    def _solved_state(self) -> tuple[FloatArray, ...]:
-        if not np.any(self.statics.dead):
-            return ()
+        if found or not np.any(self.statics.dead):
+            return found
         alone = self.assemblage.alone(self.statics.dead)
         state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
         if state.forces is None or not state.load_factor or state.load_factor < 0.5:
@@ -116,14 +102,14 @@ class LowerBounds:
         return (balanced,) if self._is_inside(balanced) else ()
 
     def _is_inside(self, state: FloatArray) -> bool:
-        finite = bool(np.isfinite(state).all())
-        return finite and self._excess(state).max() < 0.0 and self._is_balanced(state, 0.0)
+        if not np.isfinite(state).all() or not self._is_balanced(state, 0.0):
+            return False
+        return bool(true_excess(state, self.statics.contacts, self.moments).max() < 0.0)
 
     def checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
-        """What the forces prove as they are."""
         if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
-        over = np.maximum(self._excess(forces), 0.0)
+        over = np.maximum(true_excess(forces, self.statics.contacts, self.moments), 0.0)
         rest = block_sizes(self.statics.residual(forces, load_factor), self.scaling.length)
         excess, residual = (float(v.max()) / self.scaling.force for v in (over, rest))
         proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
@@ -131,8 +117,7 @@ class LowerBounds:
         lost = 0.0 if proved else float(over.sum() + rest.sum()) * rate
         unit = self.scaling.unit(load_factor)
         is_near = max(excess, residual) <= PROOF.accepted and lost <= PROOF.most_lost * unit
-        accepted = proved or is_near
-        value = float(load_factor) - lost if accepted else -np.inf
+        value = float(load_factor) - lost if proved or is_near else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
     def is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
@@ -141,11 +126,7 @@ class LowerBounds:
         return max(bound.excess, bound.residual) <= PROOF.close
 
     def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
-        """The nearest forces (n, 6) in equilibrium at ``load_factor``."""
         return self.assemblage.balance.balanced(forces, load_factor, self.statics)
-
-    def _excess(self, forces: FloatArray) -> FloatArray:
-        return true_excess(forces, self.statics.contacts, self.moments)
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
         return self.statics.is_balanced(forces, load_factor, self.scaling.length)
@@ -159,12 +140,10 @@ class TrueStrength(Strength):
         self.moments = moments
 
     def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Per contact, as a force."""
         return [true_excess(state, self.contacts, self.moments)]
 
     @property
     def rows(self) -> list[IntArray]:
-        """All contacts."""
         return [np.arange(len(self.contacts))]
 
 
@@ -180,7 +159,6 @@ def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
 
 
 def plain_witnesses(assemblage: Assemblage) -> Witnesses:
-    """Reference states under the surfaces without interaction."""
     return Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES))
 
 
@@ -201,3 +179,79 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
         state = plain_witnesses(replace(assemblage, statics=statics, balance=balance)).dead_state
         if state is not None:
             yield state
+
+
+def prove(run: Run) -> None:
+    """Give ``run.best`` a proved lower bound where it has none, if that costs little of its width.
+
+    Forces at full slip have no share of friction to spare, and mixing in a state that has some
+    moves pressure centres, about which the shear then turns by more than it gains: Eq. 30 is not
+    convex. But with the centres held it is. So the frozen problem at the forces' own centres is
+    solved once more with a little less friction, in a contact that is a little smaller, and its
+    forces are put into balance by changes that leave the centres where they are. What is left over
+    is larger than what solver and rounding leave, and the checker has the last word.
+    """
+    best, checker = run.best, LowerBounds(run.assemblage, run.moments)
+    if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
+        return
+    spare = max(PROOF.most_of_width * best.bracket.width, PROOF.most_spent) * best.bracket.unit
+    for margin in PROOF.margins:
+        with run.clock.phase("certify"):
+            found = _proof(run, checker, best.forces, margin)
+        if found is None or not found.is_proved:
+            continue
+        if found.value >= best.bracket.lower - spare:
+            run.best = found.raising(replace(best, bracket=replace(best.bracket, lower=-np.inf)))
+        return
+
+
+def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) -> LowerBound | None:
+    contacts, extent = run.contacts, half_extent(run.contacts)
+    centre = Pressure.of(forces, contacts).centre / extent
+    centre = np.clip(centre, margin - 1.0, 1.0 - margin)
+    is_idle = forces[:, COLUMN["N"]] <= PROOF.idle * run.scaling.force
+    copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
+    less = replace(contacts, friction=(1.0 - margin) * contacts.friction)
+    slippery = replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
+    state = HullProblem(slippery).solve(copies, clarabel_at(1e-11)[0])
+    if state.forces is None or state.load_factor is None:
+        return None
+    held = _held(contacts, centre * extent, np.flatnonzero(~is_idle))
+    balance = Balance(run.assemblage.statics, held)
+    try:
+        balanced = balance.balanced(state.forces, state.load_factor, run.assemblage.statics)
+    except RuntimeError:  # contacts that are held resist nothing in some way of moving
+        return None
+    return checker.checked(balanced, state.load_factor)
+
+
+def _held(contacts: Contacts, e: FloatArray, pressed: IntArray) -> ForceModel:
+    e1, e2 = e[pressed].T
+    parts = [
+        Part("n", {"N": 1, "M1": e2, "M2": -e1}, pressed, nonneg=True),
+        Part("v1", {"V1": 1, "MT": -e2}, pressed),
+        Part("v2", {"V2": 1, "MT": e1}, pressed),
+        Part("t", {"MT": 1}, pressed),
+    ]
+    return ForceModel(contacts, parts)
+
+
+def basis(bracket: Bracket, *remarks: str) -> str:
+    """How the bounds were proved, or under which assumption they hold; and what else is to say."""
+    if not np.isfinite(bracket.lower):
+        lower = "no forces were found that satisfy Eq. 30"
+    elif bracket.lower_is_proved:
+        lower = "lower bound proved: its forces satisfy Eq. 30 to rounding"
+    else:
+        lower = (
+            f"lower bound not proved: its forces exceed Eq. 30 by up to {PROOF.accepted:.0e} of "
+            "the total load; it holds if no block moves more than ten times as fast at collapse, "
+            "per unit of work of the live load, as the block with the least live load would alone"
+        )
+    upper = (
+        "upper bound proved against the hull of all true states"
+        if bracket.upper_is_proved
+        else "upper bound not proved: it holds if no contact bears more than ten times the total "
+        "load, or ten times the largest force found"
+    )
+    return "; ".join(part for part in (lower, upper, *remarks) if part)

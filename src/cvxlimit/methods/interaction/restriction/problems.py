@@ -2,7 +2,7 @@
 
 Two kinds lie inside Eq. 30 (restrictions of it), so that every answer is a lower bound:
 
-- *safe* steps (:mod:`safe_step`), built at a point of all contacts. Built at the last one's forces
+- *safe* steps (:mod:`majorants`), built at a point of all contacts. Built at the last one's forces
   they contain them, so bounds do not fall;
 - *frozen* ones: every contact is pressed exactly at a given centre, where Eq. 30 is convex as it
   stands, for any shape of contact.
@@ -13,14 +13,15 @@ The others lead the way, and are no bounds unless the checker accepts their forc
   and lead as far as two or three safe ones;
 - *penalty* steps (of the penalty convex-concave procedure) may exceed Eq. 30 at a price;
 - *box* and *hull* steps replace every contact's states by the convex hull of those pressed within
-  a box (:mod:`boxes`).
+  a box (:class:`Boxes`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -31,38 +32,114 @@ from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
-from cvxlimit.methods.interaction.restriction.safe_step import SafeStep
-from cvxlimit.methods.interaction.settings import PROOF, STEPS
+from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.majorants import Point
+from cvxlimit.methods.interaction.states.majorants import Point, StepRows, force_fields
+from cvxlimit.methods.interaction.states.rectangles import Rectangles
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.problem import LargestFactor, StaticProblem
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.solvers import (
-    LimitState,
-    SolverSettings,
-    clarabel_at,
-    leading_ladder,
-    tight_ladder,
-)
+from cvxlimit.scene import Scene
+from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at, leading_ladder, tight_ladder
+
+
+@dataclass(frozen=True, eq=False)
+class StepState(LimitState):
+    """A step's answer, with the total slack that it bought, over total load x contact size."""
+
+    slack: float = 0.0
+
+
+class SafeStep:
+    """The convex step of one scene, compiled anew at every point.
+
+    Compiling afresh costs a tenth of a solve; with Parameters (nine vectors) DPP would need
+    gigabytes, and without DPP CVXPY compiles afresh anyway. With a ``half`` of a symmetric scene
+    steps are restricted to that; answers are those of the whole.
+    """
+
+    def __init__(
+        self, scene: Scene | Assemblage, moments: Moments, half: Half | None = None
+    ) -> None:
+        whole = Assemblage.of(scene)
+        self.moments, self.scaling = moments, whole.scaling
+        largest, slopes = moments.largest_arm(whole.contacts), moments.slopes
+        rectangles = Rectangles.of(whole.contacts, moments.inscribed, largest)
+        self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
+        statics = replace(whole.statics, contacts=rectangles.contacts)
+        self.assemblage = replace(whole, statics=statics)
+        self.statics, self.half = self.assemblage.scaled, half
+        self.kept = np.arange(len(whole.contacts)) if half is None else half.kept
+        self.own = self.rectangles.take(self.kept)
+        contacts = self.own.contacts
+        model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
+        has_sizes = slopes is None or bool((slopes[:, 0] != slopes[:, 1]).any())
+        self.fields, self.magnitudes = force_fields(model.components, contacts.friction, has_sizes)
+        self.model = model if half is None else half.lifted(model)
+
+    def solve(
+        self,
+        point: Point,
+        settings: SolverSettings,
+        price: float | None = None,
+        curvature: float = 1.0,
+        most: float | None = None,
+    ) -> StepState:
+        """Maximise the load factor, less ``price`` x slack; None: no slack.
+
+        Without slack and with all of the rows' ``curvature`` every answer is safe; with a share of
+        it steps are longer (:meth:`Row.lengthened`). ``point`` is scaled, as :meth:`point` returns
+        it; ``most`` is the largest load factor asked for. Never raises for what the solver does.
+        """
+        slack = None if price is None else cp.Variable(len(self.kept), nonneg=True)
+        limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
+        bought = None if slack is None else price * cp.sum(slack)
+        rates = None if self.half is None else self.half.rates
+        aim = LargestFactor(cost=bought, most=most)
+        problem = StaticProblem(self.assemblage, self.model, limits, aim, rates)
+        state = problem.solve(settings)
+        if state.forces is None:
+            return StepState(state.outcome, None, None, None, slack=np.inf)
+        forces = self.scaling.forces(self.rectangles.outward(self.model.values()))
+        spent = 0.0 if slack is None else float(slack.value.sum())
+        return StepState(state.outcome, state.load_factor, forces, state.mechanism, slack=spent)
+
+    def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
+        inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
+        return Point.of(inner, self.statics.contacts, otherwise, least)
+
+    def _cones(
+        self, point: Point, slack: cp.Variable | None, curvature: float
+    ) -> list[cp.Constraint]:
+        moments, normal = self.moments, self.fields.N
+        point = Point(point.centre[self.kept], point.shear[self.kept])
+        found = StepRows(
+            self.fields, point, self.own, moments.slopes, moments.is_limited, moments.balance
+        ).rows()
+        if curvature < 1.0:
+            found = [row.lengthened(normal, curvature) for row in found]
+        return [row.cone(normal, 0.0 if slack is None else slack) for row in found]
 
 
 @dataclass(frozen=True, eq=False)
 class InnerIterate:
-    """One solve on the way to a lower bound.
-
-    Attributes
-    ----------
-    kind : {"safe", "frozen", "long", "penalty", "box", "hull"}
-    state : LimitState
-    slack : float
-        Violation bought by a penalty step, over total load x contact size.
-    bound : LowerBound or None
-        What the checker made of the forces; None if there are none.
-    """
+    """One solve on the way to a lower bound: its ``kind``, as in the module's text, and the
+    ``bound`` that the checker made of its forces, None if there are none."""
 
     kind: str
     state: LimitState
-    slack: float
     bound: LowerBound | None
+
+    @property
+    def load_factor(self) -> float:
+        """That of the problem; -inf where it has none."""
+        return -np.inf if self.state.load_factor is None else self.state.load_factor
+
+    @property
+    def slack(self) -> float:
+        """Violation bought by a penalty step, over total load x contact size."""
+        return self.state.slack if isinstance(self.state, StepState) else 0.0
 
     @property
     def lower(self) -> float:
@@ -76,20 +153,9 @@ class InnerIterate:
 
 
 class SafeProblems:
-    """All problems of one run under one reading; bounds go to ``run.best``.
-
-    Parameters
-    ----------
-    run : Run
-        Its ladder is for safe problems, gone down where one fails; None is loose solvers, then
-        tight ones.
-    gain : float
-        Gain in the load factor, as a share of it, that counts.
-    reductions : Reductions or None
-        Those of the scene: where they have a mirror plane, steps stay among symmetric states.
-    moments : Moments or None
-        A reading that is stricter than the run's, whose checker has the last word; None is that.
-    """
+    """All problems of one run under one reading, or a stricter one; the checker is that of the run,
+    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on. The run's
+    ladder is gone down where a safe problem fails; None is loose solvers, then tight ones."""
 
     def __init__(
         self,
@@ -108,37 +174,30 @@ class SafeProblems:
             self.hull = HullProblem(run.assemblage, self.half)
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
-        self._last: tuple[InnerIterate, str, Solver] | None = None
+        self._last: tuple[InnerIterate, Solver] | None = None
 
     def begin(self, start: str) -> float:
-        """Note where a search begins; the bound that it has to beat."""
+        """Note where a search begins; returns the bound that it has to beat."""
         self.start, self._last = start, None
         return self.run.best.bracket.lower
 
     def safe(self, point: Point) -> InnerIterate:
-        """A safe step built at ``point``."""
         return self.restricted("safe", lambda rung: self.step.solve(point, rung), self.leading)
 
-    def long(self, point: Point, curvature: float) -> InnerIterate:
-        """A safe step with a share of its ``curvature``."""
-        return self.solved(
-            "long", lambda rung: self.step.solve(point, rung, None, curvature), self.leading
-        )
-
-    def penalty(self, point: Point, price: float) -> InnerIterate:
-        """A step that may exceed Eq. 30 at a ``price``."""
-        return self.solved(
-            "penalty", lambda rung: self.step.solve(point, rung, price), self.leading
-        )
+    def leading_step(
+        self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
+    ) -> InnerIterate:
+        """A long or penalty step."""
+        step = self.step
+        return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.leading)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         """Contacts pressed at ``centre`` (n, 2), in fractions of the half extent."""
         copies = self.moments.safe_copies(self.contacts, centre)
-        first = self.run.ladder or clarabel_at(STEPS.frozen)
+        first = self.run.ladder or clarabel_at(CLIMB.frozen)
         return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), first[:1])
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
-        """The best over ``copies``, which are as safe as they are."""
         return self.solved(kind, lambda rung: self.hull.solve(copies, rung), self.leading)
 
     def restricted(
@@ -151,17 +210,17 @@ class SafeProblems:
             if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
                 break
         if iterate.is_safe and iterate.lower >= self.run.best.bracket.lower:
-            self._last = (iterate, kind, solver) if rung in self.leading else None
+            self._last = (iterate, solver) if rung in self.leading else None
         return iterate
 
     def tightened(self) -> Iterator[InnerIterate]:
         """The problem of the best bound once more, if solving it loosely cost something."""
         if self._last is None:
             return
-        iterate, kind, solver = self._last
-        factor = iterate.state.load_factor
-        if factor is not None and factor - iterate.lower > STEPS.lost * self.gain * abs(factor):
-            yield self.solved(kind, solver, self.tight)
+        iterate, solver = self._last
+        factor = iterate.load_factor
+        if factor - iterate.lower > CLIMB.lost * self.gain * abs(factor):
+            yield self.solved(iterate.kind, solver, self.tight)
 
     def solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
         """Solve, check, keep the bound if it is better, and note all of it."""
@@ -177,7 +236,7 @@ class SafeProblems:
             }
         label = f"{rung}, {kind} step from the {self.start}"
         self.run.note(state, label, **self.run.bounds, **figures)
-        return InnerIterate(kind, state, getattr(state, "slack", 0.0), bound)
+        return InnerIterate(kind, state, bound)
 
     def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
         """Where to build a step at ``forces`` (n, 6); idle contacts keep their place."""

@@ -1,51 +1,34 @@
 """States of polygons that press in a box: cells of pressure centres with bounds on their arms.
 
-On rectangles c(e) is convex between its kinks, so corners of boxes have the largest torsion. On
-other polygons it is neither convex nor concave. A polygon within a box is therefore cut into cells,
-each into triangles, on which
-
-    c(e) <= sum of lambda_k t_k  for e = sum of lambda_k e_k
-
-with proved t_k (:mod:`arm_bounds`), and by Balas' argument forces pressed in the cell are sums of
-forces pressed at its corners with arms t_k. Signed shear is convex in e, and exact at corners.
-Independent shear drags on torsion with kappa = eps / c; over a cell the least eps and the largest t
-stand for it, which loses the less the smaller the cell. So both bounds tend to the truth as boxes
-shrink. Eq. 27 beside Eq. 30 limits the sum over a cell's corners (:mod:`levered`).
+On a cell c(e) <= sum of lambda_k t_k for e = sum of lambda_k e_k, so forces pressed in it are sums
+of forces pressed at its corners with arms t_k: docs/interaction-bounds.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import combinations, combinations_with_replacement, pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.geometry.polygons import clipped
-from cvxlimit.methods.interaction.states.arm_bounds import ArmBounds
-from cvxlimit.methods.interaction.states.support import half_extent, shear_support
-
-_PARTS = 2
-"""Cells along each side of a box, besides cuts at zero."""
+from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
+from cvxlimit.methods.interaction.settings import SUPPORT
+from cvxlimit.methods.interaction.states.pressure import areas_and_arms
+from cvxlimit.methods.interaction.states.support import Lever, Shares, half_extent, shear_support
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Corners of cells of contacts in boxes, k of them.
 
-    Attributes
-    ----------
-    contact, cell : (k,)
-        Which contact, and which cell of all, a corner is one of.
-    place : (k, 2)
-        Pressure centres, in the contacts' unit of length.
-    arm : (k,)
-        t_k, in the same.
-    drag : (k, 2)
-        kappa2, kappa1: what abs(V1) and abs(V2) cost beside abs(V), with independent signs.
+    ``contact``, ``cell`` (k,) say which contact, and which cell of all, a corner is one of;
+    ``place`` (k, 2) are pressure centres and ``arm`` (k,) t_k, in the contacts' unit of length;
+    ``drag`` (k, 2) is kappa2, kappa1: what abs(V1) and abs(V2) cost beside abs(V), with independent
+    signs.
     """
 
     contact: IntArray
@@ -56,22 +39,18 @@ class Cells:
 
     @property
     def start(self) -> IntArray:
-        """First corner (g,) of each cell."""
         return np.flatnonzero(np.diff(self.cell, prepend=-1))
 
     @classmethod
     def of(
         cls,
         contacts: Contacts,
-        chosen: NDArray[np.bool_],
+        chosen: BoolArray,
         boxes: FloatArray,
         most: FloatArray | float = np.inf,
     ) -> Cells:
-        """Of the contacts that are ``chosen`` (n,) in boxes (n, 2, 2), fractions of their extent.
-
-        ``most`` (n,) is the largest arm that a contact may have under the reading: cells all of
-        whose corners have a larger one get that.
-        """
+        """Of the contacts that are ``chosen`` (n,) in boxes (n, 2, 2), fractions of their extent;
+        ``most`` (n,) is the largest arm that a contact may have under the reading."""
         half, largest = half_extent(contacts), np.broadcast_to(most, (len(contacts),))
         parts, start = [], 0
         for j in np.flatnonzero(chosen).tolist():
@@ -91,17 +70,7 @@ def cells(
     corners: FloatArray, low: FloatArray, high: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
     """Corners (m, 2) and arms t_k (m,) of the cells of a convex polygon (k, 2) between ``low`` and
-    ``high`` (2,); none outside of it.
-
-    Example
-    -------
-    >>> triangle = np.array([[-0.5, -0.3], [0.5, -0.3], [0.0, 0.6]])
-    >>> found = cells(triangle, np.array([0.0, -0.1]), np.array([0.1, 0.0]))
-    >>> all((arm > 0.0).all() for _, arm in found)
-    True
-    >>> len(cells(triangle, np.ones(2), 2.0 * np.ones(2)))
-    0
-    """
+    ``high`` (2,); none outside of it."""
     return _cells(corners.tobytes(), low.tobytes(), high.tobytes())
 
 
@@ -123,15 +92,29 @@ def _cells(corners: bytes, low: bytes, high: bytes) -> tuple[tuple[FloatArray, F
     return tuple(found)
 
 
-def independent_cell_support(w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-    """An upper bound (g,) on the power pressed in each cell; ``w`` (k, 6) and ``friction`` (k,) are
-    those of the cells' corners, in their order."""
+def independent_power(w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
+    """An upper bound (g,) on the power pressed in each cell with independent signs; ``w`` (k, 6)
+    and ``friction`` (k,) are those of the cells' corners, in their order."""
     torsion = cells.arm * np.abs(w[:, COLUMN["MT"]])
     shear = np.abs(w[:, [COLUMN["V1"], COLUMN["V2"]]])
     slope = shear_support(shear, np.ones(len(w)), cells.drag)
     e = cells.place
     moments = w[:, COLUMN["M1"]] * e[:, 1] - w[:, COLUMN["M2"]] * e[:, 0]
     return np.maximum.reduceat(moments + friction * np.maximum(torsion, slope), cells.start)
+
+
+def levered_power(
+    lever: Lever, is_limited: bool, w: FloatArray, friction: FloatArray, cells: Cells
+) -> FloatArray:
+    """The same with torsion about a lever: at the corners, and with Eq. 27 for all of a cell's."""
+    if not is_limited:
+        shares = Shares(lever, w, friction, cells.place[None], cells.arm[None])
+        return np.maximum.reduceat(shares.unlimited()[0], cells.start)
+    size = np.diff([*cells.start, len(cells.cell)])
+    corner = np.arange(int(size.max()))[:, None]
+    rows = cells.start + np.minimum(corner, size - 1)  # (corners, cells), the last one repeated
+    at = cells.start
+    return Shares(lever, w[at], friction[at], cells.place[rows], cells.arm[rows]).together()
 
 
 def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[FloatArray]:
@@ -155,5 +138,119 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
 
 
 def _ticks(low: float, high: float) -> FloatArray:
-    ticks = np.linspace(low, high, _PARTS + 1)
+    ticks = np.linspace(low, high, SUPPORT.cells + 1)
     return np.union1d(ticks, [0.0]) if low < 0.0 < high else ticks
+
+
+_TRIPLES = np.array(list(combinations_with_replacement(range(3), 3)))
+"""Bernstein coefficients of a cubic over a triangle, as triples of corners."""
+
+
+class ArmBounds:
+    """Bounds on the arms of one convex polygon, corners (k, 2) counter-clockwise.
+
+    Example
+    -------
+    >>> square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    >>> corner = np.array([[0.3, 0.3], [0.5, 0.3], [0.5, 0.5]])
+    >>> ArmBounds(square).over(corner[None]).round(6).tolist()  # exact: a parallelogram
+    [[0.153039, 0.1, 0.0]]
+    """
+
+    def __init__(self, polygon: FloatArray) -> None:
+        self.polygon, self.size = polygon, float(np.ptp(polygon, axis=0).max())
+        along = np.roll(polygon, -1, axis=0) - polygon
+        length = np.linalg.norm(along, axis=1)
+        turned = np.stack([along[:, 1], -along[:, 0]], axis=1)[length > 0.0]
+        self.normals = turned / length[length > 0.0, None]
+        self.offsets = (self.normals @ polygon.T).max(axis=1)
+        every = np.array(list(combinations(range(len(turned)), 2)))
+        rows = self.normals[every]
+        crossing = np.abs(np.linalg.det(rows)) > SUPPORT.rounding
+        self.pairs, self.edges = every[crossing], np.linalg.inv(rows[crossing]).swapaxes(1, 2)
+
+    def widths(self, centres: FloatArray) -> FloatArray:
+        """b (p, m) at centres (p, 2)."""
+        return np.asarray(np.maximum(self.offsets - centres @ self.normals.T, 0.0))
+
+    def over(self, triangles: FloatArray) -> FloatArray:
+        """t (p, 3) of triangles (p, 3, 2) of pressure centres in the polygon: the least found."""
+        centres = np.concatenate([triangles, triangles.mean(axis=1, keepdims=True)], axis=1)
+        regions = effective_regions(self.polygon, centres.reshape(-1, 2))
+        areas, arms = areas_and_arms(regions, centres.reshape(-1, 2))
+        found = [
+            self._over(at, regions[4 * k : 4 * k + 4], areas[4 * k : 4 * k + 4], arm[:3])
+            for k, (at, arm) in enumerate(zip(centres, arms.reshape(-1, 4), strict=True))
+        ]
+        return np.array(found).reshape(-1, 3) + SUPPORT.rounding * self.size
+
+    def _over(
+        self, at: FloatArray, regions: Sequence[FloatArray], areas: FloatArray, arm: FloatArray
+    ) -> FloatArray:
+        widths = self.widths(at)
+        bounds = [*self._by_parallelograms(widths[:3]), self._by_radii(widths[:3])]
+        best: FloatArray = min(bounds, key=np.sum)
+        if (best - arm).max() <= SUPPORT.rounding * self.size:
+            return best
+        sectors = [
+            self._sectors(region - centre, there)
+            for region, centre, there, area in zip(regions, at, widths, areas, strict=True)
+            if area > SUPPORT.rounding * self.size**2  # else it is no e0
+        ]
+        return min(best, arm + self._margin(sectors, widths[:3], areas[:3], arm), key=np.sum)
+
+    def _by_parallelograms(self, widths: FloatArray) -> FloatArray:
+        pairs, edges = self.pairs, self.edges
+        half = widths[:, pairs].transpose(1, 2, 0)[:, :, :, None] * edges[:, :, None, :]
+        first, second = half[:, 0], half[:, 1]
+        mean = _parallelogram_arm(first, second)
+        reach = np.abs(first @ self.normals.T) + np.abs(second @ self.normals.T)
+        idle = (reach <= widths * (1.0 + 1e-12)).all(axis=1)
+        far = widths.min(axis=0) >= mean.max(axis=1)[:, None]
+        own = np.zeros(idle.shape, dtype=bool)
+        np.put_along_axis(own, pairs, True, axis=1)
+        return np.asarray(mean[(idle | far | own).all(axis=1)])
+
+    def _by_radii(self, widths: FloatArray) -> FloatArray:
+        most = widths.max(axis=0)
+        half = most[self.pairs][:, :, None] * self.edges
+        corners = np.concatenate([half.sum(axis=1), half[:, 0] - half[:, 1]])
+        inside = (np.abs(corners @ self.normals.T) <= most + SUPPORT.rounding * self.size).all(
+            axis=1
+        )
+        radius = np.linalg.norm(corners[inside], axis=1).max(initial=0.0)
+        return np.full(3, 2.0 / 3.0 * float(radius))
+
+    def _margin(
+        self, sectors: Sequence[_Sectors], widths: FloatArray, areas: FloatArray, arm: FloatArray
+    ) -> float:
+        """What the arms at the corners must be raised by to be a bound, by the best e0."""
+        (j, k, m), root, margin = _TRIPLES.T, np.sqrt(areas), np.inf
+        pairs = (root[k] * root[m], root[j] * root[m], root[j] * root[k])
+        weight = sum(pairs) / 3.0
+        given = (arm[j] * pairs[0] + arm[k] * pairs[1] + arm[m] * pairs[2]) / 3.0
+        for slabs, there, moments in sectors:
+            ratio = widths[:, slabs] / there
+            over = (ratio[j] * ratio[k] * ratio[m]) @ moments - given
+            needed = np.divide(over, weight, out=np.full(len(over), np.inf), where=weight > 0.0)
+            margin = min(margin, float(np.where(over > 0.0, needed, 0.0).max()))
+        return margin
+
+    def _sectors(self, corners: FloatArray, widths: FloatArray) -> _Sectors:
+        """Slabs (s,) behind the edges of S(e0), whose ``corners`` are given from e0, with b_i(e0),
+        and M_i of the sectors."""
+        ahead = np.roll(corners, -1, axis=0)
+        middle = 0.5 * (corners + ahead)
+        slab = np.abs(np.abs(middle @ self.normals.T) - widths).argmin(axis=1)
+        doubled = np.abs(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0])
+        return slab, widths[slab], doubled / 3.0 * mean_distance_on_segment(corners, ahead)
+
+
+_Sectors = tuple[IntArray, FloatArray, FloatArray]
+
+
+def _parallelogram_arm(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Mean distance from the centre of parallelograms with half sides (..., 2): their diagonals
+    cut them into triangles of one area, each of whose mean is 2/3 of that on its outer side."""
+    p, q = first + second, second - first
+    return np.asarray((mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0)

@@ -1,61 +1,39 @@
 """Copies of contacts with frozen pressure centres: contact forces are sums over them.
 
-A contact's true states are a union over its pressure centre e of cones that are convex for fixed
-e. Their convex hull is the sum of *copies*: parts (N_k, V_k) of the contact's force, each with its
-own frozen pressure centre (Balas' perspective form, one disjunct each). With c_k = c(e_k) and
-kappa = (eps2, eps1) / c,
-
-    abs(V_k) + kappa . (abs(V1_k), abs(V2_k)) + tau_k <= mu N_k,   tau_k >= 0,
-    abs(MT) <= sum c_k tau_k,   abs(M2) <= sum eps1_k N_k,   abs(M1) <= sum eps2_k N_k
-
-for independent signs, and for signed moments abs(V_k) + tau_k <= mu N_k, M = sum N_k e_k and
-abs(MT - sum e_k x V_k) <= sum c_k tau_k. A copy with c = 0 carries no shear with independent
-signs, and abs(V_k) <= mu N_k at its corner with signed moments. With tied signs another lever d_k
-stands for e_k in the torque, and where Eq. 27 stands beside Eq. 30 a copy has a torsion of its own:
-
-    MT = sum d_k x V_k + t_k,   abs(t_k) <= c_k tau_k,   abs(d_k x V_k + t_k) <= c_k mu N_k.
+The sum of copies is the convex hull of a contact's states (Balas' perspective form, one disjunct
+each): docs/interaction-bounds.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.polygons import effective_region, mean_distance
+from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.cells import Cells
-from cvxlimit.methods.interaction.states.pressure import own_arm
-from cvxlimit.methods.interaction.states.support import half_extent, rectangle_arm
-
-Lever = Callable[[FloatArray], FloatArray]
-"""From pressure centres (..., 2) to the points about which torsion is taken, (..., 2)."""
-
-_POINT = 1e-9
-"""Arms below this share of the half extent count as zero: the pressure centre is a corner."""
+from cvxlimit.methods.interaction.states.pressure import own_arm, polygon_arms
+from cvxlimit.methods.interaction.states.support import (
+    Lever,
+    box_corners,
+    half_extent,
+    rectangle_arm,
+    within_quadrants,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Copies:
     """Copies of contacts with frozen pressure centres, k of them.
 
-    Attributes
-    ----------
-    contact : (k,)
-    centre, spread : (k, 2)
-        Pressure centre as fractions of :func:`half_extent`; with spread it may lie anywhere in
-        centre +- spread, and the copy is that of eps = abs(centre) + spread.
-    lever : (k, 2)
-        Point about which torsion is taken, as fractions too: with signed moments the centre;
-        spread then costs torsion. NaN where every sign of the torque is on its own.
-    limited : (k,) bool
-        True where Eq. 27 stands beside Eq. 30.
-    arm : (k,)
-        c over the contact's c_T where it is not that of ``centre``; NaN elsewhere.
-    drag : (k, 2)
-        kappa where it is not that of ``centre``; NaN elsewhere.
+    ``centre`` (k, 2) is a fraction of :func:`half_extent`; with ``spread`` (k, 2) it may lie
+    anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. ``lever``
+    (k, 2) is the point about which torsion is taken, as a fraction too: with signed moments the
+    centre, and spread costs torsion; NaN where every sign of the torque is on its own. ``limited``
+    (k,) says where Eq. 27 stands beside Eq. 30. ``arm`` (k,), over the contact's c_T, and ``drag``
+    (k, 2), kappa, are NaN but where they are not those of the centre.
     """
 
     contact: IntArray
@@ -119,15 +97,13 @@ def corner_copies(contacts: Contacts, chosen: BoolArray) -> Copies:
     return copies_of(j, place, lever=place)
 
 
-def level_places(
-    chosen: BoolArray, levels: Sequence[tuple[FloatArray, BoolArray]]
-) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Contacts and pressure centres for all pairs of ``levels``: places (n, 2) along both axes,
-    and where a contact has them."""
-    for first, has_first in levels:
-        for second, has_second in levels:
-            rows = np.flatnonzero(chosen & has_first[:, 0] & has_second[:, 1])
-            yield rows, np.stack([first[rows, 0], second[rows, 1]], axis=1)
+def corner_places(boxes: FloatArray, side: FloatArray | float) -> tuple[IntArray, FloatArray]:
+    """Corners of boxes (n, 2, 2) cut at zero, each once: which box (k,), and where (k, 2); ``side``
+    as for :func:`within_quadrants`."""
+    rows, ends = within_quadrants(boxes, side)
+    corners = box_corners(ends).reshape(-1, 2)
+    found = np.unique(np.column_stack([np.tile(rows, 4), corners]), axis=0)
+    return found[:, 0].astype(int), found[:, 1:]
 
 
 def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
@@ -136,16 +112,15 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     arm = rectangle_arm(half, half * (np.abs(copies.centre) + copies.spread))
     given = np.isfinite(copies.arm)
     arm[given] = (copies.arm * contacts.torsion_arm[copies.contact])[given]
-    for k in np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given):
-        e = half[k] * copies.centre[k]
-        arm[k] = mean_distance(effective_region(contacts.corners_of(copies.contact[k]), e), e)
+    k = np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given)
+    arm[k] = polygon_arms(contacts, copies.contact[k], half[k] * copies.centre[k])
     own = np.where(copies.signed | given, np.inf, own_arm(contacts)[copies.contact])
-    return np.where(arm > _POINT * half.min(axis=1), np.minimum(arm, own), 0.0)
+    return np.where(arm > SUPPORT.rounding * half.min(axis=1), np.minimum(arm, own), 0.0)
 
 
-def cell_copies(found: Cells, contacts: Contacts, lever: Lever | None, is_limited: bool) -> Copies:
-    """Copies at the corners of cells, which have their own arms."""
+def cell_copies(found: Cells, contacts: Contacts, lever: Lever | float, is_limited: bool) -> Copies:
+    """Copies at the corners of cells, which have their own arms; ``lever`` is NaN for none."""
     j = found.contact
     place, arm = found.place / half_extent(contacts)[j], found.arm / contacts.torsion_arm[j]
-    about = np.nan if lever is None else lever(place)
+    about = lever(place) if callable(lever) else lever
     return copies_of(j, place, 0.0, about, is_limited, arm, found.drag)

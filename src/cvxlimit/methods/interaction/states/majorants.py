@@ -1,51 +1,35 @@
 """Convex rows that stay inside Eq. 30, whatever point they are built at.
 
-Multiplied by N, with X_i = N e_i (X1 = -M2, X2 = M1), P_i = l_i N - 2 abs(X_i) and C = c_T, convex
-and homogeneous of degree 1, the true conditions read
-
-    independent:  abs(V2 X1) + abs(V1 X2) + abs(MT) N <= C(P1, P2) (mu N - abs(V))
-    signed:       abs(MT N - X1 V2 + X2 V1)           <= C(P1, P2) (mu N - abs(V))
-
-Three replacements, each on the safe side, make them convex; all are exact at the step's own
-point (e, V / N), so the present state is never cut off:
-
-1. C by a supporting plane ca P1 + cb P2, which is below a convex homogeneous function everywhere;
-   ca, cb >= 0, so m_i >= abs(X_i) and u >= abs(V) may take the place of the absolute values.
-2. Divided by N, what is left is linear but for products x y / N of a moment x and a force y.
-3. x y / N = (p^2 - q^2) / (4 N) with p = x / k + k y and q = x / k - k y. The first square over N
-   is convex; -q^2 / N is concave and below its tangent d^2 N - 2 d q, d = q / N at the point.
-
-So one second-order cone per contact (two with signed moments, for both signs of the torque)
-describes a set inside the true one. Nothing but speed and quality depends on the point, or on k.
+Each has a plane below c_T and majorised products; one second-order cone per contact (two with
+signed moments, for both signs of the torque): docs/interaction-bounds.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm_gradient
+from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a step is built: pressure centres and shears over N, per contact.
-
-    ``centre`` (n, 2) is e1, e2 in the unit of length of the contacts, ``shear`` (n, 2) V / N.
-    """
+    """Where a step is built: ``centre`` (n, 2) is e1, e2 in the contacts' unit of length, ``shear``
+    (n, 2) is V / N."""
 
     centre: FloatArray
     shear: FloatArray
 
     @classmethod
     def middle(cls, contacts: Contacts) -> Point:
-        """All contacts pressed at their centre, without shear."""
         return cls(np.zeros((len(contacts), 2)), np.zeros((len(contacts), 2)))
 
     @classmethod
@@ -61,17 +45,13 @@ class Point:
             np.where(pressed, shear / safe, otherwise.shear),
         ).inside(contacts)
 
-    def take(self, rows: IntArray) -> Point:
-        """Of some contacts (k,)."""
-        return Point(self.centre[rows], self.shear[rows])
-
     def inside(self, contacts: Contacts) -> Point:
         """The nearest point with pressure in the rectangles and shear components below friction."""
         half, mu = contacts.sides / 2.0, contacts.friction[:, None]
         return Point(np.clip(self.centre, -half, half), np.clip(self.shear, -mu, mu))
 
     def moved(self, share: float, before: Point) -> Point:
-        """Ahead by ``share`` of the way that led from ``before`` to here; -1 is ``before``."""
+        """Ahead by ``share`` of the way that led from ``before`` to here."""
         return Point(
             self.centre + share * (self.centre - before.centre),
             self.shear + share * (self.shear - before.shear),
@@ -83,35 +63,9 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
-    """Supporting plane of c_T at a point's effective sides, and the balance k of the products.
-
-    ``slope`` (n, 2) is (ca, cb); ``k`` (n, 2) for the products with X1 and X2.
-    """
-
-    slope: FloatArray
-    k: FloatArray
-
-    @classmethod
-    def at(cls, point: Point, rectangles: Rectangles, balance: float) -> Plane:
-        """k^2 = ``balance`` x (largest moment / N) / (largest shear / N)."""
-        contacts = rectangles.contacts
-        sides = np.maximum(contacts.sides - 2.0 * np.abs(point.centre), 0.0)
-        slope = np.stack(torsion_arm_gradient(*sides.T), axis=1) * rectangles.arm_share[:, None]
-        friction = np.maximum(contacts.friction, _LEAST_FRICTION)[:, None]
-        return cls(slope, np.sqrt(balance * contacts.sides / 2.0 / friction))
-
-
-_LEAST_FRICTION = 1e-3
-"""Only k, the balance of the product bounds, is kept finite by it on contacts without friction."""
-
-
-@dataclass(frozen=True, eq=False)
 class Forces:
-    """Expressions (n,) a step is written in: contact forces and bounds on their magnitudes.
-
-    ``X`` are N e1 and N e2; ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT).
-    """
+    """Expressions (n,) a step is written in: contact forces, with ``X`` = N e1 and N e2, and bounds
+    ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT)."""
 
     N: cp.Expression
     V: Sequence[cp.Expression]
@@ -133,17 +87,14 @@ class Product:
     x0: FloatArray
     y0: FloatArray
 
-    @property
-    def square(self) -> FloatArray:
-        """p over N at the point."""
-        result: FloatArray = self.x0 / self.k + self.k * self.y0
-        return result
-
-    def majorant(self, normal: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
-        """p and a linear part: x y / N <= linear + p^2 / (4 N), exact where x, y / N = x0, y0."""
+    def majorant(self, normal: cp.Expression) -> tuple[cp.Expression, FloatArray, cp.Expression]:
+        """p, p over N at the point, and a linear part: x y / N <= linear + p^2 / (4 N), exact where
+        x, y / N = x0, y0."""
         x, y = cp.multiply(1.0 / self.k, self.x), cp.multiply(self.k, self.y)
-        d = self.x0 / self.k - self.k * self.y0
-        return x + y, cp.multiply(d**2 / 4.0, normal) - cp.multiply(d / 2.0, x - y)
+        x0, y0 = self.x0 / self.k, self.k * self.y0
+        d = x0 - y0
+        linear = cp.multiply(d**2 / 4.0, normal) - cp.multiply(d / 2.0, x - y)
+        return x + y, x0 + y0, linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +110,13 @@ class Row:
     def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:
         """``linear`` + products / N <= 0, majorised."""
         parts = [product.majorant(normal) for product in products]
-        at = [product.square for product in products]
-        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts], at)
+        roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
+        return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
 
     def lengthened(self, normal: cp.Expression, share: float) -> Row:
         """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
-
-        Exact at the row's own point and tangent to the true condition there like the row itself,
-        but no longer inside it: a step with such rows goes farther, and its forces prove nothing.
-        """
+        Exact at the row's own point like the row itself, but no longer inside the true condition: a
+        step with such rows goes farther, and its forces prove nothing."""
         linear, squares = self.linear, []
         for p, p0 in zip(self.squares, self.at, strict=True):
             linear = linear + cp.multiply(p0 / 2.0, p) - cp.multiply(p0**2 / 4.0, normal)
@@ -180,28 +129,24 @@ class Row:
         return cp.SOC(normal + w, cp.vstack([*self.squares, normal - w]), axis=0)
 
 
-Components = Mapping[str, cp.Expression]
-
-
 def force_fields(
-    c: Components, friction: FloatArray, has_sizes: bool
+    c: Mapping[str, cp.Expression], friction: FloatArray, has_sizes: bool
 ) -> tuple[Forces, list[cp.Constraint]]:
     """Force expressions with variables for their magnitudes, and what bounds those; ``s`` and ``t``
     where ``has_sizes``."""
     n = len(friction)
-    m, u = cp.Variable((n, 2), name="m"), cp.Variable(n, name="u")
     V, X = (c["V1"], c["V2"]), (-c["M2"], c["M1"])
+    m, u = cp.Variable((n, 2), name="m"), cp.Variable(n, name="u")
     bounds = [cp.SOC(u, cp.vstack(V), axis=0), u <= cp.multiply(friction, c["N"])]
-    for i in (0, 1):
-        bounds += [X[i] <= m[:, i], -X[i] <= m[:, i]]
-    plain = Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u)
-    if not has_sizes:
-        return plain, bounds
-    s, t = cp.Variable((n, 2), name="s"), cp.Variable(n, name="t")
-    bounds += [c["MT"] <= t, -c["MT"] <= t]
-    for i in (0, 1):
-        bounds += [V[i] <= s[:, i], -V[i] <= s[:, i]]
-    return replace(plain, s=(s[:, 0], s[:, 1]), t=t), bounds
+    sizes = [(X[i], m[:, i]) for i in (0, 1)]
+    fields = Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u)
+    if has_sizes:
+        s, t = cp.Variable((n, 2), name="s"), cp.Variable(n, name="t")
+        sizes += [(c["MT"], t), *((V[i], s[:, i]) for i in (0, 1))]
+        fields = replace(fields, s=(s[:, 0], s[:, 1]), t=t)
+    for value, size in sizes:
+        bounds += [value <= size, -value <= size]
+    return fields, bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,36 +167,44 @@ class StepRows:
 
     f: Forces
     point: Point
-    plane: Plane
-    sides: FloatArray
-    friction: FloatArray
+    rectangles: Rectangles
     slopes: FloatArray | None
     is_limited: bool
+    balance: float
 
     def rows(self) -> list[Row]:
-        """All of them, <= 0."""
-        f, base = self.f, self._base
+        f, resistance = self.f, self._resistance
+        base = cp.multiply((self._slope * self._sides).sum(axis=1), f.u) - resistance
         if self.slopes is None:
             assert f.t is not None
             return [Row.of(f.t + base, self._products(1.0), f.N)]
-        found = self._torsion_rows() if self.is_limited else []
+        limits = [Row(sign * f.MT - resistance) for sign in (1.0, -1.0)]
+        found = limits if self.is_limited else []
         for turn in (1.0, -1.0):
             found.append(Row.of(turn * f.MT + base, self._products(turn), f.N))
         kept = [i for i in (0, 1) if not self._is_split(i)]
         return [*found, *(Row(-self._reach(i)[0]) for i in kept)]
 
-    def _torsion_rows(self) -> list[Row]:
-        return [Row(sign * self.f.MT - self._resistance) for sign in (1.0, -1.0)]
+    @cached_property
+    def _sides(self) -> FloatArray:
+        return self.rectangles.contacts.sides
+
+    @cached_property
+    def _slope(self) -> FloatArray:
+        sides = np.maximum(self._sides - 2.0 * np.abs(self.point.centre), 0.0)
+        slope = np.stack(torsion_arm_gradient(*sides.T), axis=1)
+        return np.asarray(slope * self.rectangles.arm_share[:, None])
+
+    @cached_property
+    def _k(self) -> FloatArray:
+        friction = np.maximum(self.rectangles.contacts.friction, SUPPORT.friction)[:, None]
+        return np.asarray(np.sqrt(self.balance * self._sides / 2.0 / friction))
 
     @property
     def _resistance(self) -> cp.Expression:
-        effective = [cp.multiply(self.sides[:, i], self.f.N) - 2.0 * self.f.m[i] for i in (0, 1)]
-        slope = self.plane.slope
-        return sum(cp.multiply(slope[:, i] * self.friction, effective[i]) for i in (0, 1))
-
-    @property
-    def _base(self) -> cp.Expression:
-        return cp.multiply((self.plane.slope * self.sides).sum(axis=1), self.f.u) - self._resistance
+        effective = [cp.multiply(self._sides[:, i], self.f.N) - 2.0 * self.f.m[i] for i in (0, 1)]
+        friction = self.rectangles.contacts.friction
+        return sum(cp.multiply(self._slope[:, i] * friction, effective[i]) for i in (0, 1))
 
     def _is_split(self, i: int) -> bool:
         return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
@@ -263,21 +216,21 @@ class StepRows:
         return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
 
     def _halved(self, i: int, turn: float, part: float) -> Product:
-        f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
+        f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         assert self.slopes is not None
         along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
         centre = part * self.point.centre[:, i]
-        share = np.clip(1.0 + 2.0 * centre / self.sides[:, i], _IDLE_BALANCE, 1.0)
+        share = np.clip(1.0 + 2.0 * centre / self._sides[:, i], SUPPORT.idle, 1.0)
         return Product(
             (f.m[i] + part * f.X[i]) / 2.0,
             along * f.V[j] - cp.multiply(slope, f.u),
-            self.plane.k[:, i] * share,
+            self._k[:, i] * share,
             np.maximum(centre, 0.0),
             along * self.point.shear[:, j] - slope * self._size,
         )
 
     def _whole(self, i: int, turn: float) -> Product:
-        f, j, slope = self.f, 1 - i, 2.0 * self.plane.slope[:, i]
+        f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         shear, there = self.point.shear[:, j], -slope * self._size
         y = -cp.multiply(slope, f.u)
         x, sign = self._reach(i)
@@ -290,13 +243,15 @@ class StepRows:
             x = x + cp.multiply(free, f.m[i])
             y = y + cp.multiply(most * free, f.s[j])
         there = there + most * free * np.abs(shear)
-        return Product(x, y, self.plane.k[:, i], np.abs(self.point.centre[:, i]), there)
+        return Product(x, y, self._k[:, i], np.abs(self.point.centre[:, i]), there)
 
     def _reach(self, i: int) -> tuple[cp.Expression, FloatArray]:
-        if self.slopes is None:
-            return cp.Constant(np.zeros(len(self.sides))), np.zeros(len(self.sides))
+        """N e_i with the sign of the point's, and that sign: zero where it may change. Such rows
+        let the centre cross the axis, and cut off a little of the torque."""
         centre = self.point.centre[:, i]
-        sign = np.where(np.abs(centre) <= _CENTRAL * self.sides[:, i], 0.0, np.sign(centre))
+        sign = np.where(np.abs(centre) <= SUPPORT.central * self._sides[:, i], 0, np.sign(centre))
+        if self.slopes is None:
+            return cp.Constant(0.0 * centre), 0.0 * centre
         return cp.multiply(sign, self.f.X[i]), sign
 
     @property
@@ -306,10 +261,3 @@ class StepRows:
 
 _SIGN = (-1.0, 1.0)
 """Of N d_1 V2 and N d_2 V1 in the torque."""
-
-_IDLE_BALANCE = 0.3
-"""Least share of k for the half X+ or X- that is zero at the point: it will move little."""
-
-_CENTRAL = 1e-4
-"""Pressure centres within this share of a side from an axis count as on it: a step's rows then let
-the centre cross, and cut off at most this share of the torque."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.geometry.polygons import effective_region, mean_distance, torsion_arm
+from cvxlimit.geometry.polygons import (
+    effective_regions,
+    mean_distance_on_segment,
+    torsion_arm,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,11 @@ class Pressure:
         e2 = np.where(pressed, m1 / safe, 0.0)
         return cls(e1, e2, effective_arm(e1, e2, contacts))
 
+    @property
+    def centre(self) -> FloatArray:
+        """Both eccentricities (n, 2)."""
+        return np.stack([self.e1, self.e2], axis=1)
+
 
 def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatArray:
     """c_T (n,) of the effective regions around pressure centres (e1, e2).
@@ -50,10 +60,38 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
         arm = torsion_arm(
             np.maximum(l1 - 2.0 * np.abs(e1), 0.0), np.maximum(l2 - 2.0 * np.abs(e2), 0.0)
         )
-    for j in np.flatnonzero(~contacts.is_rectangle).tolist():
-        centre = np.array([e1[j], e2[j]])
-        arm[j] = mean_distance(effective_region(contacts.corners_of(j), centre), centre)
+    rows = np.flatnonzero(~contacts.is_rectangle)
+    arm[rows] = polygon_arms(contacts, rows, np.stack([e1, e2], axis=1)[rows])
     return arm
+
+
+def polygon_arms(contacts: Contacts, rows: IntArray, centres: FloatArray) -> FloatArray:
+    """Arms (k,) of contacts ``rows`` of any convex shape, pressed at ``centres`` (k, 2)."""
+    if not len(rows):
+        return np.zeros(0)
+    start, size = contacts.corner_start[rows], np.diff(contacts.corner_start)[rows]
+    corner = np.minimum(np.arange(int(size.max())), size[:, None] - 1)
+    regions = effective_regions(contacts.corner_xy[start[:, None] + corner], centres)
+    return areas_and_arms(regions, centres)[1]
+
+
+def areas_and_arms(
+    regions: Sequence[FloatArray], centres: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Areas (k,) of effective regions, and the mean distances (k,) of their points from their
+    centres (k, 2); regions without area are the segments or points that are left of them."""
+    size = np.array([len(region) for region in regions])
+    corner = np.arange(max(int(size.max(initial=0)), 2))
+    corners = np.zeros((len(regions), len(corner), 2))
+    for own, region, centre in zip(corners, regions, centres, strict=True):
+        if len(region):
+            own[:] = region[np.minimum(corner, len(region) - 1)] - centre
+    ahead = np.roll(corners, -1, axis=1)
+    doubled = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
+    on_edges = mean_distance_on_segment(corners, ahead)
+    area = np.where(size > 2, doubled.sum(axis=1) / 2.0, 0.0)
+    arm = (doubled * on_edges).sum(axis=1) / np.where(area > 0.0, 3.0 * area, 1.0)
+    return area, np.where(area > 0.0, arm, on_edges[:, 0])
 
 
 def own_arm(contacts: Contacts) -> FloatArray:
