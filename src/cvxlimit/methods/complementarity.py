@@ -254,9 +254,9 @@ def projected(force: FloatArray, limit: FloatArray) -> Projected:
     inside = over <= 0.0
     turns = ~inside & (over >= shear)
     slides = ~inside & ~turns & (over >= twist)
-    cases = [inside, turns, slides]
-    new_shear = np.select(cases, [shear, np.zeros_like(most), most], shear - over)
-    new_twist = np.select(cases, [twist, most, np.zeros_like(most)], twist - over)
+    new_shear, new_twist = (
+        np.clip(size - np.maximum(over, 0.0), 0.0, most) for size in (shear, twist)
+    )
     half, grows = 0.5 * ~(inside | turns | slides), (limit > 0.0).astype(float)
     ratio = np.where(shear > 0.0, new_shear / some, inside)
     outer = along[:, :, None] * along[:, None, :]

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NoReturn, Self
+from typing import ClassVar, NoReturn, Self
 
 import numpy as np
 
@@ -216,10 +216,6 @@ class Run:
         """The cone of the surface asked for, for methods that bring their own surfaces."""
         return self.surfaces[-1].cone
 
-    def original(self, forces: FloatArray | None) -> Any:
-        """Contact forces (n, 6) of the scene that was given."""
-        return forces if self.mortar is None else self.mortar.original(forces)
-
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
         """One run of one solver, on the clock.
 
@@ -378,6 +374,10 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     scene, best = run.scene, run.best
     if not status.has_answer:
         best = replace(best, load_factor=None, bracket=Bracket())
+    if run.mortar is not None:
+        members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
+        forces = None if best.forces is None else run.mortar.original(best.forces)
+        best = replace(best, forces=forces, members=tuple(members))
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
         run.remarks.insert(
@@ -403,11 +403,11 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         status=status,
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
-        forces=run.original(best.forces),
+        forces=best.forces,
         mechanism=None if mechanism is None else dict(zip(ids, mechanism, strict=True)),
         note=_note(method, run, status),
         versions=versions(run.solvers),
-        members=tuple(replace(m, forces=run.original(m.forces)) for m in best.members),
+        members=best.members,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,

@@ -102,11 +102,6 @@ def solve(
     >>> round(solution.load_factor, 5), solution.lower <= 0.423056 <= solution.upper + 1e-6
     (0.42306, True)
     """
-    if not callable(formulation):
-        raise ModelError(
-            "formulation must be a function of contacts like "
-            f"cvxlimit.model.formulations.resultants, got {formulation!r}"
-        )
     check_choice("model", model, MODELS)
     older = {"interaction": interaction, "torsion_shear": torsion_shear, "flow": flow}
     settings = {"tolerance": tolerance, "moments": moments}

@@ -81,10 +81,8 @@ class Mortar:
         )
         return cls(scene.with_dead(_with_pull(scene, pull))._with_contacts(pressed), pull)
 
-    def original(self, forces: FloatArray | None) -> FloatArray | None:
+    def original(self, forces: FloatArray) -> FloatArray:
         """Contact forces (n, 6) of the scene with tension."""
-        if forces is None or not np.any(self.pull):
-            return forces
         result = np.array(forces)
         result[:, COLUMN["N"]] -= self.pull
         return result

@@ -116,32 +116,29 @@ class Strength:
         balance = self.assemblage.balance
         if self.is_internal:
             balance = Balance(self.assemblage.statics, self.model)
-        if not self._unresisted.any():
+        free = self._unresisted.ravel()
+        if not free.any():
             return balance
-        meaning = abs(balance.model.meaning)
-        held = (meaning.T @ self._unresisted.ravel() > 0.0) & (
-            meaning.T @ ~self._unresisted.ravel() == 0.0
-        )
-        return replace(balance, held=held)
+        gives = abs(balance.model.meaning).T
+        return replace(balance, held=(gives @ free > 0.0) & (gives @ ~free == 0.0))
 
     @cached_property
     def _unresisted(self) -> NDArray[np.bool_]:
         found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        for (condition, _), rows in zip(self.conditions, self.is_void, strict=True):
-            for name in (c for norm in condition.norms for row in norm.rows for c in row):
-                if name in COLUMN and rows.any():
-                    at = rows if condition.contact is None else condition.contact[rows]
-                    found[at, COLUMN[name]] = True
+        given = zip(self.conditions, self.rows, self.is_void, strict=True)
+        for (condition, _), at, void in given:
+            names = {name for norm in condition.norms for row in norm.rows for name in row}
+            for name in names.intersection(COLUMN):
+                found[at[void], COLUMN[name]] = True
         return found
 
     @cached_property
     def is_void(self) -> list[NDArray[np.bool_]]:
         """Rows of each condition whose resistance is nothing at all."""
         found = []
-        for condition, _ in self.conditions:
-            n = len(self.contacts if condition.contact is None else condition.contact)
-            size = sum((np.abs(number(k)) for k in condition.resistance.values()), np.zeros(n))
-            found.append((size == 0.0) & bool(condition.norms))
+        for (condition, _), at in zip(self.conditions, self.rows, strict=True):
+            sizes = (np.abs(number(k)) for k in condition.resistance.values())
+            found.append((sum(sizes, np.zeros(len(at))) == 0.0) & bool(condition.norms))
         return found
 
     @cached_property
@@ -240,12 +237,9 @@ class Witnesses:
         self.assemblage, self.strength = assemblage, strength
         self.statics = assemblage.statics
         self._balance = strength.balance
+        self._can_project = self._balance.is_supported and not strength.is_internal
         self._dead_state: FloatArray | None = None
         self._attempted = 0
-
-    @property
-    def _can_project(self) -> bool:
-        return self._balance.is_supported and not self.strength.is_internal
 
     @property
     def dead_state(self) -> FloatArray | None:
@@ -309,8 +303,15 @@ class Witnesses:
             if self._is_inside(z, 0.1 * compression):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
                 if self._is_inside(z, 0.1 * compression):
-                    forces = self._balance.model.forces(z)
-                    return forces if self._is_carried(forces) else None
+                    forces, length = (
+                        self._balance.model.forces(z),
+                        self.statics.contacts.typical_size,
+                    )
+                    is_all = (
+                        self._balance.held is None
+                    )  # else some of a load may be carried by none
+                    is_all = is_all or self.statics.is_balanced(forces, 0.0, length)
+                    return forces if is_all else None
             z = self._carried(z + _N.overshoot * (self._pushed_inside(z, compression) - z))
         return None
 
@@ -322,11 +323,6 @@ class Witnesses:
         if (z[self._balance.model.nonneg] < compression).any():
             return False
         return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
-
-    def _is_carried(self, forces: FloatArray) -> bool:
-        """False where the load pushes a block in a way that nothing resists."""
-        length = self.statics.contacts.typical_size
-        return self._balance.held is None or self.statics.is_balanced(forces, 0.0, length)
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model
@@ -342,18 +338,15 @@ class Witnesses:
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
         share = np.zeros(len(self.statics.contacts))
-        at, goal = self._excess(z), self._excess(inner)
-        for y, y_inner in zip(at, goal, strict=True):
+        found = (self.strength.excess(self._balance.model.forces(x)) for x in (z, inner))
+        for (condition, _), y, y_inner in zip(self.strength.conditions, *found, strict=True):
+            if condition.contact is not None:  # of corners, whose compressions see to it
+                continue
             goal_y = _N.spare * y_inner
             beyond = (y_inner < 0.0) & (y > goal_y)
             needed = np.where(beyond, y - goal_y, 0.0) / np.where(beyond, y - y_inner, 1.0)
             share = np.maximum(share, needed)
         return z + share[self._balance.model.contact] * (inner - z)
-
-    def _excess(self, z: FloatArray) -> list[FloatArray]:
-        found = self.strength.excess(self._balance.model.forces(z))
-        conditions = self.strength.conditions
-        return [y for y, (c, _) in zip(found, conditions, strict=True) if c.contact is None]
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
