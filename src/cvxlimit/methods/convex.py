@@ -175,10 +175,10 @@ class Inquiry:
         best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
         return is_close and not best.is_within(self.tolerance)
 
-    def _certificate(self, state: LimitState) -> Certificate:
+    def _certificate(self, state: LimitState, certifier: Certifier | None = None) -> Certificate:
         self.run.tell("checking the bracket")
         with self.run.clock.phase("certify"):
-            return self.certifier.of(state)
+            return (certifier or self.certifier).of(state)
 
     def dead_load_falls(self) -> bool:
         """True if the dead load cannot stand; the run then has the mechanism, and says so."""
@@ -287,11 +287,7 @@ class Inquiry:
             problem = LimitProblem(assemblage, surfaces, formulation, goal, reduction)
             certifier = Certifier(assemblage, problem.surfaces, formulation)
 
-        def certified(state: LimitState) -> Certificate:
-            with run.clock.phase("certify"):
-                return certifier.of(state)
-
         for settings in (self.ladder or problem.ladder(self.tolerance))[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
-            yield state, partial(certified, state)
+            yield state, partial(self._certificate, state, certifier)

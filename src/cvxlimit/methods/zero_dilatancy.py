@@ -400,23 +400,16 @@ class MechanismsOfForces:
 
     def __init__(self, system: FrictionSystem, seed: int) -> None:
         self.system, self.random = system, np.random.default_rng(seed)
-        self._motion = cp.Variable(len(system.live))
-        n, corners = len(system.cohesion), system.opening.shape[0]
+        n, self._motion = len(system.cohesion), cp.Variable(len(system.live))
+        self._on_opening = cp.Parameter(system.opening.shape[0], nonneg=True)
+        self._on_slid, self._on_slips = cp.Parameter(n, nonneg=True), cp.Parameter(3 * n)
+        opening, slips = system.opening @ self._motion, system.slip @ self._motion
         slid = cp.Variable(n)
-        opening = system.opening @ self._motion
-        slips = [system.slip[k::3] @ self._motion for k in range(3)]
-        self._on_opening, self._on_slid = (
-            cp.Parameter(corners, nonneg=True),
-            cp.Parameter(n, nonneg=True),
-        )
-        self._on_slips = [cp.Parameter(n) for _ in slips]
-        cost = self._on_opening @ opening + self._on_slid @ slid
-        cost += sum(price @ slip for price, slip in zip(self._on_slips, slips, strict=True))
+        cost = self._on_opening @ opening + self._on_slid @ slid + self._on_slips @ slips
         limits = [
             opening >= 0.0,
-            cp.SOC(slid, cp.vstack(slips[:2]), axis=0),
-            slid >= slips[2],
-            slid >= -slips[2],
+            cp.SOC(slid, cp.vstack([slips[0::3], slips[1::3]]), axis=0),
+            slid >= cp.abs(slips[2::3]),
             system.live @ self._motion == 1.0,
         ]
         self._problem = cp.Problem(cp.Minimize(cost), limits)
@@ -428,8 +421,7 @@ class MechanismsOfForces:
         self._on_opening.value = _N.price * pressed + self._chance(len(pressed))
         limit = np.maximum(self.system.limit @ given.pressed + self.system.cohesion, 0.0)
         self._on_slid.value = _N.price * limit + self._chance(len(limit))
-        for price, friction in zip(self._on_slips, given.friction.T, strict=True):
-            price.value = _N.price * friction
+        self._on_slips.value = _N.price * given.friction.ravel()
         outcome = run_solver(self._problem, settings)
         if not outcome.has_values or self._motion.value is None:
             return None
