@@ -60,6 +60,7 @@ class Clock:
 
     @property
     def elapsed(self) -> float:
+        """Seconds since the start."""
         return time.perf_counter() - self.started
 
     @contextmanager

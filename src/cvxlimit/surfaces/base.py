@@ -48,6 +48,7 @@ class Norm:
 
     @property
     def is_plain(self) -> bool:
+        """True if the weight is one."""
         return isinstance(self.weight, (int, float)) and self.weight == 1
 
 
