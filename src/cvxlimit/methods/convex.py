@@ -64,6 +64,7 @@ class Convex(Method):
     """
 
     name = "convex"
+    answers = "the load factor without interaction: one convex problem, its bracket closed"
     axis = ""
 
     tolerance: float = TOLERANCE

@@ -323,12 +323,15 @@ class Method(ABC):
     ----------
     name : str
         What the solution calls it.
+    answers : str
+        What it answers, in a line for lists of methods.
     axis : str
         Which word of a solution says the name: ``"interaction"``, ``"flow"``,
         ``"torsion_shear"``, or none for what needs no word.
     """
 
     name: ClassVar[str]
+    answers: ClassVar[str] = ""
     axis: ClassVar[str] = "interaction"
 
     def __new__(cls, *_: object, **settings: object) -> Self:

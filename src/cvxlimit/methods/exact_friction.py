@@ -40,6 +40,7 @@ class ExactFriction(Method):
     """
 
     name = "exact"
+    answers = "torsion with shear on the exact limit (Eq. 18-21), bracketed to 1e-3"
     axis = "torsion_shear"
 
     tolerance: float = 1e-3

@@ -79,6 +79,7 @@ class Gilbert(Method):
     """
 
     name = "gilbert"
+    answers = "Gilbert's scheme for one solution without dilatancy, and what it is worth"
     axis = "flow"
 
     tolerance: float = 1e-3

@@ -33,8 +33,6 @@ class Row:
     ----------
     method : Method
         With the settings it has unless others are given.
-    line : str
-        What it answers.
     surfaces : tuple of str
         Kinds of surfaces: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
     scenes : tuple of str
@@ -44,10 +42,13 @@ class Row:
     """
 
     method: Method
-    line: str
     surfaces: tuple[str, ...]
     scenes: tuple[str, ...] = ()
     reduces: bool = False
+
+    @property
+    def line(self) -> str:
+        return self.method.answers
 
 
 EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
@@ -62,9 +63,7 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
             "has no cohesion: take it out of the scene",
         ),
         "strength": (
-            lambda run: (
-                np.isfinite(run.contacts.compressive_strength).any() or run.mortar is not None
-            ),
+            lambda run: run.mortar or np.isfinite(run.contacts.compressive_strength).any(),
             "knows no strength of stone or mortar: leave compressive_strength and "
             "tensile_strength out of the scene",
         ),
@@ -73,49 +72,18 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
 """What not every method takes: how it is seen, and what is said where it is not taken."""
 
 _EVERY = ("conic", "facets", "parabolic", "own")
+_JOINTS = ("ties", "cohesion", "strength")
 
-TABLE: Mapping[str, Row] = MappingProxyType(
-    {
-        row.method.name: row
-        for row in (
-            Row(
-                Convex(),
-                "the load factor without interaction: one convex problem, its bracket closed",
-                _EVERY,
-                tuple(EXTRAS),
-                reduces=True,
-            ),
-            Row(
-                ExactFriction(),
-                "torsion with shear on the exact limit (Eq. 18-21), bracketed to 1e-3",
-                ("conic",),
-                ("ties", "cohesion", "strength"),
-            ),
-            Row(
-                FixedPoint(),
-                "interaction with bending by the paper's iteration (Eq. 41-43), without a bracket",
-                ("conic", "facets"),
-            ),
-            Row(
-                Certified(),
-                "interaction with bending (Eq. 26-32), proved from below and from above",
-                ("conic",),
-                reduces=True,
-            ),
-            Row(
-                ZeroDilatancy(),
-                "friction that slides without opening: a set of solutions, the lowest found first",
-                _EVERY,
-                ("ties", "cohesion", "strength"),
-            ),
-            Row(
-                Gilbert(),
-                "Gilbert's scheme for one solution without dilatancy, and what it is worth",
-                ("conic", "facets"),
-            ),
-        )
-    }
+_ROWS = (
+    Row(Convex(), _EVERY, ("formulation", *_JOINTS), reduces=True),
+    Row(ExactFriction(), ("conic",), _JOINTS),
+    Row(FixedPoint(), ("conic", "facets")),
+    Row(Certified(), ("conic",), reduces=True),
+    Row(ZeroDilatancy(), _EVERY, _JOINTS),
+    Row(Gilbert(), ("conic", "facets")),
 )
+
+TABLE: Mapping[str, Row] = MappingProxyType({row.method.name: row for row in _ROWS})
 """All methods by name."""
 
 USUAL = MappingProxyType({"interaction": "none", "flow": "associated", "torsion_shear": "linear"})

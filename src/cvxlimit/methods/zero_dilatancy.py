@@ -99,6 +99,7 @@ class ZeroDilatancy(Method):
     """
 
     name = "zero-dilatancy"
+    answers = "friction that slides without opening: a set of solutions, the lowest found first"
     axis = "flow"
 
     tolerance: float = 1e-6
