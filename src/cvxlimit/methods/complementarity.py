@@ -210,23 +210,16 @@ class _Newton:
     def _jacobian(self, at: FloatArray) -> sp.csr_array:
         system, (pressed, _, motion, _) = self.system, self._point(at)
         presses = (pressed - self.ratio * (system.opening @ motion) > 0.0).astype(float)
-        found = self._nearest(at)
-        by_force = in_blocks(found.by_force)
+        released = sp.diags_array(1.0 - presses)
+        opened = self.ratio * (sp.diags_array(presses) @ system.opening)
+        found, live = self._nearest(at), sp.csr_array(system.live[None, :])
+        by_force, limited = in_blocks(found.by_force), by_columns(found.by_limit) @ system.limit
+        held = sp.eye_array(by_force.shape[0]) - by_force
         rows = [
-            [system.opening.T, system.slip.T, None, sp.csr_array(system.live[:, None])],
-            [None, None, sp.csr_array(self.force * system.live[None, :]), None],
-            [
-                sp.diags_array(1.0 - presses),
-                None,
-                sp.diags_array(self.ratio * presses) @ system.opening,
-                None,
-            ],
-            [
-                -by_columns(found.by_limit) @ system.limit,
-                sp.eye_array(by_force.shape[0]) - by_force,
-                self.ratio * (by_force @ system.slip),
-                None,
-            ],
+            [system.opening.T, system.slip.T, None, live.T],
+            [None, None, self.force * live, None],
+            [released, None, opened, None],
+            [-limited, held, self.ratio * (by_force @ system.slip), None],
         ]
         matrix = sp.block_array(rows, format="csr")
         return (matrix @ sp.diags_array(self.columns / self.force)).tocsr()
