@@ -10,7 +10,7 @@ from pathlib import Path
 from time import process_time
 
 import cvxlimit
-from cvxlimit import Solution, builtin_scene, solve
+from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
 
 CARD = """:::{{grid-item-card}} {name}
@@ -47,18 +47,13 @@ def card(name: str, made: Path) -> str:
     solution.plot("page", made / "site" / "live" / f"{name}.html")
     return CARD.format(
         name=name,
-        said=description(solution),
+        said=BUILTIN[name].description,
         factor=f"{solution.load_factor:.4f}",
         status=solution.status.value,
         blocks=solution.blocks,
         contacts=solution.contacts,
         seconds=seconds,
     )
-
-
-def description(solution: Solution) -> str:
-    """What the list of built-in scenes says of it."""
-    return str(BUILTIN[solution.scene.name].description if solution.scene else "")
 
 
 def of_sources() -> str:
