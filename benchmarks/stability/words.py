@@ -60,8 +60,8 @@ ones, {proved} rest on no assumption at all on the size of forces or rates.
 HONEST = """
 What is left open, and why. *Frictions of 1e-6 beside 1e6*, 5 scenes of 120 in that family. The flow
 rule asks a joint to open by friction times its slip. A joint with 1e6 that hinges about an edge must
-not slip at all, and rounding alone, 1e-16 of the rates, then costs 1e-10 of the loads; a joint with
-1e-6 beside it makes load factors of 1e-6 to 1e-4, of which that is 1e-6 to 1e-4. Solvers leave 1e-12
+not slip at all, and rounding alone, 1e-16 of the rates, then costs 1e-10 of the loads. Beside a
+joint with 1e-6 load factors are 1e-6 to 1e-4; relative to these the rounding error is 1e-6 to 1e-4. Solvers leave 1e-12
 in place of 1e-16, and brackets stay 1e-5 to 0.3 wide. *Load factors that are exactly zero*, 7 scenes
 of 100 in the mixed family: a joint without friction slides at no load at all, so no forces are
 strictly inside, and what a solver leaves of equilibrium, 1e-15 of the total load, is priced by an
