@@ -1,7 +1,7 @@
 """States of polygons that press in a box: cells of pressure centres with bounds on their arms.
 
 On a cell c(e) <= sum of lambda_k t_k for e = sum of lambda_k e_k, so forces pressed in it are sums
-of forces pressed at its corners with arms t_k: docs/interaction-bounds.md.
+of forces pressed at its corners with arms t_k: docs/evidence/interaction-bounds.md.
 """
 
 from __future__ import annotations

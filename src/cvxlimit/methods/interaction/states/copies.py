@@ -1,7 +1,7 @@
 """Copies of contacts with frozen pressure centres: contact forces are sums over them.
 
 The sum of copies is the convex hull of a contact's states (Balas' perspective form, one disjunct
-each): docs/interaction-bounds.md.
+each): docs/evidence/interaction-bounds.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Convex rows that stay inside Eq. 30, whatever point they are built at.
 
 Each has a plane below c_T and majorised products; one second-order cone per contact (two with
-signed moments, for both signs of the torque): docs/interaction-bounds.md.
+signed moments, for both signs of the torque): docs/evidence/interaction-bounds.md.
 """
 
 from __future__ import annotations

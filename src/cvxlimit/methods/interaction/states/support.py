@@ -1,7 +1,7 @@
 """How much work contact forces with interaction can do: support functions of the true sets.
 
 For unit compression and rates w the largest b . e + h(e) over pressure centres e, plus w_N; where
-it lies, and what h is under each reading, is derived in docs/interaction-bounds.md.
+it lies, and what h is under each reading, is derived in docs/evidence/interaction-bounds.md.
 """
 
 from __future__ import annotations
