@@ -132,7 +132,8 @@ class _Follower:
         safe, length, tries = at, _N.first, 0
         for _ in range(_N.steps):
             error, rest = self._error(at), self._rest(at)
-            worth = max(rest, self._gap(at))
+            gap = float(self._products(at).sum()) / max(abs(self._read(at).load_factor), self.force)
+            worth = max(rest, gap)
             if worth < least:
                 best, least = at, worth
             if worth < _N.ends or length < _N.shortest:
@@ -147,7 +148,8 @@ class _Follower:
                 break
             if error < _N.near and rest < _N.rests:
                 if tangent is not None:
-                    length = min(_N.longest, length * _grown(tries))
+                    grown = 1.7 if tries <= 1 else 1.0 if tries <= 3 else 0.5
+                    length = min(_N.longest, length * grown)
                 tangent, safe, tries = self._tangent(at, along, tangent), at, 0
                 corrector = self._normal(at, corrector, along, tangent)
                 at = self._moved(at, self._ahead(at, corrector, tangent, length))
@@ -172,9 +174,6 @@ class _Follower:
         shear, torsion = (local[:, 3:5] * local[:, 5:]).T
         parts = (pressed * opening, shear + work[:, 0] + work[:, 1], torsion + work[:, 2])
         return np.concatenate(parts)
-
-    def _gap(self, at: FloatArray) -> float:
-        return float(self._products(at).sum()) / max(abs(self._read(at).load_factor), self.force)
 
     def _error(self, at: FloatArray) -> float:
         now = self._read(at)
@@ -348,7 +347,3 @@ class _Follower:
             near = local[:, held] - size < 0.5 * distance
             local[near, held] = (size + distance)[near]
         return result
-
-
-def _grown(correctors: int) -> float:
-    return 1.7 if correctors <= 1 else 1.0 if correctors <= 3 else 0.5

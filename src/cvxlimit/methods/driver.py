@@ -73,11 +73,6 @@ class Clock:
             inside = sum(self.seconds.values()) - booked
             self.seconds[name] += time.perf_counter() - start - inside
 
-    def book(self, outcome: Outcome) -> None:
-        """Add what a solver took."""
-        self.seconds["compile"] += outcome.compile_seconds
-        self.seconds["solve"] += outcome.solve_seconds
-
 
 class Told(str):
     """A line of progress; ``has_bracket`` is true once the run would return one if interrupted."""
@@ -228,7 +223,8 @@ class Run:
         self.tell(f"solving with {settings}")
         with self.clock.phase("compile"):
             state = solver(settings)
-            self.clock.book(state.outcome)
+            self.clock.seconds["compile"] += state.outcome.compile_seconds
+            self.clock.seconds["solve"] += state.outcome.solve_seconds
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
             self.attempts.append((settings, state.outcome))
@@ -274,12 +270,6 @@ class Run:
     def load_factors(self) -> list[float | None]:
         """Those of the history."""
         return [iterate.load_factor for iterate in self.history]
-
-    @property
-    def has_only_failures(self) -> bool:
-        """True if solvers ran, and none found an optimum or claimed that there is none."""
-        ended = [outcome for _, outcome in self.attempts]
-        return bool(ended) and not any(o.has_values or o.claims_no_optimum for o in ended)
 
     @property
     def failure(self) -> str:
@@ -388,7 +378,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
             0, "the bounds contradict each other, so an assumption behind them fails"
         )
     is_empty = best.load_factor is None and not best.bracket.has_any
-    if status.has_answer and is_empty and run.has_only_failures:
+    is_known = any(o.has_values or o.claims_no_optimum for _, o in run.attempts)
+    if status.has_answer and is_empty and run.attempts and not is_known:
         status = Status.SOLVER_FAILED
     words: dict[str, str] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:

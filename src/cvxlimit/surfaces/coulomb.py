@@ -172,14 +172,11 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
         if not name.endswith(")"):
             return _NAMED.get(torsion_shear) or surfaces_of(name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
-        made = [_BUILT_IN[own](*_cones(own, cone)) for own, cone in parts]
+        parabolic = ParabolicTorsionShear.name  # has one cone only
+        made = [_BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
     except (KeyError, ValueError, ModelError):
         return None
     return tuple(made)
-
-
-def _cones(name: str, cone: str) -> list[Cone]:
-    return [] if name == ParabolicTorsionShear.name else [parse_cone(cone)]
 
 
 def _said(surface: YieldSurface) -> str:
