@@ -1,9 +1,8 @@
 """Forces that carry a load exactly, from nearly exact ones: blocks it does not reach stay idle.
 
-A live load that forces carry on their own does no harm: any multiple of it is carried. A solver's
-forces for that leave noise on blocks which the load does not reach; where nothing else loads these
-blocks, no balance of theirs could be told from noise. So contacts that carry next to nothing carry
-nothing, which is admissible everywhere, and the others are put into balance without them.
+A solver's forces leave noise on blocks which a live load does not reach, from which no balance of
+theirs could be told. So contacts that carry next to nothing carry nothing, which is admissible
+everywhere, and the others are put into balance without them.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """Gilbert's scheme for friction without dilatancy: cones rotated about the last normal forces.
 
 Gilbert, Casapulla and Ahmed (2006) solve associated problems whose friction hardly grows with the
-normal force N,
-
-    abs(V) + abs(MT) / c_T <= c0 + (1 + eta) mu N_k - eta mu N,
-
-so that sliding closes joints by a little instead of opening them, and move N_k towards the normal
-forces found. Here beside De Saxce's fixed point, for comparison.
+normal force, so that sliding closes joints by a little instead of opening them, and move these
+cones towards the normal forces found. Here beside De Saxce's fixed point, for comparison.
 """
 
 from __future__ import annotations
@@ -35,7 +31,7 @@ _LADDER = clarabel_at(1e-8, 1e-6)
 
 
 class RotatedCones(YieldSurface):
-    """abs(V) + abs(MT) / c_T <= held - eta mu N, with ``held`` (n,) an array or a Parameter."""
+    """abs(V) + abs(MT) / c_T <= held - eta mu N, with ``held`` (n,) = c0 + (1 + eta) mu N_k."""
 
     name = "rotated cones"
 

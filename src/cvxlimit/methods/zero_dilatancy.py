@@ -1,10 +1,8 @@
 """Friction that slides without opening: De Saxce's fixed point, and the members of its set.
 
-With zero dilatancy there is no single load factor: a solution is a load factor with forces in
-equilibrium that yield nowhere, and a mechanism that opens nowhere by sliding, on which friction
-opposes slip and pressed contacts do not open. Every such solution is admissible in the associated
-model as well, whose load factor is hence an upper bound; nothing is known about the lowest one but
-that none lower was found.
+A solution is a load factor with forces in equilibrium that yield nowhere, and a mechanism on which
+friction opposes slip, pressed contacts do not open, and none opens by sliding. There are many; each
+is admissible in the associated model as well, whose load factor is hence an upper bound.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """Strictly feasible (Slater) states, which turn nearly exact answers into proved bounds.
 
-:class:`Strength` says how far forces are beyond yield and which rates are allowed. A force state
-strictly inside all yield surfaces, in equilibrium with the dead load alone, proves that the dead
-load stands, and absorbs small yield excess; a velocity field that strictly opens every contact
-absorbs small violations of the flow rule. Both are found by alternating projections with one sparse
-factorisation, and checked by whoever uses them.
+Forces strictly inside all surfaces that balance the dead load prove that it stands, and absorb
+small yield excess; rates that strictly open every contact absorb small violations of the flow rule.
+Both are found by alternating projections with one sparse factorisation; who uses them checks them.
 """
 
 from __future__ import annotations
