@@ -103,5 +103,5 @@ def test_the_page_has_the_table() -> None:
     page = CHOOSING.read_text("utf-8")
     for name, row in TABLE.items():
         extras = ", ".join(row.scenes) or "nothing"
-        line = f"| `{name}` | {row.line} | {', '.join(row.surfaces)} | {extras} |"
+        line = f"| `{name}` | {row.method.answers} | {', '.join(row.surfaces)} | {extras} |"
         assert line in page, line

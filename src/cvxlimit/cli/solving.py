@@ -44,7 +44,8 @@ class Order:
     )
     method: str | None = option(
         "|".join(TABLE),
-        "; ".join(f"{name}: {row.line}" for name, row in TABLE.items()) + ". Unless given: convex.",
+        "; ".join(f"{name}: {row.method.answers}" for name, row in TABLE.items())
+        + ". Unless given: convex.",
     )
     interaction: str | None = option(
         "|".join(words("interaction")),

@@ -26,7 +26,6 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.complementarity import (
     FrictionSystem,
     Point,
-    by_columns,
     in_blocks,
     in_order,
     typical,
@@ -221,7 +220,7 @@ class _Follower:
         local = self._local(at, limit)
         pushed = sp.diags_array(share) @ system.opening
         turned = in_blocks(local[:, :3, 2:5]) @ system.slip
-        limited = by_columns(local[:, :3, 5]) @ (system.limit @ pushed)
+        limited = in_blocks(local[:, :3, 5:]) @ (system.limit @ pushed)
         square = (system.opening.T @ pushed - system.slip.T @ (turned - limited)).tocsc()
         raised = np.asarray(system.limit @ fixed)
         own = local[:, :3, :2] + local[:, :3, 5, None] * raised[:, None, :]

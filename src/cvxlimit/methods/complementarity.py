@@ -213,7 +213,10 @@ class _Newton:
         released = sp.diags_array(1.0 - presses)
         opened = self.ratio * (sp.diags_array(presses) @ system.opening)
         found, live = self._nearest(at), sp.csr_array(system.live[None, :])
-        by_force, limited = in_blocks(found.by_force), by_columns(found.by_limit) @ system.limit
+        by_force, limited = (
+            in_blocks(found.by_force),
+            in_blocks(found.by_limit[:, :, None]) @ system.limit,
+        )
         held = sp.eye_array(by_force.shape[0]) - by_force
         rows = [
             [system.opening.T, system.slip.T, None, live.T],
@@ -282,13 +285,6 @@ def typical(values: FloatArray) -> float:
 
 
 def in_blocks(blocks: FloatArray) -> sp.csr_array:
-    """Block diagonal (3 n, 3 n) of (n, 3, 3)."""
-    n = len(blocks)
-    return sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
-
-
-def by_columns(blocks: FloatArray) -> sp.csr_array:
-    """(3 n, n) of (n, 3)."""
-    n = len(blocks)
-    index = (np.arange(3 * n), np.repeat(np.arange(n), 3))
-    return sp.csr_array((blocks.ravel(), index), shape=(3 * n, n))
+    """Block diagonal (i n, j n) of (n, i, j)."""
+    n, i, j = blocks.shape
+    return sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(i * n, j * n)).tocsr()

@@ -46,10 +46,6 @@ class Row:
     scenes: tuple[str, ...] = ()
     reduces: bool = False
 
-    @property
-    def line(self) -> str:
-        return self.method.answers
-
 
 EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
     {
