@@ -15,9 +15,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.geometry.nearby import nearby_pairs
-from cvxlimit.geometry.penetration import penetration
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
 )
@@ -25,6 +23,7 @@ from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
 from cvxlimit.scene import Scene
 from exhaustive import mostly_slow
+from placements import detect_contacts, penetration
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
 
@@ -350,8 +349,12 @@ class TestRefusals:
         ridge = Block.hull("a", [[0, -1, 0], [0, 1, 0], [-1, 0, -1], [1, 0, -1]])
         cross = Block.hull("b", [[-1, 0, 0.1], [1, 0, 0.1], [0, -1, 1.1], [0, 1, 1.1]])
         assert penetration(ridge, cross) == pytest.approx(-0.1)
+        with pytest.raises(InputError, match="touches no other block"):
+            detect_contacts([ridge, cross])
         sunk = cross.moved(np.eye(3), (0, 0, -0.3))
         assert penetration(ridge, sunk) == pytest.approx(0.2)
+        with pytest.raises(InputError, match="'a' and 'b' interpenetrate by about"):
+            detect_contacts([ridge, sunk])
 
 
 class TestAllPairs:

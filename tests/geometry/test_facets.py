@@ -16,12 +16,13 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import solve
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect, detect_contacts
+from cvxlimit.geometry.detection import detect
 from cvxlimit.geometry.facets import facets
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.polygons import mean_distance_over, united
 from cvxlimit.geometry.solids import solid
 from cvxlimit.scene import Load, Scene
+from placements import detect_contacts
 
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
 GROUND = Block.box("ground", (-5, -5, -1), (5, 5, 0))

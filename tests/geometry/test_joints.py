@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import solve
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.detection import detect, detect_contacts
+from cvxlimit.geometry.detection import detect
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.nearmisses import near_miss_sentence
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
@@ -22,6 +22,7 @@ from cvxlimit.geometry.solids import solid
 from cvxlimit.io import scene_from_dict, scene_to_dict
 from cvxlimit.masonry import builtin_scene
 from cvxlimit.scene import Load, Scene, Units
+from placements import detect_contacts
 
 WALL = builtin_scene("tuff-wall")
 ODD = Rotation.from_euler("xyz", [0.3, 1.1, 2.2]).as_matrix()

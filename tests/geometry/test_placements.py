@@ -14,12 +14,12 @@ from shapely.affinity import affine_transform
 
 from cvxlimit import Block, Load, Scene, solve
 from cvxlimit.errors import GeometryError
-from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.geometry.solids import solid
 from placements import (
     OUTLINES,
     assert_same_contacts,
     common_parts,
+    detect_contacts,
     mean_distance_of,
     plan,
     prism,

@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.detection import detect_contacts
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
     convex_overlap,
@@ -20,6 +19,7 @@ from cvxlimit.geometry.polygons import (
     torsion_arm,
     torsion_arm_gradient,
 )
+from placements import detect_contacts
 
 
 def mean_by_small_triangles(corners: np.ndarray, point: np.ndarray, n: int = 300) -> float:

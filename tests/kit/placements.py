@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import shapely
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.detection import detect_contacts
+from cvxlimit.geometry.detection import detect
 from cvxlimit.geometry.polygons import mean_distance
 
 OUTLINES = {
@@ -76,6 +77,10 @@ def mean_distance_of(region: shapely.MultiPolygon) -> float:
     return total / region.area
 
 
+def detect_contacts(blocks: Sequence[Block], *given: Any, **options: Any) -> Contacts:
+    return detect(blocks, *given, **options).contacts
+
+
 MOTIONS = (
     (np.zeros(3), (1.0, 1.0, 0.0), 1.0),
     (np.zeros(3), (1e3, -1e3, 1e3), 1.0),
@@ -131,3 +136,19 @@ def measures(contacts: Contacts, scale: float) -> np.ndarray:
         ])  # fmt: skip
     table = np.array(rows, dtype=float).reshape(-1, 7)
     return table[np.lexsort(np.round(table[:, [4, 2, 6, 1, 0]], 6).T)]
+
+
+def penetration(first: Block, second: Block) -> float:
+    """Smallest overlap of two convex blocks over all directions that could separate them: normals
+    of faces, and of planes spanned by pairs of edges. Not positive when they are apart."""
+    normals, edges = [], []
+    for block in (first, second):
+        loops = [block.vertices[list(face)] for face in block.faces]
+        normals += [np.cross(c[1] - c[0], c[2] - c[1]) for c in loops]
+        edges.append(np.concatenate([np.roll(c, -1, axis=0) - c for c in loops]))
+    crosses = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
+    directions = np.concatenate([normals, crosses])
+    lengths = np.linalg.norm(directions, axis=1)
+    directions = directions[lengths > 1e-9] / lengths[lengths > 1e-9, None]
+    one, other = (block.vertices @ directions.T for block in (first, second))
+    return float(min((one.max(0) - other.min(0)).min(), (other.max(0) - one.min(0)).min()))

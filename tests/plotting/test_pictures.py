@@ -16,11 +16,10 @@ from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
 from cvxlimit.plotting.drawing import SceneFigure
-from cvxlimit.plotting.joints import THINNEST
-from cvxlimit.plotting.look import KIND_COLOURS, rgb, used_colour
+from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import ContactKind, motion
-from cvxlimit.plotting.pictures.thrust import thrust_lines
+from cvxlimit.plotting.pictures.forces import thrust_lines
 
 KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))
 
@@ -216,7 +215,7 @@ class TestAnimation:
 PLAIN = """
 from cvxlimit.plotting.contents import Drawing, camera_for
 from cvxlimit.plotting.movement import still
-from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.contents import picture
 
 @picture
 def plain(solution):

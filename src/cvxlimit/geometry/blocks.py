@@ -11,21 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
+import cvxlimit.geometry.polyhedra as polyhedra
 from cvxlimit.arrays import FloatArray, ReadOnlyArrays
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets
 from cvxlimit.geometry.mesh import Faces, surface
-from cvxlimit.geometry.polyhedra import (
-    RELATIVE_TOLERANCE,
-    Body,
-    check_flat,
-    checked_faces,
-    closed_body,
-    convex_body,
-    default_tolerance,
-    vertices_of,
-)
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE, Body
 
 BOX_FACES: Faces = (
     (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 4, 7, 3), (1, 2, 6, 5),
@@ -153,9 +145,11 @@ class Block(ReadOnlyArrays):
         InputError
             If numbers or indices are none.
         """
-        points = vertices_of(id, vertices)
-        loops = checked_faces(id, faces, len(points))
-        body = convex_body(points, loops) or closed_body(id, points, loops, joint_tolerance)
+        points = polyhedra.vertices_of(id, vertices)
+        loops = polyhedra.checked_faces(id, faces, len(points))
+        body = polyhedra.convex_body(points, loops) or polyhedra.closed_body(
+            id, points, loops, joint_tolerance
+        )
         return cls.of_body(id, points, body, density)
 
     @classmethod
@@ -193,7 +187,7 @@ class Block(ReadOnlyArrays):
         fill: they are refused unless ``inner="drop"`` says that the hull is what is meant. Points
         on the hull's edges bound no notch and are dropped.
         """
-        cloud = vertices_of(id, points)
+        cloud = polyhedra.vertices_of(id, points)
         try:
             hull = ConvexHull(cloud)
         except QhullError as error:
@@ -234,13 +228,13 @@ class Block(ReadOnlyArrays):
     @property
     def joint_tolerance(self) -> float:
         """Default joint tolerance of this block: one hundredth of its mean thickness."""
-        return default_tolerance(self.volume, self.surface)
+        return polyhedra.default_tolerance(self.volume, self.surface)
 
     def facets(self, tolerance: float) -> Facets:
         """Faces grouped into planar facets within ``tolerance`` (length), kept once found."""
         found: dict[float, Facets] = self.__dict__.setdefault("_facets", {})
         if tolerance not in found:
-            check_flat(self.id, self.vertices, self.faces, tolerance)
+            polyhedra.check_flat(self.id, self.vertices, self.faces, tolerance)
             found[tolerance] = facets(self.vertices, self.faces, tolerance)
         return found[tolerance]
 

@@ -258,8 +258,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
 
     def corner_minimum(self, values: FloatArray) -> FloatArray:
         """Minimum of corner values (m,) over each contact, (n,)."""
-        result: FloatArray = np.minimum.reduceat(values, self.corner_start[:-1])
-        return result
+        return np.asarray(np.minimum.reduceat(values, self.corner_start[:-1]))
 
     def scaled(self, length: float) -> Contacts:
         """The same contacts with all lengths multiplied: a change of units."""

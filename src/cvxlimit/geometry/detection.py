@@ -1,8 +1,4 @@
-"""Contact detection: facets of different blocks that face each other within a joint tolerance.
-
-Only blocks near each other are looked at, and of those the facets whose boxes meet. Overlaps are
-exact interval products for aligned rectangles and polygon clipping otherwise: near n log n.
-"""
+"""Contact detection: facets of different blocks that face each other within a joint tolerance."""
 
 from __future__ import annotations
 
@@ -39,26 +35,6 @@ class Detection:
 
     contacts: Contacts
     near_misses: tuple[NearMiss, ...]
-
-
-def detect_contacts(
-    blocks: Sequence[Block],
-    fixed: Collection[str] = (),
-    friction: float = 0.6,
-    joint_tolerance: float | None = None,
-) -> Contacts:
-    """Find all contacts between ``blocks``, except those between two ``fixed`` ones.
-
-    See :func:`detect`, which finds near misses too.
-
-    Example
-    -------
-    >>> ground = Block.box("ground", (0, 0, -1), (1, 1, 0))
-    >>> brick = Block.box("brick", (0, 0, 0), (1, 1, 1), density=1.0)
-    >>> [c.name for c in detect_contacts([ground, brick], fixed=["ground"])]
-    ['ground-brick']
-    """
-    return detect(blocks, fixed, friction, joint_tolerance).contacts
 
 
 def detect(
@@ -104,13 +80,11 @@ def detect(
 
 @dataclass(frozen=True, eq=False)
 class _Joints:
-    """Overlaps of facing facets with their frames, sorted by blocks; ``a``, ``b`` (k,) are those.
-
-    ``gaps`` (k, 2) is the least and the largest distance between the facets' planes over the
-    overlap, ``sine`` of the angle between them, ``allowed`` and ``near`` the pair's tolerance and
-    reach. Facets are themselves off their planes by up to the tolerance: by how much, ``warped``,
-    is allowed on top, or else two facets that meet perfectly would not be a joint.
-    """
+    """Overlaps of facing facets with their frames, sorted by blocks ``a``, ``b`` (k,). ``gaps`` (k,
+    2) is the least and the largest distance between the facets' planes over the overlap, ``sine``
+    of the angle between them, ``allowed`` and ``near`` the pair's tolerance and reach. Facets are
+    themselves off their planes: by how much, ``warped``, is allowed on top, or else two that meet
+    perfectly would not be a joint."""
 
     a: IntArray
     b: IntArray
@@ -159,17 +133,15 @@ class _Joints:
 
     @property
     def is_close(self) -> BoolArray:
-        """Overlaps of facets that are within the tolerance of each other everywhere, (k,)."""
+        """Overlaps of facets that are within the tolerance of each other everywhere."""
         within = np.abs(self.gaps) <= (self.allowed + self.warped)[:, None]
         return np.asarray(within.all(axis=1) & (self.sine <= _STEEPEST))
 
     @property
     def is_contact(self) -> BoolArray:
-        """Overlaps that are contacts, (k,)."""
         return np.asarray(self.is_close & (self.found.width > self.allowed))
 
     def contacts(self, rows: BoolArray, blocks: Sequence[Block], friction: float) -> Contacts:
-        """Some of the joints as contacts."""
         j = np.flatnonzero(rows)
         found = self.found.take(j)
         a, b = self.a[j], self.b[j]
@@ -240,18 +212,14 @@ def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArra
 def _height(points: FloatArray, facets: FacetTable, normal: FloatArray) -> FloatArray:
     """How far points (p, 3) lie above the planes of facets (p,), along ``normal`` (p, 3)."""
     above = np.einsum("pc,pc->p", points - facets.point, facets.normal)
-    result: FloatArray = above / np.einsum("pc,pc->p", facets.normal, normal)
-    return result
+    return np.asarray(above / np.einsum("pc,pc->p", facets.normal, normal))
 
 
 def _gaps(
     found: Outlines, lower: FacetTable, upper: FacetTable, axes: FloatArray, base: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Least and largest distance (k, 2) of facet pairs over their overlaps, and the mean plane.
-
-    The latter as the height (k,) of its point at the overlap's centroid above ``base``'s plane.
-    Both facets are planes over the overlap, so its corners tell.
-    """
+    """Least and largest distance (k, 2) of facet pairs over their overlaps, and how high (k,) the
+    mean plane lies above ``base``'s at the overlap's centroid."""
     k = np.repeat(np.arange(len(found.pair)), np.diff(found.start, append=len(found.corners)))
     j = found.pair
     turned = np.einsum("mi,mij->mj", found.corners, found.turn[k])
@@ -277,16 +245,13 @@ def _is_aligned_rectangle(flat: FloatArray, sides: IntArray, size: FloatArray) -
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    result: FloatArray = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-    return result
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
 
 def _canonical(vectors: FloatArray) -> FloatArray:
     """Turn each vector so that its largest component is positive."""
     largest = np.abs(vectors).argmax(axis=1)
-    sign = np.sign(vectors[np.arange(len(vectors)), largest])
-    result: FloatArray = vectors * sign[:, None]
-    return result
+    return np.asarray(vectors * np.sign(vectors[np.arange(len(vectors)), largest])[:, None])
 
 
 def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """Planar facets of a block: its faces grouped by plane, and cut into convex pieces.
 
-A wall face of two triangles, of a hundred, or of one polygon is one facet and makes one contact.
 Faces in one plane are one facet whether or not they share an edge: what two bodies transmit through
 one plane is one contact, and a bridge of no width between two feet must not change its answer.
 """
@@ -38,17 +37,9 @@ at for a common plane. Wide enough for facets of 1/20 of the body within any sen
 
 @dataclass(frozen=True)
 class Facets:
-    """Planar facets of a body, numbered from 0.
-
-    Attributes
-    ----------
-    faces : tuple of tuples of int
-        The body's faces that make up each facet, by their numbers.
-    pieces : tuple of tuples of int
-        Convex polygons that tile the facets: vertex indices, counter-clockwise from outside.
-    facet : tuple of int
-        The facet of each piece; it does not fall from one piece to the next.
-    """
+    """Planar facets of a body: its ``faces`` that make up each, and convex ``pieces`` that tile
+    them (vertex indices, counter-clockwise from outside), with the ``facet`` of each, which never
+    falls."""
 
     faces: Faces
     pieces: Faces
@@ -56,17 +47,13 @@ class Facets:
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Facets:
-        """Every face a facet of its own."""
         numbers = tuple(range(len(faces)))
         return cls(tuple((i,) for i in numbers), faces, numbers)
 
 
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
-    """Faces of a closed body grouped into planar facets.
-
-    Faces are one facet when all their corners lie within ``tolerance`` (length) of their mean
-    plane. Curved surfaces are covered by as large such patches as grow from their largest faces.
-    """
+    """Faces are one facet when all their corners lie within ``tolerance`` (length) of their mean
+    plane; curved surfaces are covered by as large such patches as grow from their largest faces."""
     surface = _Surface(points, faces)
     label = _joined_across_edges(surface, tolerance)
     label = _joined_by_plane(surface, label, tolerance)
@@ -108,9 +95,7 @@ class _Surface:
         return normal / length, weight @ self.middle[group] / weight.sum()
 
     def off(self, group: IntArray, normal: FloatArray, point: FloatArray) -> FloatArray:
-        """Largest distance of the corners of each face from a plane."""
-        result: FloatArray = np.abs((self.corners[group] - point) @ normal).max(axis=1)
-        return result
+        return np.asarray(np.abs((self.corners[group] - point) @ normal).max(axis=1))
 
     def fits(
         self, group: IntArray, normal: FloatArray, point: FloatArray, tolerance: float
@@ -122,7 +107,6 @@ class _Surface:
 
 
 def _joined_across_edges(surface: _Surface, tolerance: float) -> IntArray:
-    """A label for each face: the same for faces joined across edges into one plane."""
     f, g = surface.neighbours
     count = len(surface.area)
     same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > _SAME_WAY
@@ -177,7 +161,7 @@ def _patches(
 
 
 def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> IntArray:
-    """Labels where facets in a common plane that looks the same way have become one."""
+    """Facets in a common plane that look the same way become one."""
     names, label = np.unique(label, return_inverse=True)
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(label))[:-1])
@@ -203,7 +187,7 @@ def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> In
 def _convex_pieces(
     points: FloatArray, faces: Sequence[tuple[int, ...]], normal: FloatArray
 ) -> list[tuple[int, ...]]:
-    """Convex polygons that tile a facet: one if its outline is convex, else from its faces."""
+    """One if the facet's outline is convex, else from its faces."""
     axes = plane_axes(normal)
     outline = faces[0] if len(faces) == 1 else _outline(faces)
     if outline is not None and _is_convex(points[list(outline)] @ axes.T):
@@ -251,7 +235,6 @@ _STRAIGHT = 1e-9
 def _without_straight(
     points: FloatArray, loop: tuple[int, ...], axes: FloatArray
 ) -> tuple[int, ...]:
-    """A convex loop without corners on the line between their neighbours."""
     flat = points[list(loop)] @ axes.T
     back, ahead = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     turns = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]

@@ -37,12 +37,9 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class FacetTable:
-    """Convex pieces of all facets, block by block and facet by facet.
-
-    ``corners`` (f, k, 3) repeat a piece's last corner up to k, ``sides`` counts them without.
-    ``facet`` numbers the facets of the whole scene; ``normal`` and ``point`` give the facet's mean
-    plane, the same for all of its pieces.
-    """
+    """Convex pieces of all facets, block by block and facet by facet. ``corners`` (f, k, 3) repeat
+    a piece's last corner up to k, ``sides`` counts them without; ``normal`` and ``point`` are of
+    the facet's mean plane, the same for all of its pieces."""
 
     block: IntArray
     facet: IntArray
@@ -53,15 +50,11 @@ class FacetTable:
     off: FloatArray
 
     def take(self, rows: IntArray) -> FacetTable:
-        """Some of the pieces."""
         return FacetTable(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
-    """All facets, and the reach of every block.
-
-    Blocks with the same pieces (all bricks, say) are handled in one array operation.
-    """
+    """All facets, and the reach of every block; alike blocks are handled at once."""
     size, thickness = _extents(blocks)
     tolerance = (
         JOINT_TOLERANCE * thickness
@@ -92,12 +85,8 @@ def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
 
 
 def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
-    """``size`` and ``thickness`` of every block, alike ones at once."""
     size, thickness = np.empty(len(blocks)), np.empty(len(blocks))
     for faces, which in _same_faces(blocks).items():
-        if len(which) == 1:
-            size[which], thickness[which] = blocks[which[0]].size, blocks[which[0]].thickness
-            continue
         points = np.stack([blocks[i].vertices for i in which])
         surface = np.linalg.norm(polygon_vectors(_padded(points, faces)), axis=2).sum(axis=1)
         size[which] = np.linalg.norm(np.ptp(points, axis=1), axis=1)
@@ -112,11 +101,9 @@ def _padded(points: FloatArray, faces: Faces, width: int = 0) -> FloatArray:
 
 
 def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
-    """Facets of every block.
-
-    Blocks with the same faces mostly have the same facets: those of one are tried on all others at
-    once, first each face for itself, and only where they do not fit a block is looked at alone.
-    """
+    """Blocks with the same faces mostly have the same facets: those of one are tried on all others
+    at once, first each face for itself, and only where they do not fit a block is looked at
+    alone."""
     result: list[Facets | None] = [None] * len(blocks)
     for faces, which in _same_faces(blocks).items():
         if all(blocks[i].bounds is not None for i in which):
@@ -152,44 +139,52 @@ def _tried(
 ) -> IntArray:
     """Give ``shape`` to those of the blocks it fits, and return the others."""
     points = np.stack([blocks[i].vertices for i in which.tolist()])
-    fits = _fits(points, blocks[which[0]].faces, shape, tolerance[which])
+    fits = _fits(points, shape, tolerance[which])
     for i in which[fits].tolist():
         result[i] = shape
     return which[~fits]
 
 
-def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray) -> BoolArray:
+def _planes(
+    points: FloatArray, shape: Facets, width: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Pieces (n, p, k, 3) of bodies (n, v, 3), and of the mean planes of their facets the normal
+    and a point (n, p, 3), and how far off they are (n, p); no normal where there is no area."""
+    corners = _padded(points, shape.pieces, width)
+    vectors = polygon_vectors(corners)
+    middle = np.stack(
+        [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
+    )
+    length = np.linalg.norm(vectors, axis=2)[:, :, None]
+    begin = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
+    if len(shape.faces) < len(shape.pieces):
+        whole = np.maximum(np.add.reduceat(length, begin, axis=1), 1e-300)
+        middle = (np.add.reduceat(length * middle, begin, axis=1) / whole)[:, shape.facet]
+        vectors = np.add.reduceat(vectors, begin, axis=1)[:, shape.facet]
+        length = np.linalg.norm(vectors, axis=2)[:, :, None]
+    normal = vectors / np.where(length > 0.0, length, 1.0)
+    heights = np.einsum("nfkc,nfc->nfk", corners - middle[:, :, None], normal)
+    off = np.maximum.reduceat(np.abs(heights).max(axis=2), begin, axis=1)
+    return corners, normal, middle, off[:, shape.facet]
+
+
+def _fits(points: FloatArray, shape: Facets, tolerance: FloatArray) -> BoolArray:
     """Which bodies (n, v, 3) have flat facets of this shape, with convex pieces, no two nearly
     looking the same way from nearly one plane."""
-    vectors = np.zeros((len(points), len(shape.faces), 3))
-    normals = {}
-    result = np.ones(len(points), dtype=bool)
+    corners, normal, middle, off = _planes(points, shape)
+    # Without a normal it is another shape whose faces are named alike.
+    result = (np.linalg.norm(normal, axis=2) > 0.0).all(axis=1)
+    result &= (off <= tolerance[:, None]).all(axis=1)
     sizes = np.array([len(piece) for piece in shape.pieces])
-    owner = np.array(shape.facet)
     for size in np.unique(sizes).tolist():
-        members = np.flatnonzero(sizes == size)
-        corners = points[:, [shape.pieces[i] for i in members.tolist()]]
-        for piece, area in zip(
-            members.tolist(), polygon_vectors(corners).transpose(1, 0, 2), strict=True
-        ):
-            vectors[:, owner[piece]] += area
-        normals[size] = corners, members
-    length = np.linalg.norm(vectors, axis=2)
-    result &= (length > 0.0).all(axis=1)  # another shape whose faces are named alike
-    normal = vectors / np.where(length > 0.0, length, 1.0)[:, :, None]
-    for corners, members in normals.values():
-        along = np.roll(corners, -1, axis=2) - corners
+        loops = corners[:, sizes == size, :size]
+        along = np.roll(loops, -1, axis=2) - loops
         ahead = np.roll(along, -1, axis=2)
-        turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, owner[members]])
+        turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, sizes == size])
         scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
         result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
-    middle = np.zeros(normal.shape)
-    for number, group in enumerate(shape.faces):
-        held = points[:, sorted({i for face in group for i in faces[face]})]
-        middle[:, number] = held.mean(axis=1)
-        spokes = held - middle[:, number, None]
-        off = np.abs(np.einsum("nvc,nc->nv", spokes, normal[:, number])).max(axis=1)
-        result &= off <= tolerance
+    first = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
+    normal, middle = normal[:, first], middle[:, first]
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
     level = np.einsum("nfc,ngc->nfg", normal, middle)
     apart = np.abs(level - np.einsum("nff->nf", level)[:, :, None]) > 2.0 * tolerance[:, None, None]
@@ -198,42 +193,24 @@ def _fits(points: FloatArray, faces: Faces, shape: Facets, tolerance: FloatArray
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
-    """Rows of the blocks ``which`` have one shape, block by block."""
-    n, pieces = len(which), len(shape.pieces)
-    corners = _padded(np.stack([blocks[i].vertices for i in which.tolist()]), shape.pieces, width)
-    vectors = polygon_vectors(corners)
-    middle = np.stack(
-        [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
-    )
-    begin = np.arange(pieces)
-    if len(shape.faces) < pieces:
-        begin = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
-        weight = np.linalg.norm(vectors, axis=2)[:, :, None]
-        whole = np.add.reduceat(weight, begin, axis=1)
-        middle = (np.add.reduceat(weight * middle, begin, axis=1) / whole)[:, shape.facet]
-        vectors = np.add.reduceat(vectors, begin, axis=1)[:, shape.facet]
-    normal = vectors / np.linalg.norm(vectors, axis=2)[:, :, None]
-    heights = np.einsum("nfkc,nfc->nfk", corners - middle[:, :, None], normal)
-    off = np.maximum.reduceat(np.abs(heights).max(axis=2), begin, axis=1)
+    points = np.stack([blocks[i].vertices for i in which.tolist()])
+    corners, normal, middle, off = _planes(points, shape, width)
     return FacetTable(
-        np.repeat(which, pieces),
-        np.tile(np.array(shape.facet), n),
+        np.repeat(which, len(shape.pieces)),
+        np.tile(np.array(shape.facet), len(which)),
         corners.reshape(-1, width, 3),
-        np.tile([len(p) for p in shape.pieces], n),
+        np.tile([len(p) for p in shape.pieces], len(which)),
         normal.reshape(-1, 3),
         middle.reshape(-1, 3),
-        off[:, shape.facet].reshape(-1),
+        off.reshape(-1),
     )
 
 
 def facing_pairs(
     table: FacetTable, first: IntArray, second: IntArray, reach: Reach
 ) -> tuple[IntArray, IntArray]:
-    """Rows of pieces that face each other from near planes, and whose bounding boxes meet.
-
-    The pieces of each pair belong to a pair of ``first`` and ``second`` blocks. Pairs come in the
-    order of the blocks' pairs and, within, of their facets.
-    """
+    """Rows of pieces, of pairs of ``first`` and ``second`` blocks, that face each other from near
+    planes and whose boxes meet; in the order of the blocks' pairs and, within, of their facets."""
     margin = reach.near[table.block][:, None]
     low, high = table.corners.min(axis=1) - margin, table.corners.max(axis=1) + margin
     start = np.flatnonzero(np.diff(table.block, prepend=-1))

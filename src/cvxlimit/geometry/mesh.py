@@ -23,11 +23,8 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """Directed sides of all faces: from, to, face and the undirected edge they lie on, (m,) each.
-
-    ``key`` numbers undirected edges from 0 to ``count`` - 1; ``uses`` (count,) says how many
-    sides lie on each.
-    """
+    """Directed sides of all faces: from, to, face and the number of the undirected edge they lie
+    on, (m,) each; ``uses`` says how many sides lie on each edge."""
 
     start: IntArray
     end: IntArray
@@ -37,7 +34,6 @@ class EdgeTable:
 
     @classmethod
     def of(cls, faces: Sequence[Sequence[int]]) -> EdgeTable:
-        """The table of ``faces``."""
         sizes = np.array([len(f) for f in faces])
         start = np.array([i for f in faces for i in f], dtype=np.int64)
         place = np.arange(len(start))
@@ -65,11 +61,9 @@ def by_size(faces: Sequence[Sequence[int]]) -> Iterator[tuple[IntArray, IntArray
 
 
 def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray, IntArray]:
-    """Triangles (t, 3, 3) that make up the faces, and the face of each (t,).
-
-    A face of more than three corners is fanned about the mean of its corners: for a flat face any
-    fan has the same area and moments, for a warped one this does not depend on where it starts.
-    """
+    """Triangles (t, 3, 3) that make up the faces, and the face of each (t,). Faces of more than
+    three corners are fanned about their mean: for a warped one this does not depend on where it
+    starts."""
     corners, owners = [], []
     for members, indices in by_size(faces):
         loops, size = points[indices], indices.shape[1]
@@ -90,17 +84,13 @@ def cross(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def polygon_vectors(corners: FloatArray) -> FloatArray:
-    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not.
-
-    Counter-clockwise seen against the normal; repeated corners do no harm.
-    """
+    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not,
+    counter-clockwise seen against it; repeated corners do no harm."""
     spokes = corners[..., 1:, :] - corners[..., :1, :]
-    result: FloatArray = 0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
-    return result
+    return np.asarray(0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2))
 
 
 def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
-    """Area times unit normal (f, 3) of every face, by :func:`polygon_vectors`."""
     result = np.empty((len(faces), 3))
     for members, indices in by_size(faces):
         result[members] = polygon_vectors(points[indices])
@@ -115,10 +105,7 @@ def surface(points: FloatArray, faces: Sequence[Sequence[int]]) -> float:
 def volume_and_centroid(
     points: FloatArray, faces: Sequence[Sequence[int]]
 ) -> tuple[float, FloatArray]:
-    """By the divergence theorem: tetrahedra between the vertices' mean and the faces' triangles.
-
-    Exact for any closed surface whose faces go round counter-clockwise seen from outside.
-    """
+    """By the divergence theorem; exact for closed surfaces whose normals point out."""
     origin = points.mean(axis=0)
     corners = fan(points, faces)[0] - origin
     volumes = np.linalg.det(corners) / 6.0
@@ -129,14 +116,8 @@ def volume_and_centroid(
 
 
 def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
-    """The faces turned so that all normals point out of the body, and how many were turned.
-
-    Raises
-    ------
-    GeometryError
-        If the surface is open, has edges with more than two faces, has one side only, or encloses
-        several separate bodies.
-    """
+    """The faces turned so that all normals point out of the body, and how many were turned; refused
+    if the surface is open, has one side only, or encloses several bodies."""
     table = EdgeTable.of(faces)
     check_manifold(id, points, table)
     count = len(faces)
@@ -170,7 +151,6 @@ def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
 
 
 def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
-    """Refuse edges that do not belong to exactly two faces."""
     wrong = np.flatnonzero(table.uses != 2)
     if not len(wrong):
         return
@@ -222,10 +202,8 @@ def _outside_out(id: str, points: FloatArray, faces: Faces, shell: IntArray) -> 
 
 
 def winding(point: FloatArray, triangles: FloatArray) -> float:
-    """How often a closed surface of ``triangles`` (t, 3, 3) goes round ``point``: 0 outside.
-
-    The sum of solid angles (van Oosterom and Strackee 1983) over 4 pi.
-    """
+    """How often a closed surface of ``triangles`` (t, 3, 3) goes round ``point``, 0 outside: solid
+    angles (van Oosterom and Strackee 1983) over 4 pi."""
     a, b, c = np.moveaxis(triangles - point, 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     top = np.einsum("tk,tk->t", a, np.cross(b, c))
@@ -243,16 +221,13 @@ def plane_axes(normal: FloatArray) -> FloatArray:
 
 
 def place(point: FloatArray) -> str:
-    """A point for a message."""
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist()) + ")"
 
 
 def triangulated(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray]:
-    """Triangles (t, 3) of vertex indices that make up the faces, and the face of each (t,).
-
-    A quadrilateral is cut along its shorter diagonal, if that lies inside, so that two blocks
-    which share a warped one are cut alike; larger faces by ear clipping in their own planes.
-    """
+    """Triangles (t, 3) of vertex indices that make up the faces, and the face of each (t,). A
+    quadrilateral is cut along its shorter diagonal, if that lies inside, so that two blocks which
+    share a warped one are cut alike; larger faces by ear clipping in their own planes."""
     corners: list[IntArray] = []
     owners: list[IntArray] = []
     for members, loops in by_size(faces):
@@ -280,10 +255,8 @@ _EQUAL = 1e-9
 
 
 def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside.
-
-    The shorter one; of two as long, to rounding, the one whose middle is lower along x, y, z.
-    """
+    """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside: the shorter
+    one; of two as long, to rounding, the one whose middle is lower along x, y, z."""
     across = corners[:, [2, 3]] - corners[:, [0, 1]]
     normal = cross(across[:, 0], across[:, 1])
     spans = np.linalg.norm(across, axis=2)
@@ -309,8 +282,6 @@ def _ears(corners: FloatArray) -> IntArray:
 
 
 def flat_triangles(loops: Sequence[FloatArray]) -> IntArray:
-    """Triangles (t, 3) of a plane region: outer loops counter-clockwise, holes clockwise.
-
-    They index the corners of all loops in the order given.
-    """
+    """Triangles (t, 3) of a plane region, numbering the corners of all loops in the order given:
+    outer loops counter-clockwise, holes clockwise."""
     return np.asarray(manifold3d.triangulate([np.ascontiguousarray(x) for x in loops]), np.int64)

@@ -17,11 +17,8 @@ _FEW = 512
 
 
 def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntArray, IntArray]:
-    """Every pair of bodies, first < second and sorted, that ``margin`` (n,) does not keep apart.
-
-    A body is the convex hull of points (k, 3). A pair is left out only if boxes around the two,
-    grown by their margins, are apart.
-    """
+    """Every pair of bodies, first < second and sorted, that ``margin`` (n,) does not keep apart:
+    left out only if boxes around their points (k, 3), grown by their margins, are apart."""
     levels = max(len(bodies) - 1, 0).bit_length()
     count = np.array([len(body) for body in bodies])
     begin = np.cumsum(count) - count
@@ -42,10 +39,8 @@ def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntA
 
 
 def _tree_order(centres: FloatArray, levels: int) -> IntArray:
-    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together.
-
-    Every node is halved across its longest extent.
-    """
+    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together;
+    every node is halved across its longest extent."""
     place = np.arange(len(centres))
     order = place
     for level in range(levels):
@@ -59,7 +54,6 @@ def _tree_order(centres: FloatArray, levels: int) -> IntArray:
 
 
 def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Pairs among the two halves of each node, of which there are ``count``."""
     a = (2 * first[:, None] + np.array([0, 0, 1, 1])).ravel()
     b = (2 * second[:, None] + np.array([0, 1, 0, 1])).ravel()
     there = (a <= b) & (b < count)

@@ -22,21 +22,10 @@ _WORDS = {
 class NearMiss:
     """Two facets that are no contact, by little.
 
-    Attributes
-    ----------
-    a, b : str
-        Ids of the two blocks.
-    kind : str
-        ``"gap"``: the facets are apart; ``"angle"``: they are at an angle that opens by more than
-        the tolerance; ``"overlap"``: they reach into each other, less than what is refused;
-        ``"sliver"``: they meet, on a width within the tolerance.
-    size, allowed : float
-        What was measured (the widest gap, the depth, the width), and the joint tolerance it was
-        held against; length unit of the scene.
-    place : (3,) array
-        Middle of the joint that is not there.
-    outline : (k, 3) array
-        Its corners, for pictures.
+    ``kind``: ``"gap"``, they are apart; ``"angle"``, at an angle that opens by more than the
+    tolerance; ``"overlap"``, in each other, less than what is refused; ``"sliver"``, they meet on a
+    width within the tolerance. ``size`` (gap, depth or width) was held against ``allowed``;
+    ``place`` (3,) is the middle of the joint that is not there, ``outline`` (k, 3) its corners.
     """
 
     a: str
@@ -54,13 +43,6 @@ class NearMiss:
         return 2.0 - share if self.kind == "sliver" else share
 
     def sentence(self, unit: str = "") -> str:
-        """What is nearly there, in words.
-
-        >>> import numpy as np
-        >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
-        >>> miss.sentence("m")
-        'b1-b2: a gap of 0.002 m, joined up to 0.001'
-        """
         words = _WORDS[self.kind].format(
             size=self.size, allowed=self.allowed, unit=f" {unit}" if unit else ""
         )
@@ -68,15 +50,8 @@ class NearMiss:
 
 
 def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
-    """One line with the number of near misses and the worst, which is the nearest to a joint.
-
-    Empty if there are none.
-
-    >>> import numpy as np
-    >>> miss = NearMiss("b1", "b2", "gap", 2e-3, 1e-3, np.zeros(3), np.zeros((4, 3)))
-    >>> near_miss_sentence([miss], "m")
-    '1 joint is nearly there but is none; b1-b2: a gap of 0.002 m, joined up to 0.001'
-    """
+    """One line with the number of near misses and the worst, the nearest to a joint; empty if
+    none."""
     if not near_misses:
         return ""
     worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))

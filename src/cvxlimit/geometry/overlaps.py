@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 import shapely
@@ -20,12 +19,10 @@ _AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Overlaps of facet pairs, centred, and turned along their own sides.
-
-    ``corners`` of overlap i begin at ``start[i]``; ``sides`` are NaN if it is no rectangle. Where
-    an overlap is not convex, ``corners`` are those of its hull and ``pieces`` tile it; ``area``,
-    ``middle`` and ``width`` are its own.
-    """
+    """Overlaps of facet pairs, centred, and turned along their own sides. ``corners`` of overlap i
+    begin at ``start[i]``; ``sides`` are NaN if it is no rectangle. Where it is not convex,
+    ``corners`` are those of its hull and ``pieces`` tile it; ``area``, ``middle`` and ``width`` are
+    its own."""
 
     pair: IntArray  # (k,)
     middle: FloatArray  # (k, 2), centroids in the pairs' planes
@@ -38,7 +35,6 @@ class Outlines:
     corners: FloatArray  # (m, 2)
 
     def take(self, rows: IntArray) -> Outlines:
-        """Some of them, in the order of ``rows`` (j,)."""
         place, corner = members_of(self.start, len(self.corners), rows)
         return Outlines(
             self.pair[rows], self.middle[rows], self.turn[rows], self.area[rows], self.width[rows],
@@ -50,21 +46,25 @@ class Outlines:
 def outlines(
     first: FloatArray, second: FloatArray, is_box: BoolArray, pair: IntArray, least: FloatArray
 ) -> Outlines:
-    """Overlaps of pairs of facets, in the order of the pairs.
-
-    Parts of an overlap that lie apart from the others and are no wider than ``least``, one for each
-    pair, are overlaps of their own: too narrow to count on, they must not widen its hull.
-
-    Facets are given as convex pieces (p, k, 2), (p, m, 2), corners repeated where they have
-    fewer; ``pair`` (p,) tells which facets a pair of pieces belongs to. Where ``is_box`` each is
-    the only piece and both are rectangles along the axes.
-    """
+    """Overlaps of pairs of facets, in the order of the pairs. Facets are convex pieces (p, k, 2),
+    (p, m, 2), corners repeated where they have fewer; ``pair`` (p,) tells their facets. Where
+    ``is_box`` each is the only piece and both are rectangles along the axes. Parts that lie apart
+    from the others and are no wider than ``least``, one for each pair of facets, are overlaps of
+    their own: too narrow to count on, they must not widen the hull."""
     boxes, other = np.flatnonzero(is_box), np.flatnonzero(~is_box)
-    found = _joined(
-        _rectangles(pair[boxes], first[boxes], second[boxes]),
-        _polygons(pair[other], convex_overlap(first[other], second[other]), least),
-    )
-    return found.take(np.argsort(found.pair, kind="stable"))
+    together: dict[int, list[FloatArray]] = defaultdict(list)
+    overlaps = convex_overlap(first[other], second[other])
+    for j, polygon in zip(pair[other].tolist(), overlaps, strict=True):
+        if len(polygon) > 2:
+            together[j].append(polygon)
+    found = [_rectangles(pair[boxes], first[boxes], second[boxes])]
+    for j, pieces in together.items():
+        found += [_polygon(j, parts) for parts in _bearing(pieces, float(least[j]))]
+    names = [field.name for field in fields(Outlines)]
+    columns = {name: np.concatenate([getattr(x, name) for x in found]) for name in names}
+    before = np.cumsum([0, *(len(x.corners) for x in found[:-1])])
+    columns["start"] += np.repeat(before, [len(x.pair) for x in found])
+    return Outlines(**columns).take(np.argsort(columns["pair"], kind="stable"))
 
 
 def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlines:
@@ -86,42 +86,20 @@ def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlin
     )
 
 
-def _polygons(pair: IntArray, overlaps: Sequence[FloatArray], least: FloatArray) -> Outlines:
-    """Overlaps of any other shape, from those (m, 2) of their pieces; without area left out."""
-    together: dict[int, list[FloatArray]] = defaultdict(list)
-    for j, polygon in zip(pair.tolist(), overlaps, strict=True):
-        if len(polygon) > 2:
-            together[j].append(polygon)
-    found: list[tuple[Any, ...]] = []
-    corners = [np.empty((0, 2))]
-    separate = ((j, parts) for j, x in together.items() for parts in _bearing(x, float(least[j])))
-    for j, parts in separate:
-        outline, surface, centroid = united(parts)
-        perimeter = float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum())
-        local, extent, rotation = _along_own_sides(outline - centroid)
-        extra = area_and_centroid(outline)[0] - surface
-        is_whole = len(parts) == 1 or abs(extra) <= _WHOLE * surface
-        pieces = None if is_whole else tuple((p - centroid) @ rotation.T for p in parts)
-        wide = max([2.0 * surface / perimeter, *map(_width, parts if pieces else [])])
-        sides = extent if is_whole else np.full(2, np.nan)
-        found.append((j, centroid, rotation, surface, wide, sides, pieces))
-        corners.append(local)
-    columns = zip(*found, strict=True) if found else [()] * 7
-    *plain, pieces = columns
-    j, middle, turn, area, width, sides = (np.array(column) for column in plain)
-    held = np.empty(len(found), dtype=object)
-    held[:] = list(pieces)
+def _polygon(pair: int, parts: Sequence[FloatArray]) -> Outlines:
+    """The overlap of two facets, from those (m, 2) of their pieces."""
+    hull, area, middle = united(parts)
+    local, extent, turn = _along_own_sides(hull - middle)
+    is_whole = abs(area_and_centroid(hull)[0] - area) <= _WHOLE * area
+    pieces = np.empty(1, dtype=object)
+    if not is_whole:
+        pieces[0] = tuple((part - middle) @ turn.T for part in parts)
+    widths = [_width(hull, area), *(_width(part) for part in parts if not is_whole)]
+    sides = extent if is_whole else np.full(2, np.nan)
     return Outlines(
-        j.astype(np.int64),
-        middle.reshape(-1, 2),
-        turn.reshape(-1, 2, 2),
-        area,
-        width,
-        sides.reshape(-1, 2),
-        held,
-        np.cumsum([len(c) for c in corners])[:-1],
-        np.concatenate(corners),
-    )
+        np.array([pair]), middle[None], turn[None], np.array([area]), np.array([max(widths)]),
+        sides[None], pieces, np.zeros(1, dtype=np.int64), local,
+    )  # fmt: skip
 
 
 def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
@@ -144,24 +122,14 @@ _WHOLE = 1e-9
 """Share of its area by which a polygon may fall short of its hull and still count as convex."""
 
 
-def _width(polygon: FloatArray) -> float:
+def _width(polygon: FloatArray, area: float | None = None) -> float:
     sides = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1)
-    return 2.0 * area_and_centroid(polygon)[0] / float(sides.sum())
-
-
-def _joined(first: Outlines, second: Outlines) -> Outlines:
-    names = [field.name for field in fields(Outlines)]
-    parts = {n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names}
-    parts["start"] = np.concatenate([first.start, second.start + len(first.corners)])
-    return Outlines(**parts)
+    return 2.0 * (area_and_centroid(polygon)[0] if area is None else area) / float(sides.sum())
 
 
 def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Turn a centred polygon so that t1 runs along its longest edge.
-
-    Returns the turned corners, (l1, l2) if it is a rectangle to 1e-9 of its size else NaN,
-    and the rotation (2, 2) that maps old to new plane axes.
-    """
+    """A centred polygon turned so that t1 runs along its longest edge, (l1, l2) if it is a
+    rectangle to 1e-9 of its size else NaN, and the rotation (2, 2) from old to new plane axes."""
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     longest = edges[int(np.flatnonzero(lengths >= (1.0 - 1e-9) * lengths.max())[0])]
@@ -175,10 +143,8 @@ def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, Float
 
 
 def members_of(start: IntArray, end: int, groups: IntArray) -> tuple[IntArray, IntArray]:
-    """For each of ``groups`` all its rows: places in ``groups``, and rows.
-
-    Group i has the rows from ``start[i]`` to the next start, the last one to ``end``.
-    """
+    """For each of ``groups`` all its rows: places in ``groups``, and rows. Group i has the rows
+    from ``start[i]`` to the next start, the last one to ``end``."""
     count = np.diff(start, append=end)[groups]
     place = np.repeat(np.arange(len(groups)), count)
     within = np.arange(len(place)) - (np.cumsum(count) - count)[place]

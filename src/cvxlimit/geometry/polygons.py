@@ -28,8 +28,7 @@ coordinates is 1e-13 of a contact's size for a scene a thousand times as large."
 def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
     """c_T of rectangles (Eq. 16): the mean distance of their points from their centre.
 
-    ``l1``, ``l2`` are side lengths >= 0 of any common shape; the result has their unit.
-    Written with r = min / max so that it keeps all digits when a side goes to zero, where
+    Written with r = min / max of the sides so that it keeps all digits when one goes to zero, where
     Eq. 16 as printed does not. Convex and homogeneous of degree 1; 0 for a point.
 
     >>> torsion_arm([1.0, 1.0, 1.0], [1.0, 0.5, 0.0]).round(6).tolist()
@@ -46,12 +45,7 @@ def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
 
 
 def torsion_arm_gradient(l1: ArrayLike, l2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of :func:`torsion_arm` by ``l1`` and by ``l2`` (dimensionless).
-
-    >>> d1, d2 = torsion_arm_gradient(1.0, 0.5)
-    >>> bool(np.isclose(1.0 * d1 + 0.5 * d2, torsion_arm(1.0, 0.5)))  # Euler, degree 1
-    True
-    """
+    """Derivatives of :func:`torsion_arm` by ``l1`` and by ``l2`` (dimensionless)."""
     a, b = np.asarray(l1, dtype=float), np.asarray(l2, dtype=float)
     point = np.maximum(a, b) <= 0.0
     a, b = np.where(point, 1.0, a), np.where(point, 1.0, b)
@@ -77,23 +71,15 @@ def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
 
 
 def distance_integral(height: FloatArray, end: FloatArray) -> FloatArray:
-    """Integral of the distance from a point along a straight line, from the point's foot on it.
-
-    The line passes the point at distance ``height`` (of any sign) and ends at ``end`` beyond the
-    foot: 1/2 (s sqrt(h2 + s2) + h2 asinh(s / abs(h))). Any common shape; lengths squared.
-    """
+    """Integral (length squared) of the distance from a point along a line that passes it at
+    ``height``, from the point's foot to ``end``: 1/2 (s sqrt(h2 + s2) + h2 asinh(s / abs(h)))."""
     tall = np.where(height != 0.0, np.abs(height), 1.0)
     log_term = np.where(height != 0.0, height**2 * np.arcsinh(end / tall), 0.0)
-    result: FloatArray = 0.5 * (end * np.hypot(height, end) + log_term)
-    return result
+    return np.asarray(0.5 * (end * np.hypot(height, end) + log_term))
 
 
 def mean_distance_on_segment(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Mean distance (...) from the origin along segments between points (..., 2).
-
-    >>> float(mean_distance_on_segment(np.array([-1.0, 0.0]), np.array([1.0, 0.0])))
-    0.5
-    """
+    """Mean distance (...) from the origin along segments between points (..., 2)."""
     along = end - start
     length = np.linalg.norm(along, axis=-1)
     safe = np.where(length > 0.0, length, 1.0)
@@ -114,12 +100,8 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     """Mean distance of a polygon's points from ``point``: c_T of a general contact.
 
     Exact: the integral over the triangle between the point and an edge at distance h is h / 3 times
-    that along the edge; h is negative for edges seen from outside.
-    ``corners`` (k, 2) counter-clockwise; a degenerate polygon is treated as its longest segment.
-
-    >>> square = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
-    >>> round(mean_distance(square, [0.0, 0.0]), 6)
-    0.382598
+    that along the edge; h is negative for edges seen from outside. ``corners`` (k, 2)
+    counter-clockwise; a degenerate polygon is treated as its longest segment.
     """
     points = np.asarray(corners, dtype=float) - np.asarray(point, dtype=float)
     if len(points) == 0:
@@ -140,23 +122,15 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
 
 
 def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
-    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact.
-
-    >>> half = np.array([[0.0, -0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.5]])
-    >>> round(mean_distance_over([half, -half], (0.0, 0.0)), 6)
-    0.382598
-    """
+    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact."""
     areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
     return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
 def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArray:
-    """P ∩ (2e - P): the largest part of a convex contact centred on the pressure centre.
-
-    For a rectangle this is the effective area of Eq. 26. ``corners`` (k, 2), ``pressure_centre``
-    (2,); returns corners (m, 2) counter-clockwise: two of them for a centre on an edge, one in a
-    corner, none outside.
-    """
+    """P ∩ (2e - P): the largest part of a convex contact (k, 2) centred on the pressure centre, for
+    a rectangle the effective area of Eq. 26. Corners (m, 2) counter-clockwise: two for a centre on
+    an edge, one in a corner, none outside."""
     return effective_regions(corners, np.asarray(pressure_centre, dtype=float)[None])[0]
 
 
@@ -187,13 +161,7 @@ def _ends(points: FloatArray, tolerance: float) -> FloatArray:
 
 
 def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]:
-    """Hull (k, 2) of polygons that do not overlap, their whole area and its centroid (2,).
-
-    >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    >>> hull, area, centroid = united([square, square + (3.0, 0.0)])
-    >>> hull.tolist(), area, centroid.tolist()
-    ([[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [0.0, 1.0]], 2.0, [2.0, 0.5])
-    """
+    """Hull (k, 2) of polygons that do not overlap, their whole area and its centroid (2,)."""
     if len(pieces) == 1:
         return pieces[0], *area_and_centroid(pieces[0])
     parts = [area_and_centroid(piece) for piece in pieces]
@@ -209,9 +177,6 @@ def convex_hull(points: ArrayLike) -> FloatArray:
     loses whole corners at times (``tests/geometry/test_plane_geometry.py`` has 17 points of which
     it keeps half the area), manifold3d does so more often, and Qhull refuses slivers. Empty (0, 2)
     where the points lie on a line.
-
-    >>> convex_hull([[0.0, 0.0], [1.0, 0.0], [0.5, 0.2], [1.0, 1.0], [1.0, 1e-17]]).tolist()
-    [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
     """
     cloud = np.asarray(points, dtype=float)
     low, size = cloud.min(axis=0), np.ptp(cloud, axis=0).max(keepdims=True)
@@ -225,15 +190,8 @@ def convex_hull(points: ArrayLike) -> FloatArray:
 
 
 def convex_overlap(first: FloatArray, second: FloatArray) -> list[FloatArray]:
-    """Pairwise overlaps of convex polygons; arrays (p, k, 2) and (p, m, 2), corners repeated
-    where polygons have fewer. Returns p counter-clockwise corner lists, empty where the overlap
-    has no area.
-
-    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
-    >>> [overlap] = convex_overlap(square, square + 0.5)
-    >>> area_and_centroid(overlap)[0]
-    0.25
-    """
+    """Pairwise overlaps of convex polygons (p, k, 2) and (p, m, 2), corners repeated where they
+    have fewer: p counter-clockwise corner lists, empty where there is no area."""
     extents = [np.ptp(polygons, axis=1).max(axis=1) for polygons in (first, second)]
     return simplified(*_common(first, second), np.minimum(*extents))
 
@@ -260,17 +218,10 @@ def _common(
 def clipped(
     corners: FloatArray, count: IntArray, height: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Parts of convex polygons where a height that is linear over each is not negative.
-
-    ``corners`` (p, k, d) of which the first ``count`` (p,) are meant, in the plane or in space,
-    and the ``height`` (p, k) at each; returns corners (p, m, d) and how many are meant. Corners on
-    the line stay, and no corner is dropped for being straight.
-
-    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
-    >>> left, count = clipped(square, np.array([4]), 0.5 - square[:, :, 0])
-    >>> left[0, : count[0]].tolist()
-    [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]]
-    """
+    """Parts of convex polygons where a height that is linear over each is not negative. ``corners``
+    (p, k, d), of which the first ``count`` (p,) are meant, and the ``height`` (p, k) at each;
+    returns corners (p, m, d) and how many are meant. Corners on the line stay, straight ones
+    too."""
     pairs, width, dimension = corners.shape
     ahead = _neighbour(corners, count, 1)
     height_ahead = _neighbour(height[:, :, None], count, 1)[:, :, 0]
@@ -302,12 +253,10 @@ def _doubled(polygons: FloatArray) -> FloatArray:
 
 
 def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[FloatArray]:
-    """Convex polygons without corners that coincide or are straight, within :data:`SAME`.
-
-    ``corners`` (p, k, 2) of which the first ``count`` (p,) are meant; ``size`` (p,) of what they
-    were made from. Empty where nothing is left that is wider than that. Of neighbours that are
-    straight every other one goes first, so that many of them cannot carry the outline away.
-    """
+    """Convex polygons (p, k, 2) without corners that coincide or are straight, within :data:`SAME`
+    of the ``size`` (p,) of what they were made from; empty where nothing is left that is wider. Of
+    neighbours that are straight every other one goes first, so that many of them cannot carry the
+    outline away."""
     tolerance = SAME * size[:, None]
     apart = np.linalg.norm(corners - _neighbour(corners, count, -1), axis=2) > tolerance
     corners, count = _kept(corners, apart & _meant(corners, count))

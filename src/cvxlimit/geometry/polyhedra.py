@@ -9,19 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.mesh import (
-    Faces,
-    area_vectors,
-    by_size,
-    cross,
-    outward,
-    place,
-    plane_axes,
-    triangulated,
-    volume_and_centroid,
-)
+from cvxlimit.geometry.mesh import Faces
 from cvxlimit.geometry.nearby import nearby_pairs
 
 _CHUNK = 200_000
@@ -32,7 +23,7 @@ def check_faces(
     id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
 ) -> None:
     """Refuse faces without area and faces whose own sides cross, seen along their normals."""
-    vectors = area_vectors(points, faces)
+    vectors = mesh.area_vectors(points, faces)
     areas = np.linalg.norm(vectors, axis=1)
     if not areas.min() > tolerance**2:
         bad = int(areas.argmin())
@@ -45,7 +36,8 @@ def check_faces(
         if len(face) > 3 and _crosses_itself(points[list(face)], vectors[number] / areas[number]):
             raise GeometryError(
                 f"face {number} of block {id!r} crosses itself near "
-                f"{place(points[list(face)].mean(axis=0))}; list its vertices in order around it",
+                f"{mesh.place(points[list(face)].mean(axis=0))}; list its vertices in order around "
+                "it",
                 points=points[list(face)],
                 blocks=(id,),
             )
@@ -53,7 +45,7 @@ def check_faces(
 
 def _crosses_itself(corners: FloatArray, normal: FloatArray) -> bool:
     """True if two sides of a polygon that do not follow each other cross in its own plane."""
-    flat = corners @ plane_axes(normal).T
+    flat = corners @ mesh.plane_axes(normal).T
     along = np.roll(flat, -1, axis=0) - flat
     turns = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
     if len(corners) == 4 and (turns > 0.0).sum() >= 3:
@@ -74,11 +66,9 @@ def _crosses_itself(corners: FloatArray, normal: FloatArray) -> bool:
 def check_no_crossing(
     id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
 ) -> None:
-    """Refuse a surface where a side of one face passes through another by more than ``tolerance``.
-
-    Seen are crossings of at least that depth on both sides; surfaces that only touch pass.
-    """
-    corners, _ = triangulated(points, faces)
+    """Refuse a surface where a side of one face passes through another by more than ``tolerance``
+    on both sides; surfaces that only touch pass."""
+    corners, _ = mesh.triangulated(points, faces)
     bodies = points[corners]
     middle = bodies.mean(axis=1)
     first, second = nearby_pairs(list(bodies), np.zeros(len(bodies)))
@@ -89,7 +79,7 @@ def check_no_crossing(
             if hit is not None:
                 pair, where = hit
                 raise GeometryError(
-                    f"block {id!r} cuts itself near {place(where)}: two of its faces cross; "
+                    f"block {id!r} cuts itself near {mesh.place(where)}: two of its faces cross; "
                     "unite the parts before export, or make a block of each",
                     points=np.vstack([bodies[i[pair]], bodies[k[pair]], middle[i[pair]][None]]),
                     blocks=(id,),
@@ -200,21 +190,19 @@ class Body:
 
 
 def convex_body(points: FloatArray, faces: Faces) -> Body | None:
-    """An exact convex body; None if it is not one.
-
-    Most blocks are, and this way they take a tenth of the time of :func:`closed_body`.
-    """
+    """An exact convex body, None if it is not one: most are, in a tenth of :func:`closed_body`'s
+    time."""
     tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    vectors = area_vectors(points, faces)
+    vectors = mesh.area_vectors(points, faces)
     areas = np.linalg.norm(vectors, axis=1)
     if not areas.min() > tolerance**2:
         return None
     normals, middles = vectors / areas[:, None], np.empty((len(faces), 3))
-    for members, indices in by_size(faces):
+    for members, indices in mesh.by_size(faces):
         corners, normal = points[indices], normals[members, None]
         middles[members] = corners.mean(axis=1)
         edges = np.roll(corners, -1, axis=1) - corners
-        turns = (cross(edges, np.roll(edges, -1, axis=1)) * normal).sum(axis=2)
+        turns = (mesh.cross(edges, np.roll(edges, -1, axis=1)) * normal).sum(axis=2)
         lengths = np.linalg.norm(edges, axis=2)
         if not (lengths.min() > tolerance and (turns >= -tolerance * lengths).all()):
             return None
@@ -235,21 +223,14 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
         return None
     if len({i for f in faces for i in f}) < len(points):
         return None
-    volume, centroid = volume_and_centroid(points, oriented)
+    volume, centroid = mesh.volume_and_centroid(points, oriented)
     return Body(oriented, volume, centroid, True) if volume > tolerance**3 else None
 
 
 def closed_body(
     id: str, points: FloatArray, faces: Faces, joint_tolerance: float | None = None
 ) -> Body:
-    """A body of any shape from vertices and faces that are numbers and indices; nothing mended.
-
-    Raises
-    ------
-    GeometryError
-        If they enclose none: open, one-sided, several bodies, vertices to spare, a crossed face,
-        or what :func:`body_inside` refuses.
-    """
+    """A body of any shape, nothing mended; refused if the faces enclose none."""
     check_faces(id, points, faces, RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, 0))))
     unused = set(range(len(points))) - {i for f in faces for i in f}
     if unused:
@@ -258,28 +239,23 @@ def closed_body(
             points=points[min(unused)],
             blocks=(id,),
         )
-    return body_inside(id, points, outward(id, points, faces)[0], joint_tolerance)
+    return body_inside(id, points, mesh.outward(id, points, faces)[0], joint_tolerance)
 
 
 def body_inside(
     id: str, points: FloatArray, oriented: Faces, joint_tolerance: float | None
 ) -> Body:
-    """The body inside a closed surface whose normals point out.
-
-    Raises
-    ------
-    GeometryError
-        If it has no volume, cuts itself, or has a face that is not flat.
-    """
+    """The body inside a closed surface whose normals point out; refused if it has no volume, cuts
+    itself, or has a face that is not flat."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    volume, centroid = volume_and_centroid(points, oriented)
+    volume, centroid = mesh.volume_and_centroid(points, oriented)
     if not volume > (RELATIVE_TOLERANCE * size) ** 2 * size:
         raise GeometryError(
             f"block {id!r} is degenerate: its volume is {volume:g} for a size of {size:g}",
             points=points,
             blocks=(id,),
         )
-    vectors = area_vectors(points, oriented)
+    vectors = mesh.area_vectors(points, oriented)
     areas = np.linalg.norm(vectors, axis=1)
     allowed = joint_tolerance or default_tolerance(volume, float(areas.sum()))
     check_flat(id, points, oriented, allowed)
@@ -291,7 +267,6 @@ def body_inside(
 
 
 def default_tolerance(volume: float, surface: float) -> float:
-    """:data:`JOINT_TOLERANCE` of the mean thickness."""
     return JOINT_TOLERANCE * 2.0 * volume / surface
 
 
@@ -311,7 +286,7 @@ def check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> N
 
 def warps(points: FloatArray, faces: Faces) -> FloatArray:
     """How far each face's corners are off its mean plane at most, (f,)."""
-    normals = area_vectors(points, faces)
+    normals = mesh.area_vectors(points, faces)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     result = np.zeros(len(faces))
     for number in (i for i, face in enumerate(faces) if len(face) > 3):

@@ -14,28 +14,13 @@ little mean anything."""
 
 
 def least_carried(forces: FloatArray) -> float:
-    """The force below which a contact counts as carrying nothing, for contact forces (n, 6).
-
-    Example
-    -------
-    >>> round(least_carried(np.array([[0.0, 0.0, 50.0, 1.0, 0.0, 0.0]])), 9)
-    5e-05
-    """
+    """The force below which a contact counts as carrying nothing, for contact forces (n, 6)."""
     return CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
 
 
 def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where forces (n, 6) press: (n, 2) in the contact's plane, and (n, 3) in space.
-
-    (e1, e2) = (-M2, M1) / N; NaN where a contact carries nothing.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> contacts = builtin_scene("single-block").contacts
-    >>> pressure_centres(contacts, np.array([[0.0, 0.0, 2.0, 0.2, -0.1, 0.0]]))[0].tolist()
-    [[0.05, 0.1]]
-    """
+    """Where forces (n, 6) press: (e1, e2) = (-M2, M1) / N (n, 2) in the contact's plane, and (n, 3)
+    in space; NaN where a contact carries nothing."""
     normal = forces[:, COLUMN["N"]]
     safe = np.where(normal > least_carried(forces), normal, np.nan)
     centre = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1) / safe[:, None]

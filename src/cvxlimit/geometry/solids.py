@@ -11,32 +11,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+import cvxlimit.geometry.mesh as mesh
+import cvxlimit.geometry.polyhedra as polyhedra
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block, Repair
-from cvxlimit.geometry.mesh import (
-    EdgeTable,
-    Faces,
-    area_vectors,
-    fan,
-    outward,
-    place,
-    surface,
-    triangulated,
-    volume_and_centroid,
-)
-from cvxlimit.geometry.polyhedra import (
-    JOINT_TOLERANCE,
-    RELATIVE_TOLERANCE,
-    body_inside,
-    check_faces,
-    checked_faces,
-    convex_body,
-    default_tolerance,
-    vertices_of,
-    warps,
-)
+from cvxlimit.geometry.mesh import Faces
 
 
 def solid(
@@ -60,55 +41,32 @@ def solid(
     split      faces warped by more than the joint tolerance cut into triangles
     ========== ==================================================================================
 
-    Parameters
-    ----------
-    id : str
-        The block's name.
-    vertices : (k, 3)
-        In the scene's length unit.
-    faces : sequence of sequences of int
-        Vertex indices around each face.
-    density : float or None
-        Weight per volume.
-    tolerance : float or None
-        Joint tolerance (length): how far a face may be warped and an open seam may gape. None
-        takes one hundredth of the block's mean thickness. Vertices closer than 1e-6 of the
-        block's size are one in any case; others are only welded along open seams, so that small
-        features stay.
+    ``tolerance`` is the joint tolerance (length; None: one hundredth of the mean thickness): how
+    far a face may be warped and an open seam may gape. Vertices closer than 1e-6 of the block's
+    size are one in any case; others are only welded along open seams, so that small features stay.
 
     Raises
     ------
     GeometryError
         If what remains encloses no body: it names the block and the place, and carries the points.
-
-    Example
-    -------
-    A box as an STL file has it, 12 triangles of 3 corners each, half of them wound the wrong way:
-
-    >>> box = Block.box("b", (0, 0, 0), (2, 1, 1))
-    >>> triangles = [t for f in box.faces for t in ((f[0], f[1], f[2]), (f[0], f[3], f[2]))]
-    >>> soup = [box.vertices[i] for t in triangles for i in t]
-    >>> block = solid("b", soup, [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(12)])
-    >>> block.volume, [(repair.kind, repair.count) for repair in block.repairs]
-    (2.0, [('welded', 28), ('turned', 6)])
     """
-    points = vertices_of(id, vertices)
+    points = polyhedra.vertices_of(id, vertices)
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
-    loops = checked_faces(id, faces, len(points))
-    exact = convex_body(points, loops)
+    loops = polyhedra.checked_faces(id, faces, len(points))
+    exact = polyhedra.convex_body(points, loops)
     if exact is not None and exact.faces == loops:  # nothing to mend: a fifth of the time
         return Block.of_body(id, points, exact, density)
-    mesh = _Mesh(id, points, loops)
-    mesh.weld(RELATIVE_TOLERANCE * mesh.size)
-    mesh.drop_degenerate()
-    mesh.drop_doubled()
-    mesh.close_seams(JOINT_TOLERANCE * mesh.rough_thickness if allowed is None else allowed)
-    mesh.drop_unused()
-    mesh.turn_out()
-    mesh.split_warped(allowed)
-    check_faces(id, mesh.points, mesh.faces, RELATIVE_TOLERANCE * mesh.size)
-    body = body_inside(id, mesh.points, mesh.faces, allowed)
-    return Block.of_body(id, mesh.points, body, density, tuple(mesh.repairs))
+    raw = _Mesh(id, points, loops)
+    raw.weld(polyhedra.RELATIVE_TOLERANCE * raw.size)
+    raw.drop_degenerate()
+    raw.drop_doubled()
+    raw.close_seams(polyhedra.JOINT_TOLERANCE * raw.rough_thickness if allowed is None else allowed)
+    raw.drop_unused()
+    raw.turn_out()
+    raw.split_warped(allowed)
+    polyhedra.check_faces(id, raw.points, raw.faces, polyhedra.RELATIVE_TOLERANCE * raw.size)
+    body = polyhedra.body_inside(id, raw.points, raw.faces, allowed)
+    return Block.of_body(id, raw.points, body, density, tuple(raw.repairs))
 
 
 class _Mesh:
@@ -123,16 +81,15 @@ class _Mesh:
 
     @property
     def rough_thickness(self) -> float:
-        """Mean thickness of an open mesh: the volume between its faces and their middle."""
-        triangles, _ = fan(self.points, self.faces)
+        """Of an open mesh: the volume between its faces and their middle."""
+        triangles, _ = mesh.fan(self.points, self.faces)
         corners = triangles - self.points.mean(axis=0)
         volume = float(np.abs(np.linalg.det(corners)).sum()) / 6.0
-        return 2.0 * volume / surface(self.points, self.faces)
+        return 2.0 * volume / mesh.surface(self.points, self.faces)
 
     def default_tolerance(self) -> float:
-        """The joint tolerance a block of these faces has."""
-        volume, _ = volume_and_centroid(self.points, self.faces)
-        return default_tolerance(volume, surface(self.points, self.faces))
+        volume, _ = mesh.volume_and_centroid(self.points, self.faces)
+        return polyhedra.default_tolerance(volume, mesh.surface(self.points, self.faces))
 
     def weld(self, distance: float, among: IntArray | None = None) -> None:
         """Make one of vertices nearer than ``distance``; of all, or of those ``among`` only."""
@@ -161,13 +118,13 @@ class _Mesh:
         if repeated is not None:
             raise GeometryError(
                 f"block {self.id!r} has a face that meets itself at "
-                f"{place(self.points[repeated[0]])}: cut it into simple faces",
+                f"{mesh.place(self.points[repeated[0]])}: cut it into simple faces",
                 points=self.points[list(repeated)],
                 blocks=(self.id,),
             )
         if real:
-            areas = np.linalg.norm(area_vectors(self.points, real), axis=1)
-            least = (RELATIVE_TOLERANCE * self.size) ** 2
+            areas = np.linalg.norm(mesh.area_vectors(self.points, real), axis=1)
+            least = (polyhedra.RELATIVE_TOLERANCE * self.size) ** 2
             real = [f for f, area in zip(real, areas.tolist(), strict=True) if area > least]
         self._report("degenerate", len(self.faces) - len(real), "faces without area")
         if len(real) < 4:
@@ -189,7 +146,7 @@ class _Mesh:
             return
         copies = {number for g in again for number in g[1:]}
         kept = [number for number in range(len(self.faces)) if number not in copies]
-        table = EdgeTable.of([self.faces[i] for i in kept])
+        table = mesh.EdgeTable.of([self.faces[i] for i in kept])
         uses = {frozenset(e): int(n) for e, n in zip(
             zip(table.start.tolist(), table.end.tolist(), strict=True),
             table.uses[table.key], strict=True)}  # fmt: skip
@@ -201,9 +158,8 @@ class _Mesh:
         self._report("doubled", len(copies) + len(inner), "faces listed more than once")
 
     def close_seams(self, distance: float) -> None:
-        """Mend open edges: vertices in the middle of an edge join it, near ones are welded."""
-        self._join(RELATIVE_TOLERANCE * self.size)
-        table = EdgeTable.of(self.faces)
+        self._join(polyhedra.RELATIVE_TOLERANCE * self.size)
+        table = mesh.EdgeTable.of(self.faces)
         open_sides = table.uses[table.key] == 1
         if open_sides.any():
             ends = np.unique(np.concatenate([table.start[open_sides], table.end[open_sides]]))
@@ -213,7 +169,7 @@ class _Mesh:
 
     def _join(self, distance: float) -> None:
         """Put vertices of open edges that lie within another open edge into its face."""
-        table = EdgeTable.of(self.faces)
+        table = mesh.EdgeTable.of(self.faces)
         sides = np.flatnonzero(table.uses[table.key] == 1)
         if not len(sides):
             return
@@ -240,7 +196,6 @@ class _Mesh:
         self._report("joined", joined, "vertices in the middle of another face's edge")
 
     def drop_unused(self) -> None:
-        """Drop vertices that belong to no face."""
         used = np.unique([i for f in self.faces for i in f])
         self._report("unused", len(self.points) - len(used), "vertices without a face")
         new = np.full(len(self.points), -1)
@@ -249,8 +204,7 @@ class _Mesh:
         self.faces = tuple(tuple(int(new[i]) for i in f) for f in self.faces)
 
     def turn_out(self) -> None:
-        """Turn faces so that their normals point out."""
-        self.faces, turned = outward(self.id, self.points, self.faces)
+        self.faces, turned = mesh.outward(self.id, self.points, self.faces)
         whole = " (the whole shell was inside out)" if turned == len(self.faces) else ""
         self._report("turned", turned, f"faces whose normals pointed in{whole}")
 
@@ -262,14 +216,14 @@ class _Mesh:
         split, most = 0, 0.0
         while True:
             allowed = self.default_tolerance() if tolerance is None else tolerance
-            off = warps(self.points, self.faces)
+            off = polyhedra.warps(self.points, self.faces)
             # A triangle is flat, though rounding tells otherwise where there is next to no volume.
             bent = (off > allowed) & np.array([len(face) > 3 for face in self.faces])
             warped = np.flatnonzero(bent).tolist()
             if not warped:
                 break
             split, most = split + len(warped), max(most, float(off.max()))
-            cut, _ = triangulated(self.points, [self.faces[i] for i in warped])
+            cut, _ = mesh.triangulated(self.points, [self.faces[i] for i in warped])
             flat = [self.faces[i] for i in np.flatnonzero(~bent).tolist()]
             self.faces = (*flat, *(tuple(t) for t in cut.tolist()))
         self._report("split", split, f"faces warped by up to {most:.3g}, cut into triangles")

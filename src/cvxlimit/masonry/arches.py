@@ -9,7 +9,7 @@ import numpy as np
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.masonry.rings import Ring, between, check_ring, radial_joints
-from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile
+from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
 
 
@@ -44,19 +44,9 @@ def arch(
         Angle between the two springing joints, degrees: 180 for a semicircular arch.
     width : float
         Out of the arch's plane (y), m.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Horizontal, along +x, in multiples of the weight, unless given. A load on the crown is
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`. A load on the crown is
         ``Load(forces={"v10": (0, 0, -1, 0, 0, 0)})``.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -82,13 +72,7 @@ def arch(
     joints = ring.joints(sides)
     blocks = [between(f"v{i + 1}", *ends, weight) for i, ends in enumerate(pairwise(joints))]
     left, right = ring.abutments(sides)
-    return Scene(
-        blocks=(left, *blocks, right),
-        supports=(left.id, right.id),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    return scene_of((left, *blocks, right), (1.0, 0.0, 0.0), live, friction, name)
 
 
 def arch_on_piers(
@@ -127,10 +111,8 @@ def arch_on_piers(
     ----------
     voussoirs : int
         Number of voussoirs, 2 or more.
-    thickness_ratio : float
-        Thickness of the arch over its mean radius, below 2.
-    mean_radius : float
-        Radius of the joints' midpoints, m.
+    thickness_ratio, mean_radius
+        As for :func:`~cvxlimit.masonry.arch`.
     pier_width : float
         Along x, m; no less than the arch is thick.
     pier_height : float
@@ -139,18 +121,8 @@ def arch_on_piers(
         Number of blocks in each pier.
     width : float
         Of arch and piers, out of the arch's plane (y), m.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Horizontal, along +x, in multiples of the weight, unless given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
@@ -183,10 +155,6 @@ def arch_on_piers(
         for prefix, x in (("l", (-inner - broad, -inner)), ("r", (inner, inner + broad)))
         for block in pile(prefix, x, (0.0, thick), levels, weight)
     ]
-    return Scene(
-        blocks=(ground_below(piers, depth=depth), *piers, *ring),
-        supports=("ground",),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
+    return scene_of(
+        (ground_below(piers, depth=depth), *piers, *ring), (1.0, 0.0, 0.0), live, friction, name
     )

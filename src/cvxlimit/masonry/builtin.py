@@ -27,21 +27,13 @@ from cvxlimit.scene import Load, Scene
 
 @dataclass(frozen=True)
 class BuiltinScene:
-    """A named scene: call it to build it.
-
-    Attributes
-    ----------
-    description : str
-        One line for ``cvxlimit scenes``.
-    build : callable
-        Returns the scene; its name is set from the registry.
-    """
+    """A named scene: call it to build it anew; ``description`` is its line in ``cvxlimit
+    scenes``."""
 
     description: str
     build: Callable[[], Scene]
 
     def __call__(self) -> Scene:
-        """Build the scene anew."""
         return self.build()
 
 

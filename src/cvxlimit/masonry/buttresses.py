@@ -82,19 +82,10 @@ def flying_buttress(
         Height of the blocks of pier and wall, m; they are made equal, so it is met nearly.
     width : float
         Of everything, out of the plane (y), m.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        A thrust of 1 kN on the wall towards the pier (-x), at the middle of the flyer's upper
-        joint, unless given: the load factor is the thrust in kN.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`; the load: a thrust of 1 kN on the wall towards the
+        pier (-x), at the middle of the flyer's upper joint, unless given: the load factor is the
+        thrust in kN.
 
     Raises
     ------
@@ -145,7 +136,6 @@ class _Flyer:
 
     @property
     def inner(self) -> float:
-        """Inner radius."""
         return self.span / float(np.sin(np.radians(self.embrace)))
 
     @property
@@ -159,7 +149,6 @@ class _Flyer:
         return self.thickness * float(np.sin(np.radians(self.embrace)))
 
     def joints(self, voussoirs: int, sides: tuple[float, float]) -> FloatArray:
-        """Joints (n + 1, 4, 3) from the foot to the wall."""
         angles = np.pi / 2.0 + np.linspace(np.radians(self.embrace), 0.0, voussoirs + 1)
         centre = (self.span, self.head - self.inner)
         middle = self.inner + self.thickness / 2.0
@@ -193,7 +182,6 @@ def _courses(height: float, course: float) -> int:
 def _pier(
     flyer: _Flyer, foot: FloatArray, broad: float, step: float, pinnacle: float, density: float
 ) -> list[Block]:
-    """Boxes up to a course below the foot, the skewback that carries it, and the pinnacle."""
     (_, y0, _), (_, y1, _) = foot[[0, 2]]
     shoulder = float(foot[1, 2])
     below = _courses(flyer.foot, step)

@@ -11,7 +11,7 @@ import numpy as np
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, scene_of, size_of
 from cvxlimit.scene import Load, Scene
 
 Span = tuple[float, float]
@@ -107,19 +107,9 @@ def facade(
         Length of a lintel on each jamb, m; half a unit unless given.
     lintel_courses : int
         Height of the lintels in courses.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Out of the front's plane, away from the returns (-y), in multiples of the weight, unless
-        given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`, but pushed out of the front's plane,
+        away from the returns (-y), unless ``live`` is given.
 
     Raises
     ------
@@ -145,12 +135,8 @@ def facade(
     for wall in walls:
         wall.check(rows, lintel)
     blocks = [block for wall in walls for block in wall.blocks(rows, size, lintel, weight)]
-    return Scene(
-        blocks=(ground_below(blocks, depth=size[2]), *blocks),
-        supports=("ground",),
-        live=Load(acceleration=(0.0, -1.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
+    return scene_of(
+        (ground_below(blocks, depth=size[2]), *blocks), (0.0, -1.0, 0.0), live, friction, name
     )
 
 
@@ -243,7 +229,6 @@ def house_corner(
 
 
 def _centred(width: float, length: float, what: str) -> Span:
-    """Start and width of a window in the middle of a wall."""
     clear, whole = positive(width, "window_width"), positive(length, what)
     if is_negligible(whole - clear, whole):
         raise InputError(f"{what} must be longer than window_width, {clear:g}, got {whole:g}")
@@ -256,11 +241,9 @@ class _Lintel:
     courses: int
 
     def over(self, opening: Opening) -> Span:
-        """From end to end along the wall."""
         return opening.start - self.bearing, opening.start + opening.width + self.bearing
 
     def rows(self, opening: Opening) -> range:
-        """Courses that it takes, from 0."""
         top = opening.sill + opening.courses
         return range(top, top + self.courses)
 
@@ -284,11 +267,9 @@ class _Wall:
 
     @property
     def clear(self) -> Span:
-        """Between the corners."""
         return self.inset[0], self.length - self.inset[1]
 
     def check(self, rows: int, lintel: _Lintel) -> None:
-        """Openings fit with their lintels, and none overlaps another."""
         slack = 1e-9 * self.length  # rounding of sums of sizes, far below any joint
         for number, opening in enumerate(self.openings, start=1):
             if not isinstance(opening, Opening):
@@ -326,7 +307,6 @@ class _Wall:
         return found
 
     def blocks(self, rows: int, size: Size, lintel: _Lintel, density: float) -> Iterator[Block]:
-        """All of its blocks, course by course, then the lintels."""
         length, _, height = size
         for row in range(rows):
             shortened = row % 2 == self.gives_way
@@ -355,7 +335,6 @@ def _walls(
     size: Size,
     openings: tuple[Sequence[Opening], Sequence[Opening], Sequence[Opening]],
 ) -> list[_Wall]:
-    """The front, then the returns that are there."""
     thick, front = size[1], positive(length, "length")
     lengths = [
         0.0 if value == 0.0 else positive(value, f"{side}_return")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, scene_of, size_of
 from cvxlimit.scene import Load, Scene
 
 Span = tuple[float, float]
@@ -44,19 +44,9 @@ def panel(
         m; 0 for none.
     brick : (float, float, float)
         Length, thickness and height, m. A return's bricks lie along y.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Out of the front's plane, away from the returns (-y), in multiples of the weight, unless
-        given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`, but pushed out of the front's plane,
+        away from the returns (-y), unless ``live`` is given.
 
     Raises
     ------
@@ -86,12 +76,8 @@ def panel(
         for row in range(rows)
         for block in _course(row, width, returns, size, weight)
     ]  # fmt: skip
-    return Scene(
-        blocks=(ground_below(blocks, depth=size[2]), *blocks),
-        supports=("ground",),
-        live=Load(acceleration=(0.0, -1.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
+    return scene_of(
+        (ground_below(blocks, depth=size[2]), *blocks), (0.0, -1.0, 0.0), live, friction, name
     )
 
 

@@ -33,8 +33,10 @@ def random_wall(
 
     Courses differ in height, head joints are moved at random about those of a running bond; half
     of the walls lean on a rigid support at their start. The live load pushes in any direction of
-    space, in multiples of the weight. The same seed gives the same wall, whatever else was drawn
-    before. Blocks are named as in :func:`~cvxlimit.masonry.wall`.
+    space, in multiples of the weight; one that presses the wall down does no harm. The same seed
+    gives the same wall, whatever else was drawn before. Blocks are named as in
+    :func:`~cvxlimit.masonry.wall`. Each block rests with its whole lower face on the course below,
+    so the wall carries its own weight.
 
     Parameters
     ----------
@@ -45,22 +47,12 @@ def random_wall(
     density : float
         Weight per volume, kN/m3.
     sizes : sequence of (int, int)
-        Whole units and courses, one of which is drawn.
-
-    Returns
-    -------
-    Scene
-        With 14 to 46 contacts unless other sizes are given; its name is ``random-wall-<seed>``.
+        Whole units and courses, one of which is drawn; 14 to 46 contacts unless others are given.
 
     Raises
     ------
     InputError
         If the seed is not a whole number of 0 or more, or a size is not positive.
-
-    Notes
-    -----
-    Each block rests with its whole lower face on the course below, so the wall carries its own
-    weight. Some live loads do no harm (those that press the wall down).
 
     Example
     -------

@@ -27,19 +27,9 @@ def radial_joints(
     sides: tuple[float, float],
     centre: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
-    """Corners (n, 4, 3) of joints on radii of a circle in the plane (x, z), in order around each.
-
-    Parameters
-    ----------
-    angles : (n,) array
-        From +x towards +z, radians.
-    radius, thickness : float
-        Radius of the joints' midpoints, and their length along the radius.
-    sides : (float, float)
-        The joints reach from the first to the second of these, along y.
-    centre : (float, float)
-        Centre of the circle, x and z.
-    """
+    """Corners (n, 4, 3), in order around each, of joints at ``angles`` (n,) on a circle in the
+    plane (x, z), from +x towards +z; ``radius`` is that of their midpoints, ``thickness`` their
+    length along it, ``sides`` their ends in y."""
     radii = radius + thickness * np.array([-0.5, 0.5, 0.5, -0.5])
     corners = np.empty((len(angles), 4, 3))
     corners[:, :, 0] = centre[0] + radii * np.cos(angles)[:, None]
@@ -49,23 +39,14 @@ def radial_joints(
 
 
 def abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
-    """A fixed block: the radial joint at ``angle`` pushed along its normal by ``depth``.
-
-    Positive depths go the way of growing angles.
-    """
+    """A fixed block: the radial joint at ``angle`` pushed by ``depth`` towards growing angles."""
     return between(id, joint, joint + depth * np.array([-np.sin(angle), 0.0, np.cos(angle)]))
 
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """Joints of an arch in the plane (x, z), about the origin and symmetric to the axis z.
-
-    Attributes
-    ----------
-    angles : (n + 1,) array
-        Of the joints of n voussoirs, from +x towards +z, falling; radians.
-    radius, thickness : float
-    """
+    """Joints of an arch in the plane (x, z), about the origin and symmetric to the axis z:
+    ``angles`` (n + 1,) from +x towards +z, falling."""
 
     angles: FloatArray
     radius: float
@@ -73,13 +54,7 @@ class Ring:
 
     @classmethod
     def of(cls, voussoirs: int, mean_radius: float, thickness_ratio: float, embrace: float) -> Ring:
-        """Of so many voussoirs over an angle of ``embrace`` degrees.
-
-        Raises
-        ------
-        InputError
-            If it cannot be built.
-        """
+        """Of so many voussoirs over ``embrace`` degrees; refused if it cannot be built."""
         radius, ratio = (
             positive(mean_radius, "mean_radius"), positive(thickness_ratio, "thickness_ratio"),
         )  # fmt: skip
@@ -90,11 +65,9 @@ class Ring:
         return cls(angles, radius, ratio * radius)
 
     def joints(self, sides: tuple[float, float]) -> FloatArray:
-        """Corners (n + 1, 4, 3) of joints that reach from one of ``sides`` to the other, in y."""
         return radial_joints(self.angles, self.radius, self.thickness, sides)
 
     def abutments(self, sides: tuple[float, float]) -> tuple[Block, Block]:
-        """The fixed blocks at both ends."""
         joints, depth = self.joints(sides), self.thickness
         left = abutment("left-abutment", joints[0], self.angles[0], depth)
         return left, abutment("right-abutment", joints[-1], self.angles[-1], -depth)

@@ -13,26 +13,23 @@ from cvxlimit.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
+from cvxlimit.scene import Load, Scene
 
 Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""
 
 
 def count(value: Any, what: str, least: int = 1) -> int:
-    """``value`` as a whole number not below ``least``."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise InputError(f"{what} must be a whole number of at least {least}, got {value!r}")
     return int(value)
 
 
 def size_of(value: Any, what: str) -> Size:
-    """``value`` as (length, thickness, height), all positive."""
-    length, thickness, height = finite_vector(value, 3, f"{what} (length, thickness, height)")
-    return (
-        positive(float(length), f"length of {what}"),
-        positive(float(thickness), f"thickness of {what}"),
-        positive(float(height), f"height of {what}"),
-    )
+    given = finite_vector(value, 3, f"{what} (length, thickness, height)").tolist()
+    names = ("length", "thickness", "height")
+    x, y, z = (positive(v, f"{name} of {what}") for v, name in zip(given, names, strict=True))
+    return x, y, z
 
 
 def ground_below(blocks: Sequence[Block], depth: float) -> Block:
@@ -51,6 +48,20 @@ def pile(
         Block.box(f"{prefix}{i + 1}", (x[0], y[0], z0), (x[1], y[1], z1), density)
         for i, (z0, z1) in enumerate(pairwise(heights))
     ]
+
+
+def scene_of(
+    blocks: Sequence[Block], push: Size, live: Load | None, friction: float, name: str
+) -> Scene:
+    """Blocks without density are the supports; ``push`` times the weights is the load if none is
+    given."""
+    return Scene(
+        blocks=tuple(blocks),
+        supports=tuple(block.id for block in blocks if block.density is None),
+        live=Load(acceleration=push) if live is None else live,
+        friction=friction,
+        name=name,
+    )
 
 
 def is_negligible(length: float, unit: float) -> bool:

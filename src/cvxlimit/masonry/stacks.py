@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cvxlimit.checks import finite_vector, positive
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, scene_of, size_of
 from cvxlimit.scene import Load, Scene
 
 
@@ -30,18 +30,8 @@ def stack(
         Length (x), thickness (y) and height (z) of each block, m.
     shift : (float, float)
         Offset in x and y of every block from the one below, m: a leaning stack.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.6, as in a :class:`Scene` of one's own.
-    live : Load, optional
-        Horizontal, along +x, in multiples of the weight, unless given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
@@ -67,12 +57,8 @@ def stack(
         )
         for i in range(count(blocks, "blocks"))
     ]
-    return Scene(
-        blocks=(ground_below(pile[:1], depth=height), *pile),
-        supports=("ground",),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
+    return scene_of(
+        (ground_below(pile[:1], depth=height), *pile), (1.0, 0.0, 0.0), live, friction, name
     )
 
 

@@ -11,7 +11,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.masonry.rings import Ring, between
-from cvxlimit.masonry.sizes import count
+from cvxlimit.masonry.sizes import count, scene_of
 from cvxlimit.masonry.walls import running_bond
 from cvxlimit.scene import Load, Scene
 
@@ -47,28 +47,14 @@ def barrel_vault(
     ----------
     rows : int
         Voussoirs around the arch; with an even number a joint lies at the crown.
-    thickness_ratio : float
-        Thickness over mean radius, below 2.
-    mean_radius : float
-        Radius of the joints' midpoints, m.
-    embrace : float
-        Angle between the two springing joints, degrees.
+    thickness_ratio, mean_radius, embrace
+        As for :func:`~cvxlimit.masonry.arch`.
     length : float
         Along y, m.
     units : int
         Voussoirs along the length; every other row has half ones at both ends.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Horizontal, across the vault (+x), in multiples of the weight, unless given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
@@ -93,13 +79,7 @@ def barrel_vault(
             below, above = ring.joints(sides)[row : row + 2]
             voussoirs.append(between(f"v{row + 1}.{place}", below, above, weight))
     left, right = ring.abutments((0.0, far))
-    return Scene(
-        blocks=(left, *voussoirs, right),
-        supports=(left.id, right.id),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    return scene_of((left, *voussoirs, right), (1.0, 0.0, 0.0), live, friction, name)
 
 
 def dome(
@@ -147,18 +127,8 @@ def dome(
         Latitude of the lowest joint, degrees; 0 for a hemisphere, less than 90.
     oculus : float
         Angle between the axis and the edge of the opening at the crown, degrees.
-    density : float
-        Weight per volume, kN/m3.
-    friction : float
-        Coulomb coefficient of all joints; 0.7 here, 0.6 in a :class:`Scene` of one's own.
-    live : Load, optional
-        Horizontal, along +x, in multiples of the weight, unless given.
-    name : str
-        Name of the scene.
-
-    Returns
-    -------
-    Scene
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
@@ -200,17 +170,10 @@ def dome(
         for number, ends in enumerate(pairwise(latitudes.tolist()), start=1)
         for lune, lower, upper in _course(around, ends, radius, ratio * radius)
     ]
-    return Scene(
-        blocks=(*ring, *shell),
-        supports=tuple(block.id for block in ring),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    return scene_of((*ring, *shell), (1.0, 0.0, 0.0), live, friction, name)
 
 
 def _latitudes(springing: float, oculus: float) -> tuple[float, float]:
-    """Of the lowest and the highest joint, radians."""
     low, top = not_negative(springing, "springing"), 90.0 - oculus
     if low >= top:
         raise InputError(

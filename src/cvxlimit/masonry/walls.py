@@ -9,7 +9,7 @@ import numpy as np
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, size_of
+from cvxlimit.masonry.sizes import Size, count, ground_below, scene_of, size_of
 from cvxlimit.scene import Load, Scene
 
 Course = Sequence[float]
@@ -34,11 +34,6 @@ def running_bond(whole_units: int, courses: int, first: str = "whole") -> list[l
     -------
     list of list of float
         Block lengths in units, bottom course first; input of :func:`wall`.
-
-    Raises
-    ------
-    InputError
-        If a count is not a whole number >= 1, or ``first`` is something else.
 
     Example
     -------
@@ -79,17 +74,13 @@ def wall(
     density : float
         Weight per volume, kN/m3.
     friction : float
-        Coulomb coefficient of all joints; 0.65 here, 0.6 in a :class:`Scene` of one's own.
+        Coulomb coefficient of all joints; a :class:`Scene` of one's own has 0.6.
     side_supports : collection of "start", "end"
         Ends of the wall (x = 0; full length) that lean on a rigid support over the whole height.
     live : Load, optional
-        In the wall's plane, along +x, in multiples of the weight, unless given.
+        Along +x (in the wall's plane) in multiples of the weight unless given.
     name : str
         Name of the scene.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -109,13 +100,7 @@ def wall(
     blocks = list(_laid_blocks(courses, size, weight))
     fixed = [ground_below(blocks, depth=size[2])]
     fixed += [_side_support(side, blocks, size) for side in _checked_sides(side_supports)]
-    return Scene(
-        blocks=(*fixed, *blocks),
-        supports=tuple(block.id for block in fixed),
-        live=Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    return scene_of((*fixed, *blocks), (1.0, 0.0, 0.0), live, friction, name)
 
 
 def _laid_blocks(courses: Sequence[Course], size: Size, density: float) -> Iterator[Block]:

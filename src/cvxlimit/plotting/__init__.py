@@ -26,11 +26,9 @@ from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, title, with_suffix
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
 from cvxlimit.plotting.pictures.animation import Animation, animation
-from cvxlimit.plotting.pictures.cracks import cracks
 from cvxlimit.plotting.pictures.exploded import exploded
-from cvxlimit.plotting.pictures.forces import forces
-from cvxlimit.plotting.pictures.mechanism import mechanism, mechanism_of
-from cvxlimit.plotting.pictures.thrust import thrust
+from cvxlimit.plotting.pictures.forces import forces, thrust
+from cvxlimit.plotting.pictures.mechanism import cracks, mechanism, mechanism_of
 from cvxlimit.plotting.pictures.utilisation import utilisation
 from cvxlimit.plotting.registry import PICTURES, figures, picture
 from cvxlimit.plotting.vtu import to_pyvista, vtu_files
@@ -67,13 +65,7 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
 def picture_of(
     solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
 ) -> Any:
-    """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`.
-
-    Raises
-    ------
-    InputError
-        For another kind, or a suffix that does not go with it.
-    """
+    """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`."""
     if kind not in PICTURES:
         raise InputError(f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}")
     if path is None:
@@ -84,17 +76,12 @@ def picture_of(
 
 
 def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Draw the mechanism of ``solution`` into a file; the suffix of ``path`` says which kind.
+    """Draw the mechanism of ``solution`` into a file; a solution without one is drawn undeformed.
 
-    ==========  ================================================================================
-    ``.png``    picture: deformed blocks by speed, contacts that open, slide or twist; also
-                ``.svg`` and ``.pdf``
-    ``.gif``    the same in motion; also ``.mp4``
-    ``.html``   interactive page in one file, for any browser, works offline
-    ``.vtu``    blocks for ParaView, and beside them ``<name>-contacts.vtu`` with the contacts
-    ==========  ================================================================================
-
-    A solution without a mechanism is drawn undeformed, its status in the title.
+    The suffix of ``path`` says what: ``.png``, ``.svg``, ``.pdf`` a picture (blocks by speed,
+    contacts that open, slide or twist); ``.gif``, ``.mp4`` the same in motion; ``.html`` an
+    interactive page in one file that works offline; ``.vtu`` blocks for ParaView, with the contacts
+    beside them in ``<name>-contacts.vtu``.
 
     Returns
     -------
@@ -106,7 +93,7 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     InputError
         For another suffix, a folder that cannot be written to, or a solution of another scene.
     ModelError
-        If a PNG is asked for and Matplotlib is not installed.
+        If a picture is asked for and Matplotlib is not installed.
 
     Example
     -------
@@ -138,23 +125,12 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
 def plot_scene(
     scene: Scene, path: str | os.PathLike[str], refusal: InputError | None = None
 ) -> tuple[Path, ...]:
-    """Draw a scene before it is solved: blocks, supports, joints, loads and near misses.
+    """Draw a scene before it is solved, as a picture (``.png``) or an interactive page (``.html``).
 
-    Joints are told apart by how they lie to the dead load: bed, head and sloping. A scene that is
-    refused can be drawn too: pass the error as ``refusal``, or let it be found here; the blocks to
-    blame are red, the places ringed, the message is on the picture.
-
-    ==========  ================================================================================
-    ``.png``    picture
-    ``.html``   interactive page: names and numbers under the pointer, a view into the joints
-    ==========  ================================================================================
-
-    Raises
-    ------
-    InputError
-        For another suffix or a folder that cannot be written to.
-    ModelError
-        If a PNG is asked for and Matplotlib is not installed.
+    Blocks, supports, joints (bed, head and sloping, to the dead load), loads and near misses. A
+    scene that is refused can be drawn too: pass the error as ``refusal``, or let it be found here;
+    the blocks to blame are red, the places ringed, the message is on the picture. Errors as for
+    :func:`plot`.
 
     Example
     -------
@@ -180,17 +156,8 @@ def scene_figure(
 
 
 def figure(scene: Scene, solution: Solution, viewer: Viewer = None) -> SceneFigure:
-    """The picture as a Matplotlib figure, for notebooks and for changes of one's own.
-
+    """The picture of :func:`plot` as a Matplotlib figure, which notebooks show when it ends a cell.
     ``viewer`` is the direction from the scene towards the viewer, chosen from the movement if
-    None. Notebooks show the figure when it ends a cell.
-
-    Raises
-    ------
-    InputError
-        If the solution belongs to another scene, or ``viewer`` is not a direction.
-    ModelError
-        If Matplotlib is not installed.
-    """
+    None."""
     found: SceneFigure = figures().drawn(mechanism_of(scene, solution, viewer=viewer))
     return found

@@ -34,11 +34,8 @@ class JointKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Marking:
-    """Contacts to be outlined: what each is, by code; codes without a colour stay unmarked.
-
-    ``colours`` are by code, ``texts`` of those that the legend has; ``width`` (n,) is each line's
-    share of the widest, one for all if None.
-    """
+    """Contacts to be outlined: what each is, by code; codes without a colour stay unmarked, those
+    with a text are in the legend; ``width`` (n,) is each line's share of the widest."""
 
     contacts: Contacts
     kind: IntArray
@@ -77,7 +74,7 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Arrows and marks of a scene; ``culprits`` are the ids of blocks to blame for a refusal."""
+    """Arrows and marks of a scene, and ids of blocks to blame for a refusal."""
 
     arrows: tuple[Arrow, ...] = ()
     marks: tuple[Mark, ...] = ()
@@ -88,7 +85,9 @@ class Annotations:
 def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
     """Loads, near misses and what ``refusal`` blames; contacts are not asked for with one."""
     if refusal is None:
-        return Annotations(tuple(_arrows(scene)), tuple(_near_misses(scene)))
+        unit = scene.units.length
+        misses = (Mark(tuple(m.place.tolist()), m.sentence(unit)) for m in scene.near_misses)
+        return Annotations(tuple(_arrows(scene)), tuple(misses))
     points = refusal.points if isinstance(refusal, GeometryError) else np.empty((0, 3))
     blamed = refusal.blocks if isinstance(refusal, GeometryError) else ()
     marks = tuple(Mark(tuple(p), "here") for p in points.tolist())
@@ -111,11 +110,6 @@ def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
     kind[steep >= np.cos(np.radians(LEVEL_WITHIN))] = JointKind.BED
     kind[steep <= np.sin(np.radians(LEVEL_WITHIN))] = JointKind.HEAD
     return kind
-
-
-def _near_misses(scene: Scene) -> Iterator[Mark]:
-    for miss in scene.near_misses:
-        yield Mark(tuple(miss.place.tolist()), miss.sentence(scene.units.length))
 
 
 def _arrows(scene: Scene) -> Iterator[Arrow]:

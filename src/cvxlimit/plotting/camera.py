@@ -27,19 +27,11 @@ class Camera:
     axes: FloatArray
 
     def project(self, points: FloatArray) -> FloatArray:
-        """Right, up and nearness (n, 3) of ``points`` (n, 3), in the scene's length unit."""
-        result: FloatArray = points @ self.axes.T
-        return result
+        return np.asarray(points @ self.axes.T)
 
 
 def camera_from(scene: Scene, viewer: ArrayLike) -> Camera:
-    """A camera in direction ``viewer`` (3,) from the scene; up is against the dead load.
-
-    Raises
-    ------
-    InputError
-        If ``viewer`` is not three finite numbers, or is zero.
-    """
+    """A camera in direction ``viewer`` (3,) from the scene; up is against the dead load."""
     towards = finite_vector(viewer, 3, "viewer")
     if not np.any(towards):
         raise InputError("viewer must be a direction from the scene, got zero")
@@ -56,14 +48,13 @@ def _camera_towards(viewer: FloatArray, up: FloatArray) -> Camera:
 
 
 def default_camera(scene: Scene, motion: Motion) -> Camera:
-    """Look at the widest upright side, from the end to which the structure moves.
-
-    Up is against the dead load. The movement is the mean displacement of the free blocks, or
-    the live load's direction where there is no mechanism.
-    """
+    """Look at the widest upright side, from the end to which the structure moves: by the free
+    blocks' mean displacement, or the live load where there is no mechanism."""
     up = upright(scene)
     thin, wide = _horizontal_axes(scene, up)
-    move = _movement(scene, motion)
+    move = motion.rates[:, :3].sum(axis=0)
+    if not move.any():
+        move = scene.live_forces[:, :3].sum(axis=0)
     across, along = float(move @ thin), float(move @ wide)
     azimuth = IN_PLANE_AZIMUTH
     if abs(across) > abs(along):
@@ -80,11 +71,9 @@ def default_camera(scene: Scene, motion: Motion) -> Camera:
 
 
 def upright(scene: Scene) -> FloatArray:
-    """The coordinate axis nearest to the direction against gravity; +z without any.
-
-    Gravity is that of the dead load where it has one: forces that lift blocks turn no picture
-    upside down. Else the sum of the dead load stands for it.
-    """
+    """The coordinate axis nearest to the direction against gravity, +z without any. Gravity is that
+    of the dead load where it has one: forces that lift blocks turn no picture upside down. Else the
+    sum of the dead load stands for it."""
     given = scene.dead.gravity
     down = scene.dead_forces[:, :3].sum(axis=0) if given is None else np.array(given)
     size = float(np.linalg.norm(down))
@@ -96,7 +85,6 @@ def upright(scene: Scene) -> FloatArray:
 
 
 def thin_axis(scene: Scene) -> FloatArray:
-    """Unit vector along the thinner horizontal extent of the free blocks."""
     return _horizontal_axes(scene, upright(scene))[0]
 
 
@@ -106,10 +94,3 @@ def _horizontal_axes(scene: Scene, up: FloatArray) -> tuple[FloatArray, FloatArr
     level = [axis for axis in range(3) if not up[axis]]
     thin, wide = sorted(level, key=lambda axis: float(extent[axis]))
     return np.eye(3)[thin], np.eye(3)[wide]
-
-
-def _movement(scene: Scene, motion: Motion) -> FloatArray:
-    shift: FloatArray = motion.rates[:, :3].sum(axis=0)
-    if not np.abs(shift).max() > 0.0:
-        shift = scene.live_forces[:, :3].sum(axis=0)
-    return shift

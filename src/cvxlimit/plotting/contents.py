@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
+from typing import Any
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking
-from cvxlimit.plotting.camera import Camera, camera_from, default_camera, thin_axis
+from cvxlimit.plotting.camera import Camera, camera_from, default_camera
 from cvxlimit.plotting.crushing import Shape
 from cvxlimit.plotting.look import PALE, block_colours, title
 from cvxlimit.plotting.movement import Motion, motion, still
@@ -90,38 +89,9 @@ def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
     return default_camera(scene, moving) if viewer is None else camera_from(scene, viewer)
 
 
-FAINTEST = 0.004
-"""Forces below this share of the largest are not drawn: a tenth of a line's width."""
-
-DOTTED = 0.05
-"""Pressure centres are marked where more than this share of the largest force passes: a wall of
-many joints would be dots all over."""
-
-_UPRIGHT = 0.1
-"""A structure whose joints all lie within this (sine) of being across one plane is planar."""
-
-
-def over_blocks(
-    solution: Solution, viewer: Viewer, caption: str, lines: Lines, dots: FloatArray
-) -> Drawing:
-    """Blocks at rest behind lines and dots; a planar structure straight from the front."""
+def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> Drawing:
+    """Pale blocks at rest, seen as if they moved: behind lines and coloured joints."""
     scene = solution.drawn_scene
-    return Drawing(
-        scene,
-        still(scene),
-        camera_for(scene, motion(scene, solution), viewer or planar_front(scene)),
-        title(solution),
-        caption,
-        colours=block_colours(scene, still(scene), stone=PALE),
-        lines=lines,
-        dots=dots,
-    )
-
-
-def planar_front(scene: Scene) -> Viewer:
-    """Direction in which to look at a structure whose joints all lie across one plane."""
-    thin = thin_axis(scene)
-    across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
-    push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)
-    is_planar = across < _UPRIGHT and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0)
-    return tuple((-thin).tolist()) if is_planar else None
+    camera = camera_for(scene, motion(scene, solution), viewer)
+    pale = block_colours(scene, still(scene), stone=PALE)
+    return Drawing(scene, still(scene), camera, title(solution), caption, colours=pale, **parts)

@@ -1,8 +1,7 @@
-"""What is drawn where scenes have strengths: crushed zones of contacts, and ties that yield.
+"""What is drawn where scenes have strengths: crushed zones, and ties that yield.
 
-Both come from a solution's contact forces alone. A contact crushes where the pressure that its
-normal force and moments need is the strength: on the effective rectangle around the pressure
-centre (Eq. 26), which no smaller one could bear.
+A contact crushes where the pressure that its normal force and moments need is the strength: on the
+effective rectangle around the pressure centre (Eq. 26), which no smaller one could bear.
 """
 
 from __future__ import annotations
@@ -34,17 +33,8 @@ class Zone:
 
 
 def crushed_zones(scene: Scene, forces: FloatArray) -> list[Zone]:
-    """Effective rectangles of contacts whose strength is used up, for forces (n, 6).
-
-    Only rectangular contacts have one; ties have none.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene, solve
-    >>> scene = builtin_scene("single-block").with_strength(compressive=200.0)
-    >>> [zone.contact for zone in crushed_zones(scene, solve(scene).forces)]
-    [0]
-    """
+    """Effective rectangles of contacts whose strength is used up, for forces (n, 6); only
+    rectangular contacts have one."""
     c, normal = scene.contacts, forces[:, COLUMN["N"]]
     centre, _ = pressure_centres(c, forces)
     half = c.sides / 2.0 - np.abs(centre)
@@ -62,15 +52,7 @@ def crushed_zones(scene: Scene, forces: FloatArray) -> list[Zone]:
 
 
 def yielding(scene: Scene, forces: FloatArray) -> NDArray[np.bool_]:
-    """True (ties,) for ties whose tension is their yield force.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene, solve
-    >>> scene = builtin_scene("single-block")
-    >>> yielding(scene, solve(scene).forces).tolist()
-    []
-    """
+    """True (ties,) for ties whose tension is their yield force."""
     if not scene.ties:
         return np.zeros(0, dtype=bool)
     tension = -forces[-len(scene.ties) :, COLUMN["N"]]
@@ -80,15 +62,8 @@ def yielding(scene: Scene, forces: FloatArray) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A crushed zone, or a tie as a line.
-
-    Attributes
-    ----------
-    points, moves : (k, 3)
-        Where it is, and how far the drawn mechanism takes it.
-    colour, text, label : str
-        What it is, and what the legend calls its kind.
-    """
+    """A crushed zone, or a tie as a line: its ``points`` (k, 3), and how far the drawn mechanism
+    ``moves`` them; what it is, and what the legend calls its kind."""
 
     points: FloatArray
     moves: FloatArray
@@ -98,12 +73,10 @@ class Shape:
 
     @property
     def is_zone(self) -> bool:
-        """False for ties."""
         return len(self.points) > 2
 
 
 def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
-    """Crushed zones, then ties; none without contact forces."""
     forces = contact_forces(scene, solution)
     if forces is None:
         return []

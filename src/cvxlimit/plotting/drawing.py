@@ -22,28 +22,18 @@ from matplotlib.image import AxesImage, imsave
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+import cvxlimit.plotting.look as look
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
-from cvxlimit.plotting.axes import INK, draw_axes
-from cvxlimit.plotting.camera import default_camera
+from cvxlimit.plotting.camera import Camera, default_camera, upright
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.joints import scene_joints
-from cvxlimit.plotting.look import (
-    CASE_COLOURS,
-    CENTRE_COLOUR,
-    CULPRIT_COLOUR,
-    IMAGES,
-    MARK_COLOUR,
-    STONE_COLOUR,
-    SUPPORT_COLOUR,
-    Saved,
-    printable,
-    scene_title,
-)  # fmt: skip
-from cvxlimit.plotting.movement import Motion, still
+from cvxlimit.plotting.look import IMAGES, Saved
+from cvxlimit.plotting.mesh import SURROUNDINGS, shown_bounds
+from cvxlimit.plotting.movement import Motion, free_size, still
 from cvxlimit.plotting.picture import Picture, paint
 from cvxlimit.scene import Scene
 
@@ -63,6 +53,13 @@ line to line."""
 
 DPI = 150
 
+INK = "#4a4f57"
+TICK = 0.012
+"""Length of a tick mark, relative to the free blocks' size."""
+
+TICK_SPACING = 0.11
+"""Least distance between tick labels on the picture, relative to the free blocks' size."""
+
 
 class SceneFigure(Figure, Saved):
     """A Matplotlib figure that notebooks show without any set-up."""
@@ -73,10 +70,8 @@ class SceneFigure(Figure, Saved):
         return self.file("png")
 
     def file(self, kind: str) -> bytes:
-        """The figure as a ``png``, ``svg`` or ``pdf``; a character that the font lacks is a box.
-
-        The same figure gives the same bytes.
-        """
+        """As a ``png``, ``svg`` or ``pdf``, the same bytes for the same figure; a character that
+        the font lacks is a box."""
         buffer = io.BytesIO()
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
@@ -95,13 +90,12 @@ class SceneFigure(Figure, Saved):
 def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
     """A scene that is not solved: joints by how they lie, loads, near misses, or the culprits."""
     moving = still(scene)
-    marking = None if refusal else scene_joints(scene)
+    marking = None if refusal else look.scene_joints(scene)
     camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
-    return Drawing(scene, moving, camera, scene_title(scene), marking=marking, notes=notes)
+    return Drawing(scene, moving, camera, look.scene_title(scene), marking=marking, notes=notes)
 
 
 def drawn(drawing: Drawing, pixels: int = 1500) -> SceneFigure:
-    """The figure: painted scene, axes, title, legend, colour bar, and what lies over them."""
     return assembled(drawing, paint(drawing, pixels))[0]
 
 
@@ -119,14 +113,16 @@ def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImag
     )
     seen = [frame, _draw_notes(axes, drawing), _draw_lines(axes, drawing)]
     if drawing.has_axes:
-        seen.append(draw_axes(axes, drawing.scene, drawing.camera))
+        seen.append(_draw_axes(axes, drawing.scene, drawing.camera))
     seen.append(_draw_shapes(axes, drawing))
     refusal = drawing.notes.refusal
-    said = textwrap.wrap(printable(f"refused: {refusal}" if refusal else drawing.caption), LETTERS)
+    said = textwrap.wrap(
+        look.printable(f"refused: {refusal}" if refusal else drawing.caption), LETTERS
+    )
     heading = textwrap.wrap(drawing.heading, HEADING_LETTERS)
     more = LINE * len(said) + HEADING_LINE * (len(heading) - 1)
     _arrange(result, axes, np.concatenate(seen), more)
-    _draw_title(result, heading, said, MARK_COLOUR if refusal else INK)
+    _draw_title(result, heading, said, look.MARK_COLOUR if refusal else INK)
     if drawing.bar is not None:
         _draw_colour_bar(result, axes, drawing.bar)
     _draw_legend(result, drawing)
@@ -134,7 +130,6 @@ def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImag
 
 
 def thumbnail(scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420) -> bytes:
-    """A small PNG: no axes, no title."""
     notes = Annotations() if refusal is None else annotated(scene, refusal)
     drawing = Drawing(scene, moving, default_camera(scene, moving), notes=notes)
     buffer = io.BytesIO()
@@ -152,14 +147,16 @@ def _draw_notes(axes: Axes, drawing: Drawing) -> FloatArray:
             "", xy=tuple(ends[1]), xytext=tuple(ends[0]), zorder=6, annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-|>,head_length=0.5,head_width=0.22", "lw": 2.2,
-                "color": CASE_COLOURS[arrow.case], "shrinkA": 0, "shrinkB": 0,
+                "color": look.CASE_COLOURS[arrow.case], "shrinkA": 0, "shrinkB": 0,
                 "path_effects": [withStroke(linewidth=3.6, foreground="#ffffffb0")],
             },
         )  # fmt: skip
     if drawing.notes.marks:
         at = drawing.camera.project(np.array([mark.at for mark in drawing.notes.marks]))[:, :2]
         taken.append(at)
-        axes.plot(*at.T, "o", ms=9, mfc="none", mec=MARK_COLOUR, mew=1.8, zorder=7, clip_on=False)
+        axes.plot(
+            *at.T, "o", ms=9, mfc="none", mec=look.MARK_COLOUR, mew=1.8, zorder=7, clip_on=False
+        )
     return np.concatenate(taken)
 
 
@@ -179,7 +176,7 @@ def _draw_lines(axes: Axes, drawing: Drawing) -> FloatArray:
     if drawing.dots is not None and len(drawing.dots):
         at = drawing.camera.project(drawing.dots)[:, :2]
         size = float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 5.0))
-        axes.plot(*at.T, "o", ms=size, mfc=CENTRE_COLOUR, mec="white", mew=0.25 * size**0.5,
+        axes.plot(*at.T, "o", ms=size, mfc=look.CENTRE_COLOUR, mec="white", mew=0.25 * size**0.5,
                   zorder=7)  # fmt: skip
     return taken
 
@@ -263,23 +260,89 @@ def _contents_keys(drawing: Drawing) -> Iterator[Artist]:
     if drawing.lines is not None:
         yield Line2D([], [], color=drawing.lines.colour, lw=2.2, label=drawing.lines.label)
     if drawing.dots is not None:
-        yield _ring("pressure centre", ms=5, mfc=CENTRE_COLOUR, mec="white")
+        yield _ring("pressure centre", ms=5, mfc=look.CENTRE_COLOUR, mec="white")
     if moves:
         yield Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed")
     else:
-        yield Patch(color=STONE_COLOUR, label=drawing.blocks)
-    yield Patch(color=SUPPORT_COLOUR, label="support")
+        yield Patch(color=look.STONE_COLOUR, label=drawing.blocks)
+    yield Patch(color=look.SUPPORT_COLOUR, label="support")
 
 
 def _notes_keys(notes: Annotations) -> Iterator[Artist]:
     if notes.culprits:
-        yield Patch(color=CULPRIT_COLOUR, label="refused")
+        yield Patch(color=look.CULPRIT_COLOUR, label="refused")
     for case in sorted({arrow.case for arrow in notes.arrows}):
-        yield Line2D([], [], color=CASE_COLOURS[case], lw=2.2, label=f"{case} load")
+        yield Line2D([], [], color=look.CASE_COLOURS[case], lw=2.2, label=f"{case} load")
     if notes.marks:
         label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
-        yield _ring(label, ms=7, mfc="none", mec=MARK_COLOUR, mew=1.6)
+        yield _ring(label, ms=7, mfc="none", mec=look.MARK_COLOUR, mew=1.6)
 
 
 def _ring(label: str, **look: Any) -> Line2D:
     return Line2D([], [], ls="none", marker="o", label=label, **look)
+
+
+def _draw_axes(axes: Axes, scene: Scene, camera: Camera) -> FloatArray:
+    """Coordinate axes along the free blocks, level ones in front, the upright one left; returns the
+    points (n, 2) that must be in view for them."""
+    bounds, size, up = shown_bounds(scene), free_size(scene), upright(scene)
+    pole = int(np.abs(up).argmax())
+    level = [axis for axis in range(3) if axis != pole]
+    low, high = bounds + np.array([[-1.0], [1.0]]) * (SURROUNDINGS + 0.03) * size
+    front = np.where(camera.axes[2] >= 0.0, high, low)
+    left = np.where(camera.axes[0] >= 0.0, low, high)
+    front[pole] = left[pole] = low[pole] if up[pole] > 0.0 else high[pole]
+    towards = np.diag(np.where(camera.axes[2] >= 0.0, 1.0, -1.0))
+    seen = [
+        _draw_axis(axes, scene, camera, axis, front, towards[other])
+        for axis, other in (level, level[::-1])
+    ]
+    seen.append(_draw_axis(axes, scene, camera, pole, left, -camera.axes[0]))
+    return np.concatenate(seen)
+
+
+def _draw_axis(
+    axes: Axes, scene: Scene, camera: Camera, axis: int, through: FloatArray, outward: FloatArray
+) -> FloatArray:
+    """One axis through a point, ticks in direction ``outward``; none if seen end-on."""
+    size = free_size(scene)
+    along, aside = camera.axes[:2, axis], camera.axes[:2] @ outward
+    shown = float(np.linalg.norm(along))
+    if abs(along[0] * aside[1] - along[1] * aside[0]) < 0.05 * shown or shown < 0.05:
+        return np.empty((0, 2))
+    low, high = shown_bounds(scene)[:, axis]
+    ticks = _ticks(low, high, int((high - low) * shown / (TICK_SPACING * size)))
+    line = np.tile(through, (len(ticks) + 2, 1))
+    line[:, axis] = [low, *ticks, high]
+    base = line @ camera.axes[:2].T
+    step = TICK * size * aside / max(float(np.linalg.norm(aside)), 0.5)
+    axes.plot(*base[[0, -1]].T, color=INK, lw=0.8, clip_on=False, zorder=3)
+    for value, at in zip(ticks, base[1:-1], strict=True):
+        axes.plot(*np.stack([at, at + step]).T, color=INK, lw=0.8, clip_on=False, zorder=3)
+        _write(axes, f"{value:.10g}", at + 1.7 * step, aside, 7.5)
+    range_text = "" if len(ticks) else f" {low:.4g} to {high:.4g}"
+    name = f"{'xyz'[axis]}{range_text} ({scene.units.length})"
+    middle = base[[0, -1]].mean(axis=0, keepdims=True)
+    away = 6.5 if len(ticks) else 1.7
+    _write(axes, name, middle[0] + away * step, aside, 9.0)
+    return np.concatenate([base, base[1:-1] + 4.5 * step, middle + (away + 2.5) * step])
+
+
+def _ticks(low: float, high: float, room: int) -> FloatArray:
+    """At least two round values in a range, or none where they have no room."""
+    if room < 1:
+        return np.empty(0)
+    locator = MaxNLocator(min(room, 8), steps=[1, 2, 2.5, 5, 10])
+    found = np.asarray(locator.tick_values(low, high), dtype=float)
+    slack = 1e-9 * (high - low)
+    inside: FloatArray = found[(found >= low - slack) & (found <= high + slack)]
+    return inside if len(inside) > 1 else np.array([low, high])
+
+
+def _write(axes: Axes, text: str, at: FloatArray, aside: FloatArray, size: float) -> None:
+    level = "center" if abs(aside[0]) < 0.3 else "left" if aside[0] > 0 else "right"
+    upright = "center" if abs(aside[1]) < 0.2 else "bottom" if aside[1] > 0 else "top"
+    axes.text(
+        at[0], at[1], text, ha=level, va=upright, fontsize=size, color=INK,
+        clip_on=False, parse_math=False,
+    )  # fmt: skip

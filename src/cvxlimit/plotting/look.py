@@ -13,7 +13,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
-from cvxlimit.plotting.annotations import JointKind
+from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -75,7 +75,6 @@ USE_TEXT = "share of strength in use"
 
 
 def used_colour(share: float) -> str:
-    """Colour ``"#rrggbb"`` of a share of strength in 0..1."""
     return "#" + "".join(f"{round(255 * c):02x}" for c in _mixed(USE_STOPS, share).tolist())
 
 
@@ -85,7 +84,6 @@ def rgb(colour: str) -> FloatArray:
 
 
 def _mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
-    """Colours (..., 3) of shares (...) of the way along ``stops``."""
     known = np.array([rgb(c) for c in stops])
     at = np.linspace(0.0, 1.0, len(known))
     return np.stack([np.interp(share, at, column) for column in known.T], axis=-1)
@@ -107,6 +105,27 @@ def block_colours(
     colours[fixed] = rgb(SUPPORT_COLOUR)
     colours[[block.id in culprits for block in scene.blocks]] = rgb(CULPRIT_COLOUR)
     return colours
+
+
+THINNEST = 0.22
+"""Width of the joint that moves least, as a share of that which moves most: still to be seen."""
+
+
+def moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
+    """Contacts by what they do in a mechanism, as wide as they move, so that many small slips do
+    not hide what fails."""
+    what = moving.contacts
+    kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
+    slides = np.isin(what.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
+    rate = np.where(slides, what.slip, what.widest)
+    largest = float(rate[what.kind != ContactKind.CLOSED].max(initial=0.0))
+    share = np.clip(rate / largest, 0.0, 1.0) if largest > 0.0 else np.ones(len(rate))
+    width = THINNEST + (widest - THINNEST) * share
+    return Marking(scene.contacts, what.kind, kinds, KIND_TEXTS, width)
+
+
+def scene_joints(scene: Scene) -> Marking:
+    return Marking(scene.contacts, joint_kinds(scene, scene.contacts), JOINT_COLOURS, JOINT_TEXTS)
 
 
 DIGITS = 5
@@ -148,14 +167,6 @@ def title(solution: Solution) -> str:
 
 
 def scene_title(scene: Scene) -> str:
-    """Name and size of a scene that is not solved.
-
-    Example
-    -------
-    >>> from cvxlimit.masonry import builtin_scene
-    >>> scene_title(builtin_scene("single-block"))
-    'single-block: 1 free block, 1 support'
-    """
     free, fixed = len(scene.free), len(scene.blocks) - len(scene.free)
     blocks = "1 free block" if free == 1 else f"{free} free blocks"
     supports = "1 support" if fixed == 1 else f"{fixed} supports"
@@ -163,7 +174,6 @@ def scene_title(scene: Scene) -> str:
 
 
 def printable(text: str) -> str:
-    """``text`` with replacements for characters that do not print."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
@@ -177,26 +187,17 @@ class Saved:
     suffixes: ClassVar[tuple[str, ...]]
 
     def file(self, kind: str) -> bytes:
-        """Content of a file of that kind: a suffix without its dot."""
         raise NotImplementedError
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a file, complete or not at all; the suffix of its name says what. Returns its path.
-
-        Raises
-        ------
-        InputError
-            For a suffix that there is not, or a folder that cannot be written to.
-        ModelError
-            If something is needed for it that is not installed.
-        """
+        """Write a file, complete or not at all; the suffix of its name says what. Returns its
+        path."""
         target = with_suffix(path, self.suffixes)
         write_file(target, self.file(target.suffix.lower().removeprefix(".")))
         return target
 
 
 def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """The path, refused unless its name ends as it should."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         raise InputError(

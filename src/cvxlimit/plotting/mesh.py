@@ -30,12 +30,9 @@ curved and warped faces; voussoirs and bricks bend by 45 and more."""
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Flat convex faces of all drawn blocks.
-
-    ``points`` (p, 3) belong to ``point_block`` (p,); the faces, counter-clockwise seen from
-    outside, to ``face_block`` (f,). Between faces with the same ``patch`` (f,) no line is drawn:
-    they are parts of one surface, flat or bent by less than :data:`SMOOTH`.
-    """
+    """Flat convex faces of all drawn blocks: ``points`` (p, 3) of ``point_block``, faces
+    counter-clockwise seen from outside of ``face_block``. Between faces of one ``patch`` no line is
+    drawn."""
 
     points: FloatArray
     point_block: IntArray
@@ -45,7 +42,7 @@ class Mesh:
 
 
 def drawn_mesh(scene: Scene) -> Mesh:
-    """The mesh of ``scene``; supports outside the surroundings are left out."""
+    """Supports outside the surroundings are left out."""
     margin = np.array([[-1.0], [1.0]]) * SURROUNDINGS * free_size(scene)
     low, high = free_bounds(scene) + margin
     fixed = set(scene.supports)
@@ -96,7 +93,6 @@ def _convex_faces(block: Block) -> Faces:
 
 
 def _patches(points: FloatArray, faces: Faces) -> IntArray:
-    """Number of the smooth surface that every face belongs to."""
     areas = area_vectors(points, faces)
     normals = areas / np.maximum(np.linalg.norm(areas, axis=1), 1e-300)[:, None]
     table = EdgeTable.of(faces)

@@ -139,7 +139,7 @@ def free_bounds(scene: Scene) -> FloatArray:
 
 
 def free_size(scene: Scene) -> float:
-    """Diagonal of the free blocks' bounding box, in the scene's length unit."""
+    """Diagonal of the free blocks' bounding box."""
     low, high = free_bounds(scene)
     return float(np.linalg.norm(high - low))
 
@@ -147,8 +147,7 @@ def free_size(scene: Scene) -> float:
 def velocity_of(scene: Scene, rates: FloatArray, points: FloatArray, block: IntArray) -> FloatArray:
     """Rate u + r x (p - centroid) of ``points`` (p, 3), each carried by a ``block`` (p,)."""
     centroids = np.array([b.centroid for b in scene.blocks])[block]
-    result: FloatArray = rates[block, :3] + np.cross(rates[block, 3:], points - centroids)
-    return result
+    return np.asarray(rates[block, :3] + np.cross(rates[block, 3:], points - centroids))
 
 
 def side_rates(scene: Scene, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -161,20 +160,16 @@ def side_rates(scene: Scene, rates: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray) -> FloatArray:
-    """``points`` (p, 3), each carried by a ``block`` (p,), where the mechanism is drawn."""
     return points + moving.scale * velocity_of(scene, moving.rates, points, block)
 
 
 def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> ContactMotion:
-    """Relative rates at all contacts, and what each contact does.
-
-    A contact is closed when no corner's rate exceeds ``threshold``. Associated sliding dilates:
-    a slip s lifts the contact by friction times s. So a contact slides or twists when its slip
-    is at least the opening that this dilation leaves unexplained, and it has not come off:
-    some corner opens by no more than the dilation (times :data:`FACET_DILATION`). Any other
-    contact that moves opens, by rocking or altogether. It twists, and does not slide, when the
-    centre it turns about lies no farther from the contact's centre than the farthest corner.
-    """
+    """Relative rates at all contacts, and what each contact does: closed when no corner's rate
+    exceeds ``threshold``. Associated sliding dilates: a slip s lifts the contact by friction times
+    s. So a contact slides or twists when its slip is at least the opening that this dilation leaves
+    unexplained, and it has not come off: some corner opens by no more than the dilation (times
+    :data:`FACET_DILATION`). Any other that moves opens. It twists, and does not slide, when the
+    centre it turns about lies no farther from its own than the farthest corner."""
     c = scene.contacts
     j = c.corner_contact
     one, other = side_rates(scene, rates)
@@ -197,13 +192,7 @@ def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> Contact
 
 
 def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
-    """The solution's forces (n, 6) at the scene's contacts, or None if it has none.
-
-    Raises
-    ------
-    InputError
-        If there is not one row per contact.
-    """
+    """The solution's forces (n, 6), None if it has none; refused unless one row per contact."""
     if solution.forces is not None and solution.forces.shape != (len(scene.contacts), 6):
         raise InputError(
             f"the solution of {solution.scene!r} has forces of shape {solution.forces.shape}, "

@@ -24,13 +24,11 @@ Rows = Iterator[tuple[str, str]]
 
 
 def scene_html(scene: Scene) -> str:
-    """Name, counts, loads and what is wrong with a scene, beside a picture of it."""
     refusal = refused(scene)
     return _card(printable(scene.name), _scene_rows(scene, refusal), _image(scene, refusal=refusal))
 
 
 def solution_html(solution: Solution) -> str:
-    """Load factor, bracket and status of a solution, beside its mechanism."""
     return _card(
         printable(solution.scene), _solution_rows(solution), _image(solution.solved_scene, solution)
     )

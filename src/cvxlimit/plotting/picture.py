@@ -34,10 +34,8 @@ LIGHT = np.array([-0.35, 0.75, 0.56])
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Part of the projected space that is painted, and its size in image pixels.
-
-    ``low`` and ``high`` (3,) bound it to the right, upwards and towards the viewer.
-    """
+    """Part of the projected space, from ``low`` to ``high`` (3,), that is painted, in image
+    pixels."""
 
     low: FloatArray
     high: FloatArray
@@ -46,15 +44,12 @@ class Frame:
 
     @property
     def scale(self) -> float:
-        """Drawn pixels, :data:`OVERSAMPLING` of them per image pixel, in a unit of length."""
         return OVERSAMPLING * self.width / float(self.high[0] - self.low[0])
 
     def pixels(self, projected: FloatArray) -> FloatArray:
-        """Column, row and nearness (n, 3) of projected points, in drawn pixels.
-
-        Nearness is in pixels too, so that normals keep their direction, and is counted from
-        the farthest point, so that single precision will do however far away the origin is.
-        """
+        """Column, row and nearness (n, 3) of projected points, in drawn pixels. Nearness is in
+        pixels too, so that normals keep their direction, and counts from the farthest point, so
+        that single precision will do however far away the origin is."""
         from_corner = projected - np.array([self.low[0], self.high[1], self.low[2]])
         result: FloatArray = from_corner * np.array([1.0, -1.0, 1.0]) * self.scale
         return result - np.array([0.5, 0.5, 0.0])
@@ -62,8 +57,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A painted scene: ``image`` (height, width, 4) with values 0..1, its frame, and the blocks
-    at rest behind those that move."""
+    """A painted image (height, width, 4) in 0..1, its frame, and the blocks at rest behind it."""
 
     image: Pixels
     frame: Frame
@@ -73,11 +67,8 @@ class Picture:
 def paint(
     drawing: Drawing, pixels: int = 1500, frame: Frame | None = None, ghost: Canvas | None = None
 ) -> Picture:
-    """Paint blocks, marks and decals; the longer side of the image has ``pixels`` pixels.
-
-    ``frame`` replaces that which holds what is painted, and ``ghost`` is that of another picture
-    in the same frame.
-    """
+    """Blocks, marks and decals; the longer side has ``pixels`` pixels. ``frame`` replaces that
+    which holds what is painted, ``ghost`` is that of another picture in the same frame."""
     scene, moving, camera = drawing.scene, drawing.moving, drawing.camera
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
@@ -108,7 +99,6 @@ def paint(
 
 
 def frame_of(projected: FloatArray, pixels: int) -> Frame:
-    """The frame around projected points (n, 3); its longer side has ``pixels`` pixels."""
     low, high = projected.min(axis=0), projected.max(axis=0)
     pad = 0.01 * (high - low)[:2].max()
     low, high = low - pad, high + pad
@@ -128,7 +118,6 @@ def _draw_blocks(mesh: Mesh, points: FloatArray, frame: Frame) -> Canvas:
 
 
 def _shades(mesh: Mesh, points: FloatArray) -> FloatArray:
-    """Brightness (f,) under :data:`LIGHT`."""
     normals = area_vectors(points, mesh.faces) * np.array([-1.0, 1.0, -1.0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     result: FloatArray = 0.80 + 0.20 * np.clip(normals @ LIGHT, 0.0, 1.0) / 0.75
@@ -137,9 +126,7 @@ def _shades(mesh: Mesh, points: FloatArray) -> FloatArray:
 
 def _draw_marks(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> FloatArray:
     """Fill the gap between the two sides of every marked contact's edges, and line both sides.
-
-    Returns the colours of what is drawn, numbered from ``first``.
-    """
+    Returns the colours of what is drawn, numbered from ``first``."""
     marking, moving = drawing.marking, drawing.moving
     if marking is None:
         return np.empty((0, 3))
@@ -166,7 +153,6 @@ def _draw_marks(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> F
 
 
 def _draw_decals(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> FloatArray:
-    """What lies on blocks; returns the colours, numbered from ``first``."""
     lift = np.array([0.0, 0.0, _lift(drawing, frame)])
     for number, decal in enumerate(drawing.decals, first):
         carried = np.full(len(decal.points), decal.block)
@@ -176,12 +162,10 @@ def _draw_decals(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> 
 
 
 def _lift(drawing: Drawing, frame: Frame) -> float:
-    """:data:`MARK_LIFT` in pixels."""
     return MARK_LIFT * free_size(drawing.scene) * frame.scale
 
 
 def _ribbon(line: FloatArray, half: float) -> FloatArray:
-    """A line (2, 3) as a strip (4, 3) of the given half width."""
     dx, dy = line[1, :2] - line[0, :2]
     length = float(np.hypot(dx, dy)) or 1.0
     across = np.array([-dy, dx, 0.0]) * (half / length)

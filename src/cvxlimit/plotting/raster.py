@@ -17,28 +17,22 @@ NOTHING = -1
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """What is seen at every pixel, row 0 at the top.
-
-    ``seen`` (height, width) holds face numbers, ``nearness`` the distance towards the viewer.
-    """
+    """What is seen at every pixel, row 0 at the top: ``seen`` (height, width) holds face numbers,
+    ``nearness`` the distance towards the viewer."""
 
     seen: NDArray[np.int32]
     nearness: NDArray[np.float32]
 
     @classmethod
     def blank(cls, height: int, width: int) -> Canvas:
-        """A canvas that shows nothing."""
         return cls(
             np.full((height, width), NOTHING, dtype=np.int32),
             np.full((height, width), -np.inf, dtype=np.float32),
         )
 
     def draw(self, polygon: FloatArray, number: int) -> None:
-        """Draw a convex polygon (k, 3): column, row and nearness of its corners.
-
-        The nearness varies as on the plane through the corners (best fit if they are not
-        flat). Polygons seen edge-on leave no trace.
-        """
+        """Draw a convex polygon (k, 3): column, row and nearness of its corners, which varies as on
+        the plane through them (best fit if they are not flat). Edge-on ones leave no trace."""
         corners: list[list[float]] = polygon.tolist()  # few: quicker one by one than as arrays
         x, y, _ = zip(*corners, strict=True)
         spokes = polygon[1:] - polygon[0]
@@ -65,10 +59,8 @@ class Canvas:
         self.seen[window][nearest] = number
 
     def outlines(self, patch: IntArray) -> NDArray[np.bool_]:
-        """Pixels where one surface ends; ``patch`` numbers the surface of every face.
-
-        Numbers beyond the faces (marks) have no outline.
-        """
+        """Pixels where one surface ends; ``patch`` numbers the surface of every face. Numbers
+        beyond the faces (marks) have no outline."""
         numbers_below = len(patch)
         known = np.append(patch, NOTHING)  # the background's -1 picks the last
         seen = np.where(self.seen < numbers_below, known[np.minimum(self.seen, numbers_below)],

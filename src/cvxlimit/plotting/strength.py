@@ -33,20 +33,12 @@ _WITH_BENDING = ("fixed-point", "certified")
 
 
 def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
-    """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface.
-
-    The largest is over the surfaces that were solved with; for the exact limit of torsion with
-    shear stands the parabola inside it, of which a little more than all may be in use. With
-    interaction it is over rocking and Eq. 30 as the solution reads it:
-    ``utilisation_torsion_shear_bending``. Strength that a formulation states itself, such as
-    friction at every corner or stone that crushes, is no surface and in no share. NaN where a
-    contact carries nothing.
-
-    Raises
-    ------
-    InputError
-        If the solution has lost the surfaces and they are not all built in.
-    """
+    """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface; NaN
+    where a contact carries nothing. The largest is over the surfaces that were solved with (for the
+    exact limit of torsion with shear the parabola inside it, of which a little more than all may be
+    in use), with interaction over rocking and Eq. 30 as the solution reads it. Strength that a
+    formulation states itself, such as friction at every corner or stone that crushes, is no surface
+    and in no share. Refused if the solution has lost surfaces that are not built in."""
     contacts, forces = scene.contacts, contact_forces(scene, solution)
     solved = _solved_with(solution)
     asked = {_column(s.name): s for s in (Rocking(), Sliding(), Torsion(), TorsionShear(), *solved)}
@@ -65,13 +57,7 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
 
 
 def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
-    """Share (n,) of strength in use, of one surface or the largest.
-
-    Raises
-    ------
-    InputError
-        For a surface that there is not, or a solution without forces.
-    """
+    """Share (n,) of strength in use, of one surface or the largest."""
     forces_of(scene, solution)
     found = utilisations(solution, scene)
     name = "utilisation" if surface is None else _column(surface)
@@ -82,13 +68,6 @@ def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> 
 
 
 def forces_of(scene: Scene, solution: Solution) -> FloatArray:
-    """The solution's forces (n, 6) at the scene's contacts.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
     found = contact_forces(scene, solution)
     if found is None:
         raise InputError(
@@ -100,11 +79,9 @@ def forces_of(scene: Scene, solution: Solution) -> FloatArray:
 def _with_bending(
     reading: Moments, cone: Cone, forces: FloatArray, contacts: Contacts
 ) -> FloatArray:
-    """Share of Eq. 30's right side, c mu N, in use, where each contact itself is pressed.
-
-    The frozen surface (Eq. 32) of the forces' own eccentricities is Eq. 30. Sliding counts as
-    well: it is all that is left where nothing of the contact is effective, in its corners.
-    """
+    """Share of Eq. 30's right side, c mu N, in use where each contact itself is pressed: the frozen
+    surface (Eq. 32) of the forces' own eccentricities is Eq. 30. Sliding counts as well: it is all
+    that is left where nothing of the contact is effective, in its corners."""
     at = Pressure.of(forces, contacts)
     frozen = reading.frozen(reading.eccentricity(at, contacts), cone)
     sliding = utilisation(Sliding(cone), forces, contacts)

@@ -10,24 +10,14 @@ from typing import Any
 
 import numpy as np
 
+import cvxlimit.plotting.look as look
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
 from cvxlimit.plotting.camera import default_camera, upright
 from cvxlimit.plotting.crushing import Shape, shapes_of
-from cvxlimit.plotting.joints import moving_joints, scene_joints
-from cvxlimit.plotting.look import (
-    CASE_COLOURS,
-    MARK_COLOUR,
-    SPEED_STOPS,
-    SPEED_TEXT,
-    STONE_COLOUR,
-    Saved,
-    block_colours,
-    scene_title,
-    title,
-)  # fmt: skip
+from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
 from cvxlimit.scene import Scene
@@ -64,16 +54,16 @@ def page(scene: Scene, solution: Solution) -> Page:
     forces and rates of a contact. Texts from the scene are data to the page, never markup.
     """
     moving = motion(scene, solution)
-    marking = moving_joints(scene, moving)
+    marking = look.moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
     forces, what = contact_forces(scene, solution), moving.contacts
     data |= {
         "shapes": [_shape_data(scene, shape) for shape in shapes_of(scene, solution, moving)],
-        "title": title(solution),
+        "title": look.title(solution),
         "advice": "; ".join(
             filter(None, (f"{solution.status}: {solution.status.advice}", solution.note))
         ),
-        "speedText": SPEED_TEXT,
+        "speedText": look.SPEED_TEXT,
         "contacts": data["contacts"]
         | {
             "opening": _short(what.widest),
@@ -92,13 +82,13 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     named. Of a refused scene the blocks to blame are red and the places ringed.
     """
     reason = refusal or refused(scene)
-    marking = None if reason else scene_joints(scene)
+    marking = None if reason else look.scene_joints(scene)
     notes = annotated(scene, reason)
     data = _page_data(scene, still(scene), marking, notes)
     counts = "" if reason else f"{len(scene.contacts)} contacts, "
     weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
     advice = f"refused: {reason}" if reason else counts + weight
-    data |= {"title": scene_title(scene), "advice": advice, "refused": reason is not None}
+    data |= {"title": look.scene_title(scene), "advice": advice, "refused": reason is not None}
     return _filled(data)
 
 
@@ -128,8 +118,8 @@ def _page_data(
         "scale": moving.scale,
         "moves": moving.moves,
         "largest": moving.largest,
-        "stops": SPEED_STOPS,
-        "stone": STONE_COLOUR,
+        "stops": look.SPEED_STOPS,
+        "stone": look.STONE_COLOUR,
         "stoneText": "block (no mechanism)" if moving.is_solved else "block",
         "refused": False,
         "mesh": _mesh_data(scene),
@@ -152,7 +142,7 @@ def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
                 "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),
                 "case": arrow.case,
                 "text": arrow.text,
-                "colour": CASE_COLOURS[arrow.case],
+                "colour": look.CASE_COLOURS[arrow.case],
             }
             for arrow in notes.arrows
         ],
@@ -160,7 +150,7 @@ def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
             {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
             for mark in notes.marks
         ],
-        "markColour": MARK_COLOUR,
+        "markColour": look.MARK_COLOUR,
         "markText": "where it is wrong" if notes.refusal else "near miss",
     }
 
@@ -196,12 +186,11 @@ def _block_data(scene: Scene, moving: Motion, culprits: frozenset[str]) -> dict[
         "speed": _short(moving.speed),
         "volume": _short(np.array([b.volume for b in scene.blocks])),
         "weight": _short(np.array([b.weight for b in scene.blocks])),
-        "colour": [round(255 * c) for c in block_colours(scene, moving, culprits).flat],
+        "colour": [round(255 * c) for c in look.block_colours(scene, moving, culprits).flat],
     }
 
 
 def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
-    """Geometry of all contacts; none where they were not to be had."""
     if marking is None:
         empty: dict[str, Any] = {name: [] for name in ("name", "a", "b", "kind", "points")}
         return empty | {"start": [0], "forces": None}

@@ -7,19 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+import cvxlimit.plotting.look as look
 from cvxlimit.checks import positive
 from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import (
-    CENTRE_COLOUR,
-    PALE,
-    USE_STOPS,
-    USE_TEXT,
-    block_colours,
-    title,
-    used_colour,
-)
 from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
 from cvxlimit.plotting.registry import picture
@@ -57,12 +49,12 @@ def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = 
         scene,
         _apart(scene, away),
         camera_for(scene, shown, viewer),
-        title(solution) if isinstance(solution, Solution) else scene.name,
+        look.title(solution) if isinstance(solution, Solution) else scene.name,
         "exploded view" + ("; joints by share of strength in use" if solved else ": joints"),
-        colours=block_colours(scene, still(scene), stone=PALE),
+        colours=look.block_colours(scene, still(scene), stone=look.PALE),
         decals=list(_faces(scene, solved)),
         dots=np.empty((0, 3)) if solved else None,
-        bar=Bar(USE_STOPS, USE_TEXT) if solved else None,
+        bar=Bar(look.USE_STOPS, look.USE_TEXT) if solved else None,
         has_axes=False,
     )
 
@@ -93,10 +85,10 @@ def _faces(scene: Scene, solution: Solution | None) -> Iterator[Decal]:
     turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     for j in range(len(contacts)):
-        colour = "#c9c3b4" if np.isnan(used[j]) else used_colour(float(used[j]))
+        colour = "#c9c3b4" if np.isnan(used[j]) else look.used_colour(float(used[j]))
         for block in (int(contacts.a[j]), int(contacts.b[j])):
             for piece in contacts.piece_points(j):
                 yield Decal(piece, block, colour)
             if np.isfinite(place[j]).all():
                 dot = place[j] + radius[j] * ring @ contacts.axes[j, :2]
-                yield Decal(dot, block, CENTRE_COLOUR, lift=2.0)
+                yield Decal(dot, block, look.CENTRE_COLOUR, lift=2.0)

@@ -1,4 +1,4 @@
-"""How the structure falls."""
+"""How the structure falls, and where its joints open and slide."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from dataclasses import replace
 
 from cvxlimit.checks import positive
 from cvxlimit.plotting.annotations import annotated
-from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
 from cvxlimit.plotting.crushing import shapes_of
-from cvxlimit.plotting.joints import moving_joints
-from cvxlimit.plotting.look import SPEED_STOPS, SPEED_TEXT, title
+from cvxlimit.plotting.look import SPEED_STOPS, SPEED_TEXT, moving_joints, title
 from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.registry import picture
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+
+CRACK = 2.2
+"""Width of the widest crack, in lines of the mechanism's widest joint: nothing gapes there to be
+seen by."""
 
 
 @picture
@@ -64,3 +67,15 @@ def mechanism_of(
         blocks="block (no mechanism)",
         shapes=shapes_of(scene, solution, moving),
     )
+
+
+@picture
+def cracks(solution: Solution, *, viewer: Viewer = None) -> Drawing:
+    """The crack pattern: joints that open, slide and twist, on the undeformed structure.
+
+    Lines are as wide as the joints move. Parameters and errors as for :func:`mechanism`.
+    """
+    scene = solution.drawn_scene
+    said = "crack pattern: joint lines as wide as they move in the mechanism"
+    marking = moving_joints(scene, motion(scene, solution), CRACK)
+    return at_rest(solution, viewer, said, marking=marking)

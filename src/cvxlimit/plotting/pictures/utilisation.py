@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cvxlimit.plotting.annotations import Marking
-from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import PALE, USE_STOPS, USE_TEXT, block_colours, title, used_colour
-from cvxlimit.plotting.movement import motion, still
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
+from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.strength import share_used
 from cvxlimit.solution import Solution
@@ -36,13 +35,10 @@ def utilisation(
     steps = np.clip(np.nan_to_num(used) * LEVELS, 0, LEVELS - 1).astype(np.int64)
     level = np.where(np.isnan(used), 0, 1 + steps)
     colours = {1 + i: used_colour((i + 0.5) / LEVELS) for i in range(LEVELS)}
-    return Drawing(
-        scene,
-        still(scene),
-        camera_for(scene, motion(scene, solution), viewer),
-        title(solution),
+    return at_rest(
+        solution,
+        viewer,
         f"strength in use at collapse, {surface or 'the most of all surfaces'}",
         marking=Marking(scene.contacts, level, colours),
-        colours=block_colours(scene, still(scene), stone=PALE),
         bar=Bar(USE_STOPS, USE_TEXT),
     )
