@@ -23,13 +23,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.methods.complementarity import (
-    FrictionSystem,
-    Point,
-    in_blocks,
-    in_order,
-    typical,
-)
+from cvxlimit.methods.complementarity import FrictionSystem, Point, in_blocks, in_order, typical
 from cvxlimit.solvers import LimitState
 
 

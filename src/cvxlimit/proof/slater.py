@@ -21,11 +21,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
-from cvxlimit.model.formulations import (
-    Formulation,
-    corner_compressions,
-    model_of,
-)
+from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces.base import (

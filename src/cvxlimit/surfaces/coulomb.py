@@ -9,14 +9,7 @@ import numpy as np
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.surfaces.base import (
-    CONSTANT,
-    Coefficient,
-    Condition,
-    LinearForm,
-    Norm,
-    YieldSurface,
-)
+from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, LinearForm, Norm, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Parabola, parse_cone
 from cvxlimit.surfaces.exact_torsion import parabola_arm
 
