@@ -21,6 +21,7 @@ import typer
 from rich.text import Text
 
 from cvxlimit.cli.explaining import explain_command
+from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
 from cvxlimit.cli.outputs import ExitCode, refuse
@@ -77,6 +78,7 @@ for _name, _command, _epilog in (
     ("show", show_command, None),
     ("settle", settle_command, None),
     ("sweep", sweep_command, SWEEP_CODES),
+    ("export-problem", export_command, None),
 ):
     app.command(_name, epilog=_epilog)(_command)
 

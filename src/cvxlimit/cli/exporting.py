@@ -1,0 +1,86 @@
+"""``cvxlimit export-problem``: the convex problem of a scene, for those who write solvers."""
+
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cvxpy as cp
+
+from cvxlimit.bracket import known
+from cvxlimit.cli.interrupting import Tell, interruptible
+from cvxlimit.cli.naming import scene_named
+from cvxlimit.cli.options import argument, option, surface_option, taking
+from cvxlimit.cli.outputs import ExitCode, check_outputs
+from cvxlimit.cli.report import count, facts, show
+from cvxlimit.errors import InputError
+from cvxlimit.io.problems import FORMATS, ProblemFile
+from cvxlimit.methods.solving import solve
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.reductions.choice import MODELS, Reductions
+from cvxlimit.scene import Scene
+from cvxlimit.surfaces.coulomb import surfaces_of
+from cvxlimit.versions import __version__
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """What ``cvxlimit export-problem`` is to write."""
+
+    scene: str = argument()
+    format: str = option("|".join(FORMATS), "CBF has cones; MPS needs facets; npz has arrays.", ...)
+    surface: str = surface_option()
+    model: str = option("|".join(MODELS), "How much model, as for solve.", "auto")
+    output: Path | None = option("OUT", "File; the scene's name in this folder unless given.")
+
+
+@taking(Export)
+def export_command(asked: Export) -> ExitCode:
+    """Write the convex problem that the solver gets, with its proved optimum in a comment."""
+    form = asked.format
+    if form not in FORMATS:
+        raise InputError(f"--format must be one of {', '.join(FORMATS)}, got {form!r}")
+
+    def exported(tell: Tell) -> tuple[ProblemFile, Path]:
+        scene = scene_named(asked.scene)
+        path = asked.output or Path(f"{Path(scene.name).name}.{form}")
+        check_outputs({"--output": path}, {asked.scene: "the scene"})
+        tell("solving for the proved optimum")
+        problem = problem_of(scene, asked.surface, asked.model)
+        problem.write(path, form)
+        return problem, path
+
+    problem, path = interruptible(exported)
+    rows, columns = problem.matrix.shape
+    size = (
+        f"{count(columns, 'variable')}, {count(rows, 'row')}, {count(len(problem.cones), 'cone')}"
+    )
+    show(facts([("scene", problem.name), ("size", size), ("written", str(path))]))
+    return ExitCode.SOLVED
+
+
+def problem_of(scene: Scene, surface: str = "conic", model: str = "auto") -> ProblemFile:
+    """The problem of all parts of a scene, and what is proved of its optimum."""
+    surfaces = surfaces_of(surface)[0]
+    found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
+    limit = LimitProblem(found.assemblage, surfaces, reduction=found.whole)
+    data, _, _ = limit.problem.get_problem_data(cp.CLARABEL)
+    dims, unit = data["dims"], limit.scaling.load_factor(1.0)
+    solution = solve(scene, surface, model=model)
+    lower, upper = known(solution.lower), known(solution.upper)
+    if lower is None or upper is None:
+        proved = f"no optimum: {solution.status}"
+    else:
+        proved = f"optimum proved between {-upper / unit:.12g} and {-lower / unit:.12g}"
+    remarks = (
+        f"cvxlimit {__version__}: collapse load of {scene.name!r}, {surface}, "
+        f"{count(len(scene.contacts), 'contact')}",
+        f"{proved}; load factor = {-unit:.12g} x objective ({solution.status})",
+    )
+    return ProblemFile(
+        scene.name.replace(" ", "-"), data["c"], data["A"], data["b"], dims.zero, dims.nonneg,
+        tuple(dims.soc), remarks,
+    )  # fmt: skip
