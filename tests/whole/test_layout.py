@@ -7,8 +7,10 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 PACKAGE = TESTS.parent / "src" / "cvxlimit"
-OTHERS = {"benchmarks", "documents", "kit", "whole"}
+OTHERS = {"bench", "benchmarks", "documents", "kit", "whole"}
 """Folders that mirror none of the package's."""
+
+BENCHES = ("bench", "benchmarks")
 
 
 def test_folders_and_files_mirror_the_source() -> None:
@@ -27,6 +29,6 @@ def test_tests_of_the_package_import_no_benchmarks_and_no_other_test() -> None:
         for path in TESTS.rglob("*.py")
         for line in re.findall(r"^\s*(?:from|import) (\w+)", path.read_text("utf-8"), re.M)
         if line.startswith("test_")
-        or (line == "benchmarks" and path.relative_to(TESTS).parts[0] != "benchmarks")
+        or (line in BENCHES and path.relative_to(TESTS).parts[0] not in BENCHES)
     ]
     assert found == []

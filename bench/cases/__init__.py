@@ -1,0 +1,1 @@
+"""Scripts that make the cases, by kind of structure."""
