@@ -80,7 +80,7 @@ def followed(
 
 class _At(NamedTuple):
     """What a vector of all unknowns holds, in its order: n, w (k,); V1, V2, m, a, b, lambda (n, 6);
-    rates (6 free,); load factor and tau."""
+    rates (6 free,); load factor and tau. And the slips (n, 3) of these rates."""
 
     pressed: FloatArray
     open: FloatArray
@@ -88,6 +88,7 @@ class _At(NamedTuple):
     motion: FloatArray
     load_factor: float
     tau: float
+    slip: FloatArray
 
 
 class _Follower:
@@ -156,14 +157,12 @@ class _Follower:
 
     def _read(self, at: FloatArray) -> _At:
         pressed, opening, local, motion, factor, tau = np.split(at, self.ends)
-        return _At(pressed, opening, local.reshape(-1, 6), motion, float(factor[0]), float(tau[0]))
-
-    def _slips(self, at: FloatArray) -> FloatArray:
-        return np.asarray(self.system.slip @ self._read(at).motion).reshape(-1, 3)
+        slip, local = (self.system.slip @ motion).reshape(-1, 3), local.reshape(-1, 6)
+        return _At(pressed, opening, local, motion, float(factor[0]), float(tau[0]), slip)
 
     def _products(self, at: FloatArray) -> FloatArray:
-        pressed, opening, local, *_ = self._read(at)
-        work = local[:, :3] * self._slips(at)
+        pressed, opening, local, *_, slip = self._read(at)
+        work = local[:, :3] * slip
         shear, torsion = (local[:, 3:5] * local[:, 5:]).T
         parts = (pressed * opening, shear + work[:, 0] + work[:, 1], torsion + work[:, 2])
         return np.concatenate(parts)
@@ -172,14 +171,14 @@ class _Follower:
         now = self._read(at)
         aim = now.tau * self.weights
         _, shear, torsion = np.split(aim, self.kinds)
-        crossed = now.local[:, [3, 3, 4]] * self._slips(at) + now.local[:, 5:] * now.local[:, :3]
+        crossed = now.local[:, [3, 3, 4]] * now.slip + now.local[:, 5:] * now.local[:, :3]
         crossed = crossed / np.column_stack([shear, shear, torsion])
         return max(
             float(np.abs(self._products(at) / aim - 1.0).max()), float(np.abs(crossed).max())
         )
 
     def _linear(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        system, (pressed, opening, local, motion, factor, _) = self.system, self._read(at)
+        system, (pressed, opening, local, motion, factor, *_) = self.system, self._read(at)
         carried = pressed @ system.opening + local[:, :3].ravel() @ system.slip
         return (
             carried + system.dead + factor * system.live,
@@ -205,7 +204,7 @@ class _Follower:
 
     def _directions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Steps to the point of the path with the same tau, and along it."""
-        system, (pressed, open_by, *_, tau) = self.system, self._read(at)
+        system, (pressed, open_by, *_, tau, _) = self.system, self._read(at)
         balance, opening, limit, power = self._linear(at)
         weights = self.weights[: len(pressed)]
         share = pressed / open_by
@@ -238,8 +237,8 @@ class _Follower:
 
     def _local(self, at: FloatArray, limit: FloatArray) -> FloatArray:
         """What contacts' unknowns (n, 6) are, as (n, 6, 6) on: 1, tau, slips and the limit."""
-        now, slip = self._read(at), self._slips(at)
-        most = now.local[:, 5]
+        now = self._read(at)
+        most, slip = now.local[:, 5], now.slip
         matrix, right = np.zeros((2, len(slip), 6, 6))
         products, weights = (
             np.split(x, self.kinds)[1:] for x in (self._products(at), self.weights)
@@ -304,39 +303,31 @@ class _Follower:
     def _reach(self, at: FloatArray, step: FloatArray) -> float:
         """Largest share of a step after which the point is inside all cones."""
         now, change = self._read(at), self._read(step)
-        inside = [(now.pressed, change.pressed), (now.open, change.open), *self._spare(at, step)]
-        twists = (
-            (now.local[:, 2], change.local[:, 2]),
-            (self._slips(at)[:, 2], self._slips(step)[:, 2]),
-        )
+        inside = [(now.pressed, change.pressed), (now.open, change.open), *_spare(now, change)]
+        twists = ((now.local, change.local), (now.slip, change.slip))
         for held, (value, more) in zip((4, 5), twists, strict=True):
             room, grows = now.local[:, held], change.local[:, held]
-            inside += [(room - value, grows - more), (room + value, grows + more)]
+            inside += [(room + sign * value[:, 2], grows + sign * more[:, 2]) for sign in (-1, 1)]
         shrinking = max(float(np.max(-more / value)) for value, more in inside)
         return 1.0 / max(shrinking, 1e-9) if np.isfinite(shrinking) else 0.0
-
-    def _spare(self, at: FloatArray, step: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Room of shear below a and of slip below lambda, and by how much a step changes it."""
-        now, change = self._read(at).local, self._read(step).local
-        pairs = (
-            (3, now[:, :2], change[:, :2]),
-            (5, self._slips(at)[:, :2], self._slips(step)[:, :2]),
-        )
-        result = []
-        for held, vectors, more in pairs:
-            size = np.hypot(*vectors.T)
-            growth = (vectors * more).sum(axis=1) / np.where(size > 0.0, size, 1.0)
-            result.append((now[:, held] - size, change[:, held] - growth))
-        return result
 
     def _moved(self, at: FloatArray, step: FloatArray) -> FloatArray:
         """After a step; where shear or slip turned, a and lambda keep what room the step meant."""
         result = at + step
-        local = self._read(result).local  # a view: what is written there is written into the result
-        vectors = (local[:, :2], self._slips(result)[:, :2])
-        kept = self._spare(at, step)
-        for held, vector, (spare, change) in zip((3, 5), vectors, kept, strict=True):
-            size, distance = np.hypot(*vector.T), spare + change
+        _, _, local, *_, slip = self._read(result)  # local is a view: writes go into the result
+        kept = _spare(self._read(at), self._read(step))
+        for held, vector, (spare, change) in zip((3, 5), (local, slip), kept, strict=True):
+            size, distance = np.hypot(*vector[:, :2].T), spare + change
             near = local[:, held] - size < 0.5 * distance
             local[near, held] = (size + distance)[near]
         return result
+
+
+def _spare(now: _At, change: _At) -> list[tuple[FloatArray, FloatArray]]:
+    """Room of shear below a and of slip below lambda, and by how much a step changes it."""
+    result = []
+    for held, vector, more in ((3, now.local, change.local), (5, now.slip, change.slip)):
+        size = np.hypot(*vector[:, :2].T)
+        growth = (vector[:, :2] * more[:, :2]).sum(axis=1) / np.where(size > 0.0, size, 1.0)
+        result.append((now.local[:, held] - size, change.local[:, held] - growth))
+    return result
