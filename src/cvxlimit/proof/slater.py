@@ -119,20 +119,20 @@ class Strength:
     @cached_property
     def _unresisted(self) -> NDArray[np.bool_]:
         found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        given = zip(self.conditions, self.rows, self.is_void, strict=True)
-        for (condition, _), at, void in given:
+        for (condition, _), void in zip(self.conditions, self.is_void, strict=True):
             names = {name for norm in condition.norms for row in norm.rows for name in row}
             for name in names.intersection(COLUMN):
-                found[at[void], COLUMN[name]] = True
+                found[condition.rows(len(found))[void], COLUMN[name]] = True
         return found
 
     @cached_property
     def is_void(self) -> list[NDArray[np.bool_]]:
         """Rows of each condition whose resistance is nothing at all."""
         found = []
-        for (condition, _), at in zip(self.conditions, self.rows, strict=True):
-            sizes = (np.abs(number(k)) for k in condition.resistance.values())
-            found.append((sum(sizes, np.zeros(len(at))) == 0.0) & bool(condition.norms))
+        for condition, _ in self.conditions:
+            nothing = np.zeros(len(condition.rows(len(self.contacts))))
+            size = sum((np.abs(number(k)) for k in condition.resistance.values()), nothing)
+            found.append((size == 0.0) & bool(condition.norms))
         return found
 
     @cached_property
@@ -176,8 +176,7 @@ class Strength:
     @cached_property
     def rows(self) -> list[IntArray]:
         """Contact of every entry of :meth:`excess`."""
-        each = np.arange(len(self.contacts))
-        return [each if c.contact is None else c.contact for c, _ in self.conditions]
+        return [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""

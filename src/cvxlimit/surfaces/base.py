@@ -81,6 +81,10 @@ class Condition:
         for norm in self.norms:
             yield from norm.rows
 
+    def rows(self, contacts: int) -> IntArray:
+        """Contact of each row, among so many contacts."""
+        return np.arange(contacts) if self.contact is None else self.contact
+
     def recession(self) -> Condition:
         """The condition without its constants: the directions in which forces may grow."""
         norms = [Norm(*(_plain(row) for row in n.rows), weight=n.weight) for n in self.norms]
@@ -256,7 +260,7 @@ def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -
     least = least_carried(forces)
     result = np.full(len(contacts), np.nan)
     for condition in stated(surface, contacts):
-        at = np.arange(len(contacts)) if condition.contact is None else condition.contact
+        at = condition.rows(len(contacts))
         np.fmax.at(result, at, _used(condition, surface.cone, values, least))
     return np.maximum(result, 0.0) + 0.0
 
