@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, rounded
+from cvxlimit.bracket import Bracket, rounded, rounded_up
 from cvxlimit.errors import InputError
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.surfaces import YieldSurface
@@ -232,10 +232,18 @@ class Solution:
         if self.interaction != "none":
             what += f", {self.interaction} interaction, {self.moments} moments"
         if self.load_factor is None:
-            return f"Solution({what}: {self.status})"
+            return f"Solution({what}: {self.standing})"
         inside = f" in {self.bracket}" if self.bracket.has_any else ""
         value = f"{self.quantity} {rounded(self.load_factor)}"
-        return f"Solution({what}: {value}{inside}, {self.status})"
+        return f"Solution({what}: {value}{inside}, {self.standing})"
+
+    @property
+    def standing(self) -> str:
+        """The status; with interaction, certified stands beside the width of its bracket."""
+        is_certain = self.interaction == "none" or self.gap <= 1e-6
+        if is_certain or self.status is not Status.CERTIFIED:
+            return str(self.status)
+        return f"{self.status} within {rounded_up(100.0 * self.gap, 2)} %"
 
     @property
     def lower(self) -> float:

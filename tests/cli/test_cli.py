@@ -201,7 +201,6 @@ def test_the_result_is_of_what_was_asked_for(
         ("--method gilbert --model least", "model 'least' does nothing for method 'gilbert'"),
         ("--branching-seconds 3", "--branching-seconds and --workers go with --method certified"),
         ("--workers 2", "--branching-seconds and --workers go with --method certified"),
-        ("--method certified --workers 2", "--workers 2 does nothing without branch and bound"),
         ("--method certified --workers 2 --branching-seconds 0", "--workers 2 does nothing"),
         ("--method certified --flow gilbert", "'certified' and 'gilbert' are two methods"),
     ],

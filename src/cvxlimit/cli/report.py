@@ -52,7 +52,7 @@ def summary(
             (solution.quantity, Text(_load_factor(solution), style="bold")),
             ("bracket", _bracket(solution, tolerance)),
             ("basis", "" if solution.note == advice(solution) else solution.note),
-            ("status", Text(str(solution.status), style=_style(solution.status))),
+            ("status", Text(solution.standing, style=_style(solution.status))),
             ("solver", _solvers(solution.history)),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
             *(("written", file) for file in files),

@@ -91,7 +91,8 @@ class Order:
     branching_seconds: float | None = option(
         "S",
         "Time for branch and bound, which narrows the certified interaction's bracket. Unless "
-        "given: 60 where a tolerance is asked for, or a scene has few contacts.",
+        "given: 60 where a tolerance is asked for, or a scene has few contacts; else what is left "
+        "of ten seconds, or of thirty solves without interaction.",
     )
     workers: int = option("N", "Processes that branch and bound uses.", 1)
 
@@ -103,11 +104,10 @@ class Order:
             return given
         if Certified.name not in (self.method, self.interaction):
             raise ModelError("--branching-seconds and --workers go with --method certified")
-        never = self.branching_seconds == 0.0 or self.branching_seconds is self.tolerance is None
-        if self.workers > 1 and never:
+        if self.workers > 1 and self.branching_seconds == 0.0:
             raise ModelError(
                 f"--workers {self.workers} does nothing without branch and bound: give "
-                "--branching-seconds S above 0, or --tolerance WIDTH"
+                "--branching-seconds S above 0, or leave that out"
             )
         asked = Certified(branching_seconds=self.branching_seconds, workers=self.workers)
         return {**given, "method": asked, "interaction": None}

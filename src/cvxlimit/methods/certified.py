@@ -58,8 +58,8 @@ class Certified(Method):
     Attributes
     ----------
     tolerance : float or None
-        Relative width of the bracket at which to stop. None narrows it as far as the other
-        settings allow, and calls a bracket within 5 % certified.
+        Relative width of the bracket at which to stop. None asks for 1 % (1e-4 on scenes of up to 6
+        contacts) within the budget, and calls a bracket within 5 % certified.
     starts : tuple of {"relaxation", "middle", "boxes"} or None
         Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
         contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
@@ -69,9 +69,8 @@ class Certified(Method):
     solves : int
         Convex problems per start, at most.
     branching_seconds : float or None
-        Time for branch and bound, on any number of contacts; it ends before where the tolerance is
-        met (1e-4 unless one is asked for). None is 60 s where a tolerance is asked for and on
-        scenes of up to 6 contacts, as long as it gains, and none otherwise.
+        Time for branch and bound alone, in place of the budget; 0 is none. Unless it is given,
+        branching ends before where it no longer gains.
     workers : int
         Processes that branch and bound uses.
     executor : Executor or None
@@ -79,6 +78,11 @@ class Certified(Method):
         ``get_executor()``, for instance); ``workers`` nodes at a time.
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
+    budget : float or None
+        Seconds in all after which branch and bound ends; what comes before it takes its time. None
+        is 60 of branching where a tolerance is asked for, or on scenes of up to 6 contacts;
+        otherwise ten, or twelve times the first relaxation's, about thirty solves without
+        interaction, whichever is more.
 
     Example
     -------
@@ -96,6 +100,7 @@ class Certified(Method):
     workers: int = 1
     executor: Executor | None = None
     moments: str | Moments = "independent"
+    budget: float | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.starts, str):
@@ -108,8 +113,9 @@ class Certified(Method):
         if self.tolerance is not None:
             ratio(self.tolerance, "tolerance")
         count(self.solves, 1, "solves")
-        if self.branching_seconds is not None:
-            not_negative(self.branching_seconds, "branching_seconds")
+        for name in ("budget", "branching_seconds"):
+            if getattr(self, name) is not None:
+                not_negative(getattr(self, name), name)
         count(self.workers, 1, "workers")
 
     def steps(self, run: Run) -> Steps:
@@ -129,6 +135,20 @@ class Certified(Method):
 
 def _percent(width: float) -> str:
     return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
+
+
+_MORE = "a larger budget, in seconds, or a tolerance may narrow it"
+
+
+def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
+    """What stopped branch and bound before it had closed, and what more time would buy."""
+    spent, width = widths[-1]
+    if spent <= seconds:
+        return "it ended because it hardly gained any more"
+    before = next(earlier for at, earlier in widths if at >= spent / 3.0)
+    share = 1.0 - width / before if np.isfinite(before) else 0.0
+    gained = f"the last two thirds of it narrowed the bracket by {_percent(share)}"
+    return f"its time was up: {gained}, and {_MORE}"
 
 
 class _Proof:
@@ -237,38 +257,50 @@ class _Proof:
         return self.rule.tolerance is None and self.run.best.bracket.width <= width
 
     def _branch(self) -> Iterator[None]:
-        run, asked = self.run, self.rule.tolerance or BRACKET.outer
-        seconds = self._branching_seconds()
-        if not seconds or run.best.bracket.width <= asked:
+        run, before = self.run, self.run.best.bracket.width
+        is_small = len(run.contacts) <= BRACKET.few
+        asked = self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
+        if before <= asked or self.rule.branching_seconds == 0.0:
             return
-        start, before = run.clock.elapsed, run.best.bracket.width
+        start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
+        if seconds <= 0.0:
+            run.remarks = [f"{_percent(before)} wide after {start:.1f} s; {_MORE}"]
+            return
         own = self.rule.executor
         with nullcontext(own) if own else processes(self.rule.workers) as executor:
             search = BranchAndBound(run, asked, executor, self.rule.workers)
             seen, gained = np.inf, 0.0  # the gap that was last a hundredth less, and when
+            widths: list[tuple[float, float]] = []
             while True:
-                spent = run.clock.elapsed - start
-                run.remarks = [
+                spent, width = run.clock.elapsed - start, run.best.bracket.width
+                widths.append((spent, width))
+                done = (
                     f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
-                    f"{spent:.1f} s: from {_percent(before)} to {_percent(run.best.bracket.width)}"
-                ]
+                    f"{spent:.1f} s: from {_percent(before)} to {_percent(width)}"
+                )
+                run.remarks = [done]
                 gap = search.upper - search.lower
                 if gap < 0.99 * seen or not np.isfinite(seen):
                     seen, gained = gap, spent
                 is_idle = spent - gained > max(BRACKET.idle, spent / 3.0)
                 is_idle &= self.rule.branching_seconds is None
                 is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
-                if is_over or not search.can_go_on or run.best.bracket.is_below_zero:
+                if not search.can_go_on or run.best.bracket.is_below_zero:
+                    return
+                if is_over:
+                    run.remarks = [f"{done}; {_ending(widths, seconds)}"]
                     return
                 yield None
                 search.step()
 
-    def _branching_seconds(self) -> float:
-        asked = self.rule.branching_seconds
-        if asked is not None:
-            return asked
-        is_wanted = self.rule.tolerance is not None or len(self.run.contacts) <= BRACKET.few
-        return BRACKET.branching if is_wanted else 0.0
+    def _branching_seconds(self, is_small: bool) -> float:
+        rule, run = self.rule, self.run
+        if rule.branching_seconds is not None:
+            return rule.branching_seconds
+        if rule.budget is None and (rule.tolerance is not None or is_small):
+            return BRACKET.branching
+        own = max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
+        return (own if rule.budget is None else rule.budget) - run.clock.elapsed
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load, with a mechanism that shows it.

@@ -52,7 +52,7 @@ def _solution_rows(solution: Solution) -> Rows:
     yield "load factor", "none" if solution.load_factor is None else f"{solution.load_factor:.6g}"
     if solution.bracket.has_any:
         yield "bracket", solution.bracket.shown(DIGITS)
-    yield "status", str(solution.status)
+    yield "status", solution.standing
     surface = solution.surface
     if solution.interaction != "none":
         surface += f", {solution.interaction} interaction, {solution.moments} moments"

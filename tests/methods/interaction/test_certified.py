@@ -129,7 +129,7 @@ def test_tuff_wall(moments: str, lower: float, upper: float) -> None:
     """Issue and design: certified at least 0.2529, global upper at most 0.3016, and narrower than
     the prototype's 19 %; signed above the prototype's fixed point."""
     scene = builtin_scene("tuff-wall")
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method=Certified(branching_seconds=0.0), moments=moments)
     assert_bracket(scene, solution)
     assert solution.status is Status.CERTIFIED
     assert solution.lower >= lower
@@ -245,7 +245,7 @@ def running_bond(push: tuple[float, float, float]) -> Scene:
 def test_walls_where_projections_find_no_dead_state(moments: str) -> None:
     """Pushed along, its courses slide at the friction coefficient."""
     scene = running_bond((1, 0, 0))
-    solution = solve(scene, interaction="certified", moments=moments, model="full")
+    solution = solve(scene, method=Certified(branching_seconds=0.0), moments=moments, model="full")
     assert solution.status is Status.CERTIFIED
     assert_bracket(scene, solution)
     assert solution.lower == pytest.approx(0.6, rel=1e-5)
@@ -255,7 +255,7 @@ def test_walls_where_projections_find_no_dead_state(moments: str) -> None:
 def test_forces_that_slide_and_twist_get_a_bound_with_its_assumption() -> None:
     """Sliding uses up all friction, so no share of a dead-load state makes them strictly safe."""
     scene = running_bond((1, 0.3, 0))
-    solution = solve(scene, interaction="certified", moments="signed")
+    solution = solve(scene, method=Certified(branching_seconds=0.0), moments="signed")
     assert solution.status is Status.CERTIFIED
     assert_bracket(scene, solution)
     assert solution.upper < 0.6 / np.hypot(1.0, 0.3) * (1.0 + 1e-6)  # all of it slides

@@ -126,8 +126,11 @@ class BracketSettings:
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     dead: float = 1e-5  # the same where only 1 / 2 decides: whether the dead load stands
     narrow: float = 0.005  # width below which no further start is taken unasked
-    few: int = 6  # contacts up to which branch and bound follows unasked,
-    branching: float = 60.0  # for so many seconds,
+    aim: float = 0.01  # width at which branching ends where none is asked for,
+    few: int = 6  # on more contacts than these; up to as many it is the one above
+    budget: float = 10.0  # seconds in all until when it goes on, where none is asked for,
+    relaxations: float = 12.0  # or so many times those of the first relaxation
+    branching: float = 60.0  # seconds of branching with a tolerance, or on few contacts,
     idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap,
     least_nodes: int = 30  # but not before so many nodes, however slow the machine
 
