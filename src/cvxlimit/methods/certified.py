@@ -313,7 +313,7 @@ class _Proof:
         if not np.any(run.scene.dead_forces):
             return False
         alone = run.aside(run.assemblage.alone(run.assemblage.statics.dead))
-        UpperBound(alone).search(BRACKET.dead, self.ladder)
+        UpperBound(alone).search(BRACKET.outer, self.ladder)
         if alone.best.bracket.upper < 0.5:
             rates = alone.best.mechanism
             run.best = replace(run.best, forces=None, mechanism=rates)

@@ -36,7 +36,7 @@ class ProofSettings:
     """When forces count, and how they are proved."""
 
     accepted: float = 1e-7  # residual and excess of Eq. 9 and 30 beyond which forces are refused
-    close: float = 1e-9  # the same, up to which they count as admissible but for rounding
+    close: float = 1e-9  # the same, up to which forces and compressions are but rounding
     most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
     # shares of a dead-load state mixed in to be strictly admissible, and the largest for close ones
     shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
@@ -47,7 +47,6 @@ class ProofSettings:
     margins: tuple[float, ...] = (1e-6, 1e-5, 3e-5, 1e-4)  # of friction and size, with centres held
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
     pressed: float = 1e-7  # compression from which a pressure centre means something
-    idle: float = 1e-9  # compression up to which a contact carries nothing in a proof
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,6 @@ class BracketSettings:
     most_rounds: int = 12  # solves with added copies
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
-    dead: float = 1e-5  # the same where only 1 / 2 decides: whether the dead load stands
     narrow: float = 0.005  # width below which no further start is taken unasked
     aim: float = 0.01  # width at which branching ends where none is asked for,
     few: int = 6  # on more contacts than these; up to as many it is the one above

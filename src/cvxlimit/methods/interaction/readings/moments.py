@@ -166,17 +166,13 @@ class Moments(ABC):
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         by_corners = self.has_corner_hull(contacts, boxes)
-        rows, centre = corner_places(boxes, self.half_wanted(boxes))
+        signed = self.slopes is not None  # else one half of a range stands for both
+        rows, centre = corner_places(boxes, 0.0 if signed else free_sign(boxes).astype(float))
         inside = (contacts.is_rectangle & ~by_corners)[rows]
         cells = self.cells(contacts, boxes)
-        about = np.nan if self.slopes is None else self.lever
-        split = cell_copies(cells, contacts, about, self.is_limited)
+        split = cell_copies(cells, contacts, self.lever if signed else np.nan, self.is_limited)
         within = self.copies_at(rows[inside], centre[inside], boxes)
         return corner_copies(contacts, by_corners).joined(split, within)
-
-    def half_wanted(self, boxes: FloatArray) -> FloatArray | float:
-        """Sign (n, 2) of the half of each range that stands for both; zero where none does."""
-        return 0.0
 
     def split(self, low: float, high: float, at: float) -> list[float]:
         """Ends of the ranges into which branching cuts [low, high] near ``at``: at zero first."""
@@ -221,9 +217,6 @@ class Independent(Moments):
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
         return spread_copies(rows, centre, free_sign(boxes[rows]))
-
-    def half_wanted(self, boxes: FloatArray) -> FloatArray | float:
-        return np.where(free_sign(boxes), 1.0, 0.0)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and

@@ -209,7 +209,7 @@ def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) ->
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = Pressure.of(forces, contacts).centre / extent
     centre = np.clip(centre, margin - 1.0, 1.0 - margin)
-    is_idle = forces[:, COLUMN["N"]] <= PROOF.idle * run.scaling.force
+    is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
     copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
     less = replace(contacts, friction=(1.0 - margin) * contacts.friction)
     slippery = replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
