@@ -145,7 +145,7 @@ def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
     spent, width = widths[-1]
     if spent <= seconds:
         return "it ended because it hardly gained any more"
-    before = next(earlier for at, earlier in widths if at >= spent / 3.0)
+    before = [earlier for at, earlier in widths if at <= max(spent / 3.0, widths[0][0])][-1]
     share = 1.0 - width / before if np.isfinite(before) else 0.0
     gained = f"the last two thirds of it narrowed the bracket by {_percent(share)}"
     return f"its time was up: {gained}, and {_MORE}"
