@@ -139,6 +139,11 @@ class TrueStrength(Strength):
         super().__init__(assemblage, DEFAULT_SURFACES)
         self.moments = moments
 
+    @cached_property
+    def balance(self) -> Balance:
+        """That of the surfaces without interaction: what resists nothing there does so here."""
+        return Strength(self.assemblage, DEFAULT_SURFACES).balance
+
     def excess(self, state: FloatArray) -> list[FloatArray]:
         return [true_excess(state, self.contacts, self.moments)]
 
