@@ -170,10 +170,13 @@ class _Joints:
         ends = np.append(self.found.start, len(self.found.corners))
         for j in np.flatnonzero(rows).tolist():
             low, high = self.gaps[j].tolist()
-            size, kind = max(high, -low), _kind(low, high, float(self.allowed[j]))
+            size, allowed = max(high, -low), float(self.allowed[j])
+            kind: Kind = "gap" if high > allowed else "overlap"
+            if high - low > allowed:
+                kind = "angle"
             if close[j]:
                 size, kind = float(self.found.width[j]), "sliver"
-            elif size <= self.allowed[j]:
+            elif size <= allowed:
                 continue  # too steep for a joint, and within the tolerance because they are small
             corners = self.found.corners[ends[j] : ends[j + 1]]
             yield NearMiss(
@@ -181,17 +184,10 @@ class _Joints:
                 b=blocks[self.b[j]].id,
                 kind=kind,
                 size=size,
-                allowed=float(self.allowed[j]),
+                allowed=allowed,
                 place=self.origin[j],
                 outline=self.origin[j] + corners @ self.axes[j, :2],
             )
-
-
-def _kind(low: float, high: float, allowed: float) -> Kind:
-    """What keeps two facets with such least and largest distances from being a joint."""
-    if high - low > allowed:
-        return "angle"
-    return "gap" if high > allowed else "overlap"
 
 
 def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArray]:
@@ -204,7 +200,9 @@ def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArra
     along -= np.einsum("pkc,pc->pk", along, normal)[:, :, None] * normal[:, None]
     length = np.linalg.norm(along, axis=2)
     first = (length > _SIDE * length.max(axis=1)[:, None]).argmax(axis=1)
-    t1 = _canonical(_unit(along[np.arange(len(along)), first]))
+    t1 = _unit(along[np.arange(len(along)), first])
+    largest = t1[np.arange(len(t1)), np.abs(t1).argmax(axis=1)]
+    t1 = t1 * np.sign(largest)[:, None]  # the larger component is positive
     axes = np.stack([t1, np.cross(normal, t1), normal], axis=1)
     return axes, base + 0.5 * (below + above)[:, None] * normal
 
@@ -246,12 +244,6 @@ def _is_aligned_rectangle(flat: FloatArray, sides: IntArray, size: FloatArray) -
 
 def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
-
-
-def _canonical(vectors: FloatArray) -> FloatArray:
-    """Turn each vector so that its largest component is positive."""
-    largest = np.abs(vectors).argmax(axis=1)
-    return np.asarray(vectors * np.sign(vectors[np.arange(len(vectors)), largest])[:, None])
 
 
 def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:

@@ -278,10 +278,5 @@ def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
 
 def _ears(corners: FloatArray) -> IntArray:
     normal = polygon_vectors(corners)
-    return flat_triangles([corners @ plane_axes(normal / np.linalg.norm(normal)).T])
-
-
-def flat_triangles(loops: Sequence[FloatArray]) -> IntArray:
-    """Triangles (t, 3) of a plane region, numbering the corners of all loops in the order given:
-    outer loops counter-clockwise, holes clockwise."""
-    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(x) for x in loops]), np.int64)
+    flat = corners @ plane_axes(normal / np.linalg.norm(normal)).T
+    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), np.int64)

@@ -108,7 +108,9 @@ def check_no_interpenetration(
     for j in np.flatnonzero(looked).tolist():
         i, k, allowed = int(first[j]), int(second[j]), float(margin[j])
         a, b = blocks[i], blocks[k]
-        if _least_overlap(a, b, np.concatenate([normals(i), -normals(k)])) <= allowed:
+        directions = np.concatenate([normals(i), -normals(k)])
+        overlaps = (a.vertices @ directions.T).max(0) - (b.vertices @ directions.T).min(0)
+        if overlaps.min() <= allowed:
             continue
         depth, where, corners = shared_depth(bodies(i), bodies(k))
         if depth > (1.0 if convex[j] else _REFUSED) * allowed:
@@ -127,11 +129,6 @@ def check_no_interpenetration(
 _REFUSED = 2.0
 """Overlaps of bodies that are not convex are refused beyond so many tolerances: where two planes
 meet, corners of joints that overlap by one tolerance each lie deeper than either."""
-
-
-def _least_overlap(first: Block, second: Block, directions: FloatArray) -> float:
-    reach = (first.vertices @ directions.T).max(axis=0)
-    return float((reach - (second.vertices @ directions.T).min(axis=0)).min())
 
 
 def _face_normals(block: Block) -> FloatArray:

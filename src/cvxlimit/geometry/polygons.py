@@ -142,14 +142,10 @@ def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[F
     both = np.broadcast_to(points, (len(centres), *points.shape[-2:]))
     found, count = _common(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
     regions = [region[:n] for region, n in zip(found, count.tolist(), strict=True)]
-    return [_region(region, float(r)) for region, r in zip(regions, reach, strict=True)]
-
-
-def _region(region: FloatArray, reach: float) -> FloatArray:
-    """A region that has an area, or the ends of what is left of it."""
-    if len(region) > 2 and area_and_centroid(region)[0] > 1e-12 * reach**2:
-        return region
-    return _ends(region, 1e-9 * reach)
+    return [
+        x if len(x) > 2 and area_and_centroid(x)[0] > 1e-12 * r**2 else _ends(x, 1e-9 * r)
+        for x, r in zip(regions, reach.tolist(), strict=True)
+    ]
 
 
 def _ends(points: FloatArray, tolerance: float) -> FloatArray:

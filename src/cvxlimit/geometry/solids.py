@@ -62,7 +62,9 @@ def solid(
     raw.drop_doubled()
     raw.close_seams(polyhedra.JOINT_TOLERANCE * raw.rough_thickness if allowed is None else allowed)
     raw.drop_unused()
-    raw.turn_out()
+    raw.faces, turned = mesh.outward(id, raw.points, raw.faces)
+    whole = " (the whole shell was inside out)" if turned == len(raw.faces) else ""
+    raw.report("turned", turned, f"faces whose normals pointed in{whole}")
     raw.split_warped(allowed)
     polyhedra.check_faces(id, raw.points, raw.faces, polyhedra.RELATIVE_TOLERANCE * raw.size)
     body = polyhedra.body_inside(id, raw.points, raw.faces, allowed)
@@ -103,7 +105,7 @@ class _Mesh:
         )
         _, label = connected_components(links, directed=False)
         _, first = np.unique(label, return_index=True)
-        self._report("welded", len(self.points) - len(first), "vertices in the same place")
+        self.report("welded", len(self.points) - len(first), "vertices in the same place")
         self.points = self.points[first]
         faces = [[int(i) for i in label[list(face)]] for face in self.faces]
         self.faces = tuple(
@@ -126,7 +128,7 @@ class _Mesh:
             areas = np.linalg.norm(mesh.area_vectors(self.points, real), axis=1)
             least = (polyhedra.RELATIVE_TOLERANCE * self.size) ** 2
             real = [f for f, area in zip(real, areas.tolist(), strict=True) if area > least]
-        self._report("degenerate", len(self.faces) - len(real), "faces without area")
+        self.report("degenerate", len(self.faces) - len(real), "faces without area")
         if len(real) < 4:
             raise GeometryError(
                 f"block {self.id!r} is degenerate: {len(real)} of its {len(self.faces)} faces have "
@@ -155,7 +157,7 @@ class _Mesh:
             if all(uses[frozenset((i, k))] == 3 for i, k in _sides(self.faces[g[0]]))
         }  # fmt: skip
         self.faces = tuple(self.faces[i] for i in kept if i not in inner)
-        self._report("doubled", len(copies) + len(inner), "faces listed more than once")
+        self.report("doubled", len(copies) + len(inner), "faces listed more than once")
 
     def close_seams(self, distance: float) -> None:
         self._join(polyhedra.RELATIVE_TOLERANCE * self.size)
@@ -193,20 +195,15 @@ class _Mesh:
                 faces[number][at:at] = near[on][np.argsort(share[on])].tolist()
                 joined += int(on.sum())
         self.faces = tuple(tuple(f) for f in faces)
-        self._report("joined", joined, "vertices in the middle of another face's edge")
+        self.report("joined", joined, "vertices in the middle of another face's edge")
 
     def drop_unused(self) -> None:
         used = np.unique([i for f in self.faces for i in f])
-        self._report("unused", len(self.points) - len(used), "vertices without a face")
+        self.report("unused", len(self.points) - len(used), "vertices without a face")
         new = np.full(len(self.points), -1)
         new[used] = np.arange(len(used))
         self.points = self.points[used]
         self.faces = tuple(tuple(int(new[i]) for i in f) for f in self.faces)
-
-    def turn_out(self) -> None:
-        self.faces, turned = mesh.outward(self.id, self.points, self.faces)
-        whole = " (the whole shell was inside out)" if turned == len(self.faces) else ""
-        self._report("turned", turned, f"faces whose normals pointed in{whole}")
 
     def split_warped(self, tolerance: float | None) -> None:
         """Cut faces into triangles that are warped by more than the tolerance.
@@ -226,9 +223,9 @@ class _Mesh:
             cut, _ = mesh.triangulated(self.points, [self.faces[i] for i in warped])
             flat = [self.faces[i] for i in np.flatnonzero(~bent).tolist()]
             self.faces = (*flat, *(tuple(t) for t in cut.tolist()))
-        self._report("split", split, f"faces warped by up to {most:.3g}, cut into triangles")
+        self.report("split", split, f"faces warped by up to {most:.3g}, cut into triangles")
 
-    def _report(self, kind: str, count: int, detail: str) -> None:
+    def report(self, kind: str, count: int, detail: str) -> None:
         if count:
             self.repairs.append(Repair(kind, count, detail))
 

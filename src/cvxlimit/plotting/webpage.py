@@ -16,7 +16,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
 from cvxlimit.plotting.camera import default_camera, upright
-from cvxlimit.plotting.crushing import Shape, shapes_of
+from cvxlimit.plotting.crushing import shapes_of
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
@@ -58,7 +58,16 @@ def page(scene: Scene, solution: Solution) -> Page:
     data = _page_data(scene, moving, marking, annotated(scene))
     forces, what = contact_forces(scene, solution), moving.contacts
     data |= {
-        "shapes": [_shape_data(scene, shape) for shape in shapes_of(scene, solution, moving)],
+        "shapes": [
+            {
+                "points": _coordinates(scene, shape.points),
+                "moves": _coordinates(scene, shape.moves),
+                "colour": shape.colour,
+                "text": shape.text,
+                "zone": shape.is_zone,
+            }
+            for shape in shapes_of(scene, solution, moving)
+        ],
         "title": look.title(solution),
         "advice": "; ".join(
             filter(None, (f"{solution.status}: {solution.status.advice}", solution.note))
@@ -152,16 +161,6 @@ def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
         ],
         "markColour": look.MARK_COLOUR,
         "markText": "where it is wrong" if notes.refusal else "near miss",
-    }
-
-
-def _shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
-    return {
-        "points": _coordinates(scene, shape.points),
-        "moves": _coordinates(scene, shape.moves),
-        "colour": shape.colour,
-        "text": shape.text,
-        "zone": shape.is_zone,
     }
 
 
