@@ -43,20 +43,14 @@ def detect(
     friction: float = 0.6,
     joint_tolerance: float | None = None,
 ) -> Detection:
-    """Find all contacts between ``blocks``, except those between two ``fixed`` ones.
+    """All contacts between ``blocks`` except those between two ``fixed`` ones, and near misses.
 
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
-    farther apart and no deeper in each other than ``joint_tolerance`` (length; None: one hundredth
-    of the mean thickness of the thinner block, see
-    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE`) and by how much they are warped, and the
-    overlap is wider than that. The contact lies in their mean plane. What two blocks transmit
-    through one plane is one contact: its overlap may have notches, holes and several parts; blocks
-    that meet in several planes have several contacts.
-
-    Raises
-    ------
-    GeometryError
-        If blocks interpenetrate, or a block touches no other.
+    farther apart and no deeper in each other than ``joint_tolerance`` (length; None:
+    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE` of the thinner block's mean thickness) and
+    by how much they are warped, and the overlap is wider than that. The contact lies in their mean
+    plane; what two blocks transmit through one plane is one contact, with notches, holes and
+    several parts. Refused if blocks interpenetrate, or a block touches no other.
     """
     if joint_tolerance is not None:
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
