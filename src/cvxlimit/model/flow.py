@@ -17,7 +17,6 @@ would make them so. Forces on a contact then do at least -shortfall * N of work 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,36 +24,29 @@ from functools import cached_property
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
-from cvxlimit.surfaces.base import Condition, YieldSurface
+from cvxlimit.solvers import clarabel_at, run
+from cvxlimit.surfaces.base import LinearForm, YieldSurface
 from cvxlimit.surfaces.cones import Cone
 
-_TIGHT = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
+_TIGHT = 1e-11
 """Of proposed flows: dissipation is a small difference where strength is far above the forces."""
 
 _PENALTY = 10.0
 """Price of missing opening over that of dissipation; any above 1 gives the same flows."""
-
-_Goal = Callable[[cp.Variable, "list[_Flow]"], cp.Expression]
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
     """How far rates are from the flow rule.
 
-    Attributes
-    ----------
-    missing : (n,)
-        Opening that contacts lack; negative where some is to spare.
-    unresisted : (k,)
-        Slip that no condition resists; twists times the size of a contact.
-    dissipation : float
-        Power that forces can take up at most while rates are as the flow rule has them.
+    ``missing`` (n,) is the opening that contacts lack, negative where some is to spare;
+    ``unresisted`` (k,) slip that no condition resists, twists times the size of a contact;
+    ``dissipation`` the power that forces can take up at most while rates are as the rule has them.
     """
 
     missing: FloatArray
@@ -71,74 +63,44 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
     return result
 
 
-@dataclass(frozen=True, eq=False)
 class _Rows:
-    """One condition as rows on the internal forces: (k, p) matrices and (k,) constants."""
+    """Linear forms of all conditions as rows on the internal forces, one below the other."""
 
-    cone: Cone
-    resistance: sp.csr_array
-    constant: FloatArray
-    norms: list[list[sp.csr_array]]
-    constants: list[list[FloatArray]]
-    contact: NDArray[np.int64]
+    def __init__(self, model: ForceModel) -> None:
+        self.model, self.size = model, 0
+        self._found = [(sp.csr_array((0, model.meaning.shape[1])), np.zeros(0))]
+        self._contacts: list[IntArray] = [np.zeros(0, dtype=int)]
 
-    @classmethod
-    def of(cls, condition: Condition, cone: Cone, model: ForceModel) -> _Rows:
-        every = np.arange(len(model.contacts))
-        resistance, constant = model.rows(condition.resistance, condition.contact)
-        found = [
-            [model.rows(form, condition.contact) for form in norm.weighted_rows]
-            for norm in condition.norms
-        ]
-        return cls(
-            cone,
-            resistance,
-            constant,
-            [[matrix for matrix, _ in rows] for rows in found],
-            [[constant for _, constant in rows] for rows in found],
-            every if condition.contact is None else condition.contact,
-        )
+    def added(self, form: LinearForm, contact: IntArray | None) -> slice:
+        """Where the rows of a form stand."""
+        self._found.append(self.model.rows(form, contact))
+        every = np.arange(len(self.model.contacts))
+        self._contacts.append(every if contact is None else contact)
+        start, self.size = self.size, self.size + len(self._contacts[-1])
+        return slice(start, self.size)
 
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        return sp.vstack([matrix for matrix, _ in self._found], format="csr")
 
-@dataclass(frozen=True, eq=False)
-class _Flow:
-    """Symbolic flow of one condition: multiplier lambda, one y per norm row, and their limits."""
+    @cached_property
+    def constant(self) -> FloatArray:
+        return np.concatenate([constant for _, constant in self._found])
 
-    rows: _Rows
-    multiplier: cp.Variable
-    parts: list[list[cp.Variable]]
-    limits: list[cp.Constraint]
-
-    @classmethod
-    def of(cls, rows: _Rows) -> _Flow:
-        multiplier = cp.Variable(len(rows.constant), nonneg=True)
-        parts = [[cp.Variable(len(rows.constant)) for _ in norm] for norm in rows.norms]
-        limits = [c for part in parts for c in rows.cone.polar_epigraph(multiplier, part)]
-        return cls(rows, multiplier, parts, limits)
-
-    def rates(self) -> cp.Expression:
-        total = self.rows.resistance.T @ self.multiplier
-        for norm, part in zip(self.rows.norms, self.parts, strict=True):
-            for matrix, y in zip(norm, part, strict=True):
-                total = total - matrix.T @ y
-        return total
-
-    def dissipation(self, unit: FloatArray | None = None) -> cp.Expression:
-        per = 1.0 if unit is None else unit[self.rows.contact]
-        total = (self.rows.constant / per) @ self.multiplier
-        for norm, part in zip(self.rows.constants, self.parts, strict=True):
-            for constant, y in zip(norm, part, strict=True):
-                total = total - (constant / per) @ y
-        return total
+    @cached_property
+    def contact(self) -> IntArray:
+        return np.concatenate(self._contacts)
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicFlow:
-    """Constraints that allow rates, the dissipation that goes with them, and the flows."""
+    """Constraints that allow rates, the dissipation that goes with them, and the flows: a
+    multiplier per row of resistance, a rate per row of a norm; None where there are no rows."""
 
     limits: list[cp.Constraint]
     dissipation: cp.Expression
-    flows: list[_Flow]
+    multipliers: cp.Variable | None
+    flows: cp.Variable | None
 
 
 class FlowRule:
@@ -153,50 +115,64 @@ class FlowRule:
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
         self.model = corner_compressions(model) if isinstance(model, Contacts) else model
-        self._rows = [
-            _Rows.of(condition, cone, self.model)
-            for _, condition, cone in self.model.strength(surfaces)
-        ]
-        every, width = self._rows, self.model.meaning.shape[1]
-        normed = [(rows, norm) for rows in every for norm in rows.norms]
+        self._resistance, self._norms = _Rows(self.model), _Rows(self.model)
+        self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
+        for _, condition, cone in self.model.strength(surfaces):
+            contact = condition.contact
+            norms = [
+                [self._norms.added(form, contact) for form in norm.weighted_rows]
+                for norm in condition.norms
+            ]
+            where = self._resistance.added(condition.resistance, contact)
+            self._conditions.append((cone, where, norms))
         self._free = np.flatnonzero(~self.model.nonneg)
         self._pressed = np.flatnonzero(self.model.nonneg)
         normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
         self._compression = np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
         size = self.model.contacts.typical_size
         self._reach = np.where(self.model.is_moment[self._free], size, 1.0)
-        self._resistance = _stacked([rows.resistance for rows in every], width)
-        self._constant = _joined([rows.constant for rows in every])
-        # resistances of conditions without norms, empty rows for the others
-        self._linear = _stacked([rows.resistance * float(not rows.norms) for rows in every], width)
-        self._norm_rows = _stacked([matrix for _, norm in normed for matrix in norm], width)
-        self._norm_constants = _joined([c for rows in every for n in rows.constants for c in n])
-        # Norm rows of conditions whose resistance grows with forces of any sign. Their multipliers
-        # change rates that must agree exactly, so their flows are left as proposed and the others
-        # make up for them.
-        self._is_coupled = _joined(
-            [
-                np.full(len(rows.constant) * len(norm), rows.resistance[:, self._free].nnz > 0.0)
-                for rows, norm in normed
-            ]
-        ).astype(bool)
-        kept = sp.diags_array((~self._is_coupled).astype(float), shape=(len(self._is_coupled),) * 2)
-        self._loose_rows = (kept @ self._norm_rows).tocsr()[:, self._free]
-        is_linear = any(not rows.norms for rows in every) or self._is_coupled.any()
-        self._is_unique = not is_linear and self._norm_rows.shape[0] <= len(self._free)
-        self._nothing = np.zeros(self._norm_rows.shape[0]), np.zeros(len(self._constant))
+        # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
+        # multipliers change rates that must agree exactly, so their flows are left as proposed and
+        # the others make up for them.
+        self._is_linear = np.zeros(self._resistance.size, dtype=bool)
+        self._is_coupled = np.zeros(self._norms.size, dtype=bool)
+        free = self._resistance.matrix[:, self._free]
+        for _, where, norms in self._conditions:
+            self._is_linear[where] = not norms
+            for row in (row for norm in norms for row in norm):
+                self._is_coupled[row] = free[where].nnz > 0
+        self._linear = self._resistance.matrix.multiply(self._is_linear[:, None]).tocsr()
+        kept = self._norms.matrix.multiply(~self._is_coupled[:, None])
+        self._loose_rows = kept.tocsr()[:, self._free]
+        is_open = self._is_linear.any() or self._is_coupled.any()
+        self._is_unique = not is_open and self._norms.size <= len(self._free)
+        self._nothing = np.zeros(self._norms.size), np.zeros(self._resistance.size)
 
-    def symbolic(self, rates: cp.Expression) -> SymbolicFlow:
-        """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation."""
-        flows = [_Flow.of(rows) for rows in self._rows]
-        rest = rates - sum((flow.rates() for flow in flows), start=np.zeros(rates.shape))
-        limits = [c for flow in flows for c in flow.limits]
+    def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
+        """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation,
+        which ``unit`` (n,) divides contact by contact."""
+        sides = []
+        rest, lost = rates, cp.Constant(0.0)
+        for sign, rows in ((1.0, self._resistance), (-1.0, self._norms)):
+            if not rows.size:
+                sides.append(None)
+                continue
+            sides.append(cp.Variable(rows.size, nonneg=sign > 0.0))
+            rest = rest - sign * rows.matrix.T @ sides[-1]
+            per = 1.0 if unit is None else unit[rows.contact]
+            lost = lost + sign * (rows.constant / per) @ sides[-1]
+        multipliers, flows = sides
+        limits = [
+            limit
+            for cone, where, norms in self._conditions
+            for norm in norms
+            for limit in cone.polar_epigraph(multipliers[where], [flows[row] for row in norm])
+        ]
         if len(self._free):
             limits.append(rest[self._free] == 0)
         if len(self._pressed):
             limits.append(rest[self._pressed] >= 0)
-        lost = sum((flow.dissipation() for flow in flows), start=cp.Constant(0.0))
-        return SymbolicFlow(limits, lost, flows)
+        return SymbolicFlow(limits, lost, multipliers, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Of relative rates (n, 6), with as little dissipation as the missing opening allows.
@@ -205,12 +181,12 @@ class FlowRule:
         the best decomposition found.
         """
         inner = np.asarray(self.model.meaning.T @ rates.ravel())
-        return self._completed(inner, *self._proposal(inner, self._cheapest))
+        return self._completed(inner, *self._proposal(inner, True))
 
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, with as much opening to spare as can be."""
         inner = np.asarray(self.model.meaning.T @ rates.ravel())
-        return self._completed(inner, *self._proposal(inner, self._most_open))
+        return self._completed(inner, *self._proposal(inner, False))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
@@ -226,93 +202,72 @@ class FlowRule:
 
         ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
         """
-        matrix, norms = self._norm_rows, self._loose_rows
+        matrix, loose, resistance = self._norms.matrix, self._loose_rows, self._resistance
         held = np.where(self._is_coupled, flows, 0.0)
         taken = self._linear.T @ multipliers - matrix.T @ held
-        taken = taken + self._resistance.T @ self._multipliers(held)
+        taken = taken + resistance.matrix.T @ self._multipliers(held)
         target = -(rates - taken)[self._free]
-        flows = flows + norms @ self._normal(target - norms.T @ flows)
+        flows = flows + loose @ self._normal(target - loose.T @ flows)
         least = self._multipliers(flows)
         rest = rates - self._linear.T @ multipliers
-        rest = rest - (self._resistance.T @ least - matrix.T @ flows)
-        lost = self._constant @ (least + multipliers) - self._norm_constants @ flows
+        rest = rest - (resistance.matrix.T @ least - matrix.T @ flows)
+        lost = resistance.constant @ (least + multipliers) - self._norms.constant @ flows
         missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
         at = self.model.contact[self._pressed]
         np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
         return Shortfall(missing, -rest[self._free] * self._reach, float(lost))
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
-        result: list[FloatArray] = [np.zeros(0)]
-        at = 0
-        for rows in self._rows:
-            multiplier = np.zeros(len(rows.constant))
-            for norm in rows.norms:
-                part = [flows[at + i * len(rows.constant) : at + (i + 1) * len(rows.constant)]
-                        for i in range(len(norm))]  # fmt: skip
-                at += len(norm) * len(rows.constant)
-                multiplier = np.maximum(multiplier, rows.cone.polar_gauge(part))
-            result.append(multiplier)
-        return np.concatenate(result)
+        result = np.zeros(self._resistance.size)
+        for cone, where, norms in self._conditions:
+            for norm in norms:
+                size = cone.polar_gauge([flows[row] for row in norm])
+                result[where] = np.maximum(result[where], size)
+        return result
 
     @cached_property
-    def _normal(self):  # type: ignore[no-untyped-def]
+    def _normal(self) -> Callable[[FloatArray], FloatArray]:
         """Solver of G' G for loose norm rows G on the free rates; nothing where nobody resists."""
         square = (self._loose_rows.T @ self._loose_rows).tocsc()
         idle = square.diagonal() == 0.0
         solve = splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
         return lambda right: np.where(idle, 0.0, solve(right))
 
-    def _proposal(self, rates: FloatArray, goal: _Goal) -> tuple[FloatArray, FloatArray]:
-        """Flows that are best for a goal where the conditions leave a choice, else zero; and the
-        multipliers >= 0 of conditions without norms.
+    def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
+        """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of
+        conditions without norms: cheap ones, or those that leave most opening to spare.
 
         One small conic problem without coupling between contacts; what comes back is only a
-        proposal, which :meth:`shortfall` makes exact and measures.
+        proposal, which :meth:`_completed` makes exact and measures. Opening that is missing costs
+        more than dissipation can save, since no compression is above the strength that limits it.
         """
         scale = float(np.abs(rates).max())
         if self._is_unique or scale == 0.0:
             return self._nothing
+        strength = self._strength
         missing = cp.Variable(len(self.model.contacts))
-        found = self.symbolic(rates / scale + self._opening @ missing)
-        problem = cp.Problem(cp.Minimize(goal(missing, found.flows)), found.limits)
-        try:
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-                problem.solve(solver=cp.CLARABEL, ignore_dpp=True, **_TIGHT)
-        except cp.error.SolverError:
+        unit = np.where(strength > 0.0, strength, 1.0)
+        found = self.symbolic(rates / scale + self._opening @ missing, unit)
+        goal = cp.sum(missing) + found.dissipation
+        if is_cheap and not np.any(strength):
+            goal = cp.sum(missing)
+        elif is_cheap:
+            goal = _PENALTY * cp.sum(cp.pos(missing)) + found.dissipation
+        problem = cp.Problem(cp.Minimize(goal), found.limits)
+        if not run(problem, *clarabel_at(_TIGHT), ignore_dpp=True).has_values:
             return self._nothing
-        if missing.value is None:
-            return self._nothing
-        parts = [y.value for flow in found.flows for part in flow.parts for y in part]
-        linear = [
-            np.maximum(flow.multiplier.value, 0.0) * float(not flow.rows.norms)
-            for flow in found.flows
-        ]
-        return (
-            scale * _joined(parts),
-            scale * _joined(linear),
-        )
-
-    def _most_open(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
-        return cp.sum(missing) + self._dissipation(flows)
-
-    def _cheapest(self, missing: cp.Variable, flows: list[_Flow]) -> cp.Expression:
-        """Dissipation; opening that is missing costs more than it can save, since no compression
-        is above the strength that limits it; opening to spare is worth nothing."""
-        if not np.any(self._strength):
-            return cp.sum(missing)
-        return _PENALTY * cp.sum(cp.pos(missing)) + self._dissipation(flows)
-
-    def _dissipation(self, flows: list[_Flow]) -> cp.Expression:
-        unit = np.where(self._strength > 0.0, self._strength, 1.0)
-        return sum((flow.dissipation(unit) for flow in flows), start=cp.Constant(0.0))
+        flows, multipliers = self._nothing
+        if found.flows is not None:
+            flows = scale * found.flows.value
+        if found.multipliers is not None:
+            multipliers = scale * np.maximum(found.multipliers.value, 0.0) * self._is_linear
+        return flows, multipliers
 
     @cached_property
     def _strength(self) -> FloatArray:
         result = np.zeros(len(self.model.contacts))
-        for rows in self._rows:
-            for constant in (rows.constant, *(c for norm in rows.constants for c in norm)):
-                np.add.at(result, rows.contact, np.abs(constant))
+        for rows in (self._resistance, self._norms):
+            np.add.at(result, rows.contact, np.abs(rows.constant))
         return result
 
     @cached_property
@@ -320,13 +275,3 @@ class FlowRule:
         index = (self._pressed, self.model.contact[self._pressed])
         shape = (len(self.model.nonneg), len(self.model.contacts))
         return sp.csr_array((self._compression, index), shape=shape)
-
-
-def _stacked(matrices: list[sp.csr_array], width: int) -> sp.csr_array:
-    if not matrices:
-        return sp.csr_array((0, width))
-    return sp.vstack(matrices, format="csr")
-
-
-def _joined(arrays: list[FloatArray]) -> FloatArray:
-    return np.concatenate([np.zeros(0), *arrays])

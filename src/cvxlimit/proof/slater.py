@@ -44,8 +44,9 @@ class _Numbers:
 
     huge: float = 1e100
     """Forces and rates beyond this are refused like infinite ones: their products overflow."""
-    overshoot: float = 1.5
-    """Relaxation of the alternating projections, between 1 and 2."""
+    overshoot: float = 1.9
+    """Relaxation of the alternating projections, between 1 and 2: a dead state of the tuff wall
+    takes 40 iterations with 1.9 and 57 with 1.5."""
     spare: float = 0.1
     """Share of the yield function's range that a dead-load state keeps in reserve."""
     opening_reserve: float = 0.2
@@ -54,7 +55,7 @@ class _Numbers:
     """Opening fields aim at rates of 1; with this reserve and relaxation projections take half the
     iterations of plain ones. Where they do not end, a solver does
     (:class:`~cvxlimit.model.problem.LargestSelfStress`)."""
-    attempts: tuple[tuple[float, int], ...] = ((0.1, 25), (0.1, 100), (0.01, 100), (0.0001, 60))
+    attempts: tuple[tuple[float, int], ...] = ((0.1, 60), (0.1, 100), (0.01, 100), (0.0001, 60))
     """Least corner compression, as a share of what the lighter of the two blocks would give if its
     load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
     most_states: int = 100
