@@ -16,7 +16,7 @@ from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables
-from cvxlimit.model.problem import LargestFactor, StaticProblem
+from cvxlimit.model.problem import LargestFactor, StaticProblem, Terms
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]
@@ -28,7 +28,22 @@ def hull_solved(
 ) -> LimitState:
     """The limit problem over copies, compiled by CVXPY."""
     forces = copy_forces(copies, assemblage.scaled.contacts)
-    return StaticProblem(assemblage, forces, (), LargestFactor(relief_price=price)).solve(settings)
+    goal = LargestFactor() if price is None else Relieved(price)
+    return StaticProblem(assemblage, forces, (), goal).solve(settings)
+
+
+class Relieved:
+    """The load factor, with any share of the dead load taken off at a price in load factors."""
+
+    def __init__(self, price: float) -> None:
+        self.price = price
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        scaled, unit = assemblage.scaled, assemblage.scaling.load_factor(1.0)
+        relief = cp.Variable(name="relief", nonneg=True)
+        goal = alpha - self.price / unit * relief
+        dead = scaled.dead - relief * scaled.dead
+        return Terms(goal, dead, alpha * scaled.live, [relief <= 1.0])
 
 
 def copy_forces(copies: Copies, contacts: Contacts) -> ForceVariables:

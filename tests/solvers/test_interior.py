@@ -58,7 +58,8 @@ class TestCones:
         close(scaling.times(z), scaling.lam)
         close(scaling.times(scaling.lam), s)
         close(scaling.squared(v), scaling.times(scaling.times(v)))
-        close(scaling.squared(scaling.squared(v), -1.0), v)
+        # rounding grows with the square of what W does: 3e-9 in the worst of thousands of cases
+        close(scaling.squared(scaling.squared(v), -1.0), v, rtol=1e-7, atol=1e-7)
         for slab, (place, shape) in enumerate(zip(cones.places, cones.shapes, strict=True)):
             applied = scaling.over(slab, v[place].reshape(shape)[:, None])
             whole = np.zeros_like(v)
@@ -424,7 +425,7 @@ class TestRule:
         assert solution.history[-1].solver == "BLOCKWISE"
 
     def test_it_is_on_every_ladder_beside_clarabel(self) -> None:
-        shapes = (Shape(7, 6, front, is_conic=True) for front in (1.0, 1e5))
+        shapes = (Shape(7, 6, front, cones=1) for front in (1.0, 1e5))
         small, large = ([str(rung) for rung in limit_ladder(shape)] for shape in shapes)
         assert large[:2] == ["BLOCKWISE", "CLARABEL"]
         assert [name for name in small if name != "QOCO"][:2] == ["CLARABEL", "BLOCKWISE"]

@@ -17,7 +17,6 @@ from cvxlimit.methods.convex import TOLERANCE, Convex, Inquiry
 from cvxlimit.methods.driver import Progress, Run, drive, packed
 from cvxlimit.methods.table import check
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
@@ -158,6 +157,5 @@ def _guided(
     own = {key: force for key, force in scene.dead.forces.items() if key != support}
     held = replace(scene.dead, forces={**own, support: (*(-possible * along), 0.0, 0.0, 0.0)})
     free = free.with_dead(held)
-    statics = replace(Statics.of(free), guides={row: along})
-    balance = Balance(statics, corner_compressions(statics.contacts))
-    return Assemblage(free, statics, Scaling.of(free), balance), possible
+    statics = Statics.of(free).guided(row, along)
+    return Assemblage(free, statics, Scaling.of(free), Balance.of(statics)), possible

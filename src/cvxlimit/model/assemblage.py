@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
@@ -26,17 +26,9 @@ class Assemblage:
     Everything that analyses share is here and computed once: problems, certificates and bounds
     take an assemblage, and :meth:`under` gives the same under other loads than the scene's.
 
-    Attributes
-    ----------
-    scene : Scene
-    statics : Statics
-        In the scene's units.
-    scaling : Scaling
-    balance : Balance
-        Brings forces into equilibrium with the least change.
-    repeats : Repeats or None
-        What problems of scenes like this one share, once compiled
-        (:class:`cvxlimit.reductions.repeated.Repeats`); None for a scene that is solved once.
+    ``statics`` are in the scene's units, ``balance`` brings forces into equilibrium with the least
+    change, ``repeats`` (:class:`~cvxlimit.reductions.repeated.Repeats`) is what problems of scenes
+    like this one share, once compiled; None for a scene that is solved once.
 
     Example
     -------
@@ -58,8 +50,11 @@ class Assemblage:
         if isinstance(scene, Assemblage):
             return scene
         statics = Statics.of(scene)
-        balance = Balance(statics, corner_compressions(statics.contacts))
-        return cls(scene, statics, scaling or Scaling.of(scene), balance)
+        return cls(scene, statics, scaling or Scaling.of(scene), Balance.of(statics))
+
+    def of_less(self, statics: Statics) -> Assemblage:
+        """The same with less of the blocks and contacts."""
+        return replace(self, statics=statics, balance=Balance.of(statics))
 
     def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
         """The same blocks and contacts under other loads (6 free blocks,)."""
@@ -81,10 +76,6 @@ class Assemblage:
         statics.__dict__["matrix"] = self.statics.matrix
         return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.repeats)
 
-    def balanced_by(self, balance: Balance) -> Assemblage:
-        """The same with another way to restore equilibrium."""
-        return replace(self, balance=balance)
-
     @cached_property
     def scaled(self) -> Statics:
         """Statics in the units of :attr:`scaling`."""
@@ -105,17 +96,10 @@ residual, and balances take two."""
 class Balance:
     """Least changes of internal forces that restore equilibrium: one sparse factorisation.
 
-    Attributes
-    ----------
-    statics : Statics
-        Its loads do not matter here.
-    model : ForceModel
-        Whose internal forces are changed; torsion counts by its arm, so that all are forces.
-    rates : (r free blocks, 6 free blocks) sparse array or None
-        The ways in which each block may move, r of them, where loads and internal forces do no
-        work on any others, as in a plane; None is all six.
-    held : (p,) array of bool or None
-        Internal forces that do not change: those that nothing resists.
+    Loads of ``statics`` do not matter here. The internal forces (p,) of ``model`` are changed;
+    torsion counts by its arm, so that all are forces, and those that nothing resists are ``held``
+    (p,). ``rates`` (r free blocks, 6 free blocks) are the r ways in which each block may move,
+    where loads and internal forces do no work on any others, as in a plane; None is all six.
     """
 
     statics: Statics
@@ -123,20 +107,20 @@ class Balance:
     rates: sp.csr_array | None = None
     held: NDArray[np.bool_] | None = None
 
+    @classmethod
+    def of(cls, statics: Statics) -> Balance:
+        """Of corner compressions."""
+        return cls(statics, corner_compressions(statics.contacts))
+
     @cached_property
     def matrix(self) -> sp.csr_array:
-        """Equilibrium matrix (r free blocks, p) of the internal forces."""
+        """Of equilibrium, (r free blocks, p)."""
         matrix = self.statics.matrix if self.rates is None else self.rates @ self.statics.matrix
         return (matrix @ self.model.meaning).tocsr()
 
-    def along(self, load: FloatArray) -> FloatArray:
-        """Generalised forces (6 free blocks,) along the ways in which blocks may move."""
-        return load if self.rates is None else np.asarray(self.rates @ load)
-
-    def motion(self, rates: FloatArray) -> FloatArray:
-        """Block rates (free, 6) from those along the ways in which blocks may move."""
-        full = rates if self.rates is None else self.rates.T @ rates
-        return np.asarray(full).reshape(-1, DOF)
+    @cached_property
+    def transposed(self) -> sp.csr_array:
+        return self.matrix.T.tocsr()
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -148,28 +132,30 @@ class Balance:
     @cached_property
     def is_supported(self) -> bool:
         """True when every block is linked to a support through contacts."""
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        count = int(number.max()) + 1
-        ends = np.stack([number[contacts.a], number[contacts.b]])
-        ends = np.where(ends < 0, count, ends)
-        graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), (count + 1, count + 1))
+        count, (a, b) = self._ends
+        ends = np.where(a < 0, count, a), np.where(b < 0, count, b)
+        graph = sp.coo_array((np.ones(len(a)), ends), (count + 1, count + 1))
         return int(connected_components(graph, directed=False)[0]) == 1
+
+    @property
+    def _ends(self) -> tuple[int, tuple[IntArray, IntArray]]:
+        """Number of free blocks, and those at both sides of every contact, -1 for supports."""
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        return int(number.max()) + 1, (number[contacts.a], number[contacts.b])
 
     @cached_property
     def solve(self) -> Solve:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        a, b = number[contacts.a], number[contacts.b]
+        count, (a, b) = self._ends
         free = (a >= 0) & (b >= 0)
-        count = int(number.max()) + 1
         ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
         graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
         blocks, each = nested_dissection(graph.tocsr()), self.matrix.shape[0] // count
         order = (each * blocks[:, None] + np.arange(each)).ravel()
         ordered = self.matrix[order]
         square = ordered @ sp.diags_array(self.weights) @ ordered.T
-        if self.statics.guides:  # rates that guides prevent: any value will do
-            idle = sp.eye_array(len(order)) - self.statics.guided
+        if self.statics.guide is not None:  # rates that guides prevent: any value will do
+            idle = sp.eye_array(len(order)) - self.statics.guide
             square = square + idle.tocsr()[order][:, order]
         if self.held is not None:  # ways to move that nothing resists; no load does work on them
             idle = _IDLE * float(square.diagonal().max())
@@ -184,8 +170,9 @@ class Balance:
         return unordered
 
     def change(self, residual: FloatArray) -> FloatArray:
-        """Internal forces (p,) that carry a residual (r free blocks,) of opposite sign."""
-        result: FloatArray = -self.weights * (self.matrix.T @ self.solve(residual))
+        """Internal forces (p,) that carry a residual (6 free blocks,) of opposite sign."""
+        along = residual if self.rates is None else self.rates @ residual
+        result: FloatArray = -self.weights * (self.transposed @ self.solve(along))
         return result
 
     def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
@@ -193,6 +180,6 @@ class Balance:
         if not self.is_supported:
             return forces
         for _ in range(2):
-            change = self.change(self.along(statics.residual(forces, load_factor).ravel()))
-            forces = forces + (self.model.meaning @ change).reshape(-1, len(COMPONENTS))
+            change = self.change(statics.residual(forces, load_factor).ravel())
+            forces = forces + self.model.forces(change)
         return forces

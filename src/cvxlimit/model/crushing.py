@@ -25,15 +25,10 @@ from cvxlimit.model.points import Placing, at_centroids
 class PlasticField:
     """Formulation whose weak contacts carry a field of pressures between 0 and f.
 
-    Parameters
-    ----------
-    formulation : callable
-        What describes everything else; its compressions at corners are replaced.
-    placing : callable
-        :func:`~cvxlimit.model.points.at_centroids` (pressures constant on cells: safe side) or
-        :func:`~cvxlimit.model.points.at_corners` (lumped at the cells' corners: unsafe side).
-    divisions : int
-        Cells across a contact.
+    ``formulation`` describes everything else; its compressions at corners are replaced.
+    ``placing`` is :func:`~cvxlimit.model.points.at_centroids` (pressures constant on cells: safe
+    side) or :func:`~cvxlimit.model.points.at_corners` (lumped at the cells' corners: unsafe side);
+    there are so many ``divisions`` across a contact.
 
     Example
     -------

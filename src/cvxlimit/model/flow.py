@@ -20,13 +20,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, islice, repeat
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.solvers import clarabel_at, run
@@ -58,38 +59,59 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
     """Opening rate (m,) at every corner, for rates (n, 6): the power of a unit compression."""
     j = contacts.corner_contact
     x, y = contacts.corner_xy.T
-    normal, about_1, about_2 = (rates[j, COLUMN[c]] for c in ("N", "M1", "M2"))
-    result: FloatArray = normal + y * about_1 - x * about_2
-    return result
+    result: FloatArray = rates[j, COLUMN["N"]]
+    return result + y * rates[j, COLUMN["M1"]] - x * rates[j, COLUMN["M2"]]
 
 
 class _Rows:
-    """Linear forms of all conditions as rows on the internal forces, one below the other."""
+    """Linear forms as rows on the internal forces, one below the other: ``places`` says where."""
 
-    def __init__(self, model: ForceModel) -> None:
-        self.model, self.size = model, 0
-        self._found = [(sp.csr_array((0, model.meaning.shape[1])), np.zeros(0))]
-        self._contacts: list[IntArray] = [np.zeros(0, dtype=int)]
+    def __init__(self, model: ForceModel, forms: list[tuple[LinearForm, IntArray | None]]) -> None:
+        every, self.places = np.arange(len(model.contacts)), list[slice]()
+        matrices = [sp.csr_array((0, model.meaning.shape[1]))]
+        constants, contacts, self.size = [np.zeros(0)], [every[:0]], 0
+        for form, contact in forms:
+            matrix, constant = model.rows(form, contact)
+            matrices.append(matrix)
+            constants.append(constant)
+            contacts.append(every if contact is None else contact)
+            self.places.append(slice(self.size, self.size + len(constant)))
+            self.size += len(constant)
+        self.matrix = sp.vstack(matrices, format="csr")
+        self.transposed = self.matrix.T.tocsr()
+        self.constant, self.contact = np.concatenate(constants), np.concatenate(contacts)
 
-    def added(self, form: LinearForm, contact: IntArray | None) -> slice:
-        """Where the rows of a form stand."""
-        self._found.append(self.model.rows(form, contact))
-        every = np.arange(len(self.model.contacts))
-        self._contacts.append(every if contact is None else contact)
-        start, self.size = self.size, self.size + len(self._contacts[-1])
-        return slice(start, self.size)
 
-    @cached_property
-    def matrix(self) -> sp.csr_array:
-        return sp.vstack([matrix for matrix, _ in self._found], format="csr")
+class StrengthRows:
+    """Conditions of several surfaces, and of a model itself, as rows on its internal forces."""
 
-    @cached_property
-    def constant(self) -> FloatArray:
-        return np.concatenate([constant for _, constant in self._found])
+    def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel) -> None:
+        self.model, stated = model, model.strength(surfaces)
+        resistances: list[tuple[LinearForm, IntArray | None]] = []
+        norms: list[tuple[LinearForm, IntArray | None]] = []
+        for _, condition, _ in stated:
+            resistances.append((condition.resistance, condition.contact))
+            for norm in condition.norms:
+                norms += zip(norm.weighted_rows, repeat(condition.contact))
+        self._resistance, self._norms = _Rows(model, resistances), _Rows(model, norms)
+        self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
+        places = iter(self._norms.places)
+        for (_, condition, cone), where in zip(stated, self._resistance.places, strict=True):
+            rows = [list(islice(places, len(norm.rows))) for norm in condition.norms]
+            self._conditions.append((cone, where, rows))
 
-    @cached_property
-    def contact(self) -> IntArray:
-        return np.concatenate(self._contacts)
+    def excess(self, internal: FloatArray) -> list[tuple[FloatArray, IntArray]]:
+        """Yield functions of internal forces (p,), and the contact of every entry, one pair per
+        condition; <= 0 is admissible."""
+        resistance = self._resistance.matrix @ internal + self._resistance.constant
+        sizes = self._norms.matrix @ internal + self._norms.constant
+        found = []
+        for cone, where, norms in self._conditions:
+            y = -resistance[where]
+            for norm in norms:
+                y = y + cone.gauge([sizes[row] for row in norm])
+            found.append((y, self._resistance.contact[where]))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +125,7 @@ class SymbolicFlow:
     flows: cp.Variable | None
 
 
-class FlowRule:
+class FlowRule(StrengthRows):
     """The flow rule of several surfaces, in the internal forces of a model.
 
     Parameters
@@ -114,17 +136,8 @@ class FlowRule:
     """
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
-        self.model = corner_compressions(model) if isinstance(model, Contacts) else model
-        self._resistance, self._norms = _Rows(self.model), _Rows(self.model)
-        self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
-        for _, condition, cone in self.model.strength(surfaces):
-            contact = condition.contact
-            norms = [
-                [self._norms.added(form, contact) for form in norm.weighted_rows]
-                for norm in condition.norms
-            ]
-            where = self._resistance.added(condition.resistance, contact)
-            self._conditions.append((cone, where, norms))
+        own = corner_compressions(model) if isinstance(model, Contacts) else model
+        super().__init__(surfaces, own)
         self._free = np.flatnonzero(~self.model.nonneg)
         self._pressed = np.flatnonzero(self.model.nonneg)
         normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
@@ -137,13 +150,13 @@ class FlowRule:
         self._is_linear = np.zeros(self._resistance.size, dtype=bool)
         self._is_coupled = np.zeros(self._norms.size, dtype=bool)
         free = self._resistance.matrix[:, self._free]
-        for _, where, norms in self._conditions:
-            self._is_linear[where] = not norms
-            for row in (row for norm in norms for row in norm):
+        for _, where, rows in self._conditions:
+            self._is_linear[where] = not rows
+            for row in chain(*rows):
                 self._is_coupled[row] = free[where].nnz > 0
         self._linear = self._resistance.matrix.multiply(self._is_linear[:, None]).tocsr()
         kept = self._norms.matrix.multiply(~self._is_coupled[:, None])
-        self._loose_rows = kept.tocsr()[:, self._free]
+        self._loose = kept.tocsr()[:, self._free]
         is_open = self._is_linear.any() or self._is_coupled.any()
         self._is_unique = not is_open and self._norms.size <= len(self._free)
         self._nothing = np.zeros(self._norms.size), np.zeros(self._resistance.size)
@@ -151,14 +164,14 @@ class FlowRule:
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
         """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation,
         which ``unit`` (n,) divides contact by contact."""
-        sides = []
+        sides: list[cp.Variable | None] = []
         rest, lost = rates, cp.Constant(0.0)
         for sign, rows in ((1.0, self._resistance), (-1.0, self._norms)):
             if not rows.size:
                 sides.append(None)
                 continue
             sides.append(cp.Variable(rows.size, nonneg=sign > 0.0))
-            rest = rest - sign * rows.matrix.T @ sides[-1]
+            rest = rest - sign * rows.transposed @ sides[-1]
             per = 1.0 if unit is None else unit[rows.contact]
             lost = lost + sign * (rows.constant / per) @ sides[-1]
         multipliers, flows = sides
@@ -202,16 +215,20 @@ class FlowRule:
 
         ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
         """
-        matrix, loose, resistance = self._norms.matrix, self._loose_rows, self._resistance
-        held = np.where(self._is_coupled, flows, 0.0)
-        taken = self._linear.T @ multipliers - matrix.T @ held
-        taken = taken + resistance.matrix.T @ self._multipliers(held)
-        target = -(rates - taken)[self._free]
-        flows = flows + loose @ self._normal(target - loose.T @ flows)
+        norms, resistance = self._norms, self._resistance
+        rest, held = rates, np.where(self._is_coupled, flows, 0.0)
+        if multipliers.any():
+            rest = rest - self._linear.T @ multipliers
+        idle, solve = self._normal
+        target = rest
+        if held.any():
+            target = rest + norms.transposed @ held
+            target = target - resistance.transposed @ self._multipliers(held)
+        target = -target[self._free] - self._loose.T @ flows
+        flows = flows + self._loose @ np.where(idle, 0.0, solve(target))
         least = self._multipliers(flows)
-        rest = rates - self._linear.T @ multipliers
-        rest = rest - (resistance.matrix.T @ least - matrix.T @ flows)
-        lost = resistance.constant @ (least + multipliers) - self._norms.constant @ flows
+        rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
+        lost = resistance.constant @ (least + multipliers) - norms.constant @ flows
         missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
         at = self.model.contact[self._pressed]
         np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
@@ -226,12 +243,11 @@ class FlowRule:
         return result
 
     @cached_property
-    def _normal(self) -> Callable[[FloatArray], FloatArray]:
-        """Solver of G' G for loose norm rows G on the free rates; nothing where nobody resists."""
-        square = (self._loose_rows.T @ self._loose_rows).tocsc()
+    def _normal(self) -> tuple[BoolArray, Callable[[FloatArray], FloatArray]]:
+        """Solver of G' G for loose norm rows G on the free rates, and where nobody resists."""
+        square = (self._loose.T @ self._loose).tocsc()
         idle = square.diagonal() == 0.0
-        solve = splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
-        return lambda right: np.where(idle, 0.0, solve(right))
+        return idle, splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
 
     def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
         """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of
@@ -254,7 +270,7 @@ class FlowRule:
         elif is_cheap:
             goal = _PENALTY * cp.sum(cp.pos(missing)) + found.dissipation
         problem = cp.Problem(cp.Minimize(goal), found.limits)
-        if not run(problem, *clarabel_at(_TIGHT), ignore_dpp=True).has_values:
+        if not run(problem, clarabel_at(_TIGHT)[0], ignore_dpp=True).has_values:
             return self._nothing
         flows, multipliers = self._nothing
         if found.flows is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -21,6 +22,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.points import Placing, at_centroids
 from cvxlimit.surfaces.base import (
     CONSTANT,
+    Coefficient,
     Condition,
     LinearForm,
     Norm,
@@ -28,6 +30,7 @@ from cvxlimit.surfaces.base import (
     check_condition,
     number,
     stated,
+    times,
 )
 from cvxlimit.surfaces.cones import Cone, Conic
 
@@ -66,18 +69,16 @@ class Part:
     @property
     def is_moment(self) -> bool:
         """True if it gives moments only, and hence is one; what gives nothing counts as a force."""
-        return bool(self.gives) and not any(component in _FORCES for component in self.gives)
+        return bool(self.gives) and self.gives.keys().isdisjoint(_FORCES)
 
     def meaning(self, contacts: int) -> sp.csr_array:
         """Contact forces (6 n, k) per unit."""
         k = len(self.contact)
-        if not self.gives:
-            return sp.csr_array((len(COMPONENTS) * contacts, k))
-        rows = [len(COMPONENTS) * self.contact + COLUMN[c] for c in self.gives]
-        values = [np.broadcast_to(np.asarray(v, dtype=float), (k,)) for v in self.gives.values()]
-        index = (np.concatenate(rows), np.tile(np.arange(k), len(rows)))
-        shape = (len(COMPONENTS) * contacts, k)
-        return sp.csr_array((np.concatenate(values), index), shape=shape)
+        rows, values = np.zeros((2, len(self.gives), k))
+        for i, (component, value) in enumerate(self.gives.items()):
+            rows[i], values[i] = len(COMPONENTS) * self.contact + COLUMN[component], value
+        index = rows.astype(int).ravel(), np.tile(np.arange(k), len(rows))
+        return sp.csr_array((values.ravel(), index), shape=(len(COMPONENTS) * contacts, k))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,14 +133,12 @@ class ForceModel:
             check_condition(condition, "the formulation", len(self.contacts), names)
         sizes = [len(part.contact) for part in self.parts]
         ends = np.cumsum(sizes).tolist()
-        found = {
-            "start": dict(zip(names, map(slice, [0, *ends], ends), strict=False)),
-            "nonneg": np.repeat([part.nonneg for part in self.parts], sizes),
-            "is_moment": np.repeat([part.is_moment for part in self.parts], sizes),
-            "contact": np.concatenate([part.contact for part in self.parts]),
-        }
-        for name, value in found.items():
-            object.__setattr__(self, name, value)
+        start = dict(zip(names, map(slice, [0, *ends], ends), strict=False))
+        object.__setattr__(self, "start", start)
+        object.__setattr__(self, "contact", np.concatenate([p.contact for p in self.parts]))
+        for name in ("nonneg", "is_moment"):
+            each = np.repeat([getattr(part, name) for part in self.parts], sizes)
+            object.__setattr__(self, name, each)
 
     @cached_property
     def meaning(self) -> sp.csr_array:
@@ -167,12 +166,11 @@ class ForceModel:
             for condition in stated(surface, self.contacts, names)
         ]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
+        sizes = {part.name: len(part.contact) for part in self.parts if part.name not in COLUMN}
         for _, condition, _ in written:
             rows = len(self.contacts if condition.contact is None else condition.contact)
             for name in (name for form in condition.forms() for name in form):
-                where = self.start.get(name)
-                size = rows if where is None or name in COLUMN else where.stop - where.start
-                if size != rows:
+                if (size := sizes.get(name, rows)) != rows:
                     raise ModelError(
                         f"a condition on {name!r} has {rows} rows where {name!r} has {size} "
                         "entries: give the condition the contact of each entry, or, if a force "
@@ -200,6 +198,8 @@ class ForceModel:
 
 
 Formulation = Callable[[Contacts], ForceModel]
+
+Numbers = Mapping[str, float | FloatArray]
 
 
 DIVISIONS = 8
@@ -250,9 +250,21 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
     Rocking (Eq. 9) holds by construction for any convex polygon. The fastest form measured.
     """
     each = np.arange(len(contacts))
-    x, y = contacts.corner_xy.T
-    corner = Part("n", {"N": 1, "M1": y, "M2": -x}, contacts.corner_contact, nonneg=True)
-    return ForceModel(contacts, [corner, *(Part(c, {c: 1}, each) for c in ("V1", "V2", "MT"))])
+    parts = [Part(c, {c: 1}, each) for c in ("V1", "V2", "MT")]
+    n = compressions_at(contacts.corner_contact, contacts.corner_xy)
+    return ForceModel(contacts, [n, *parts])
+
+
+def compressions_at(contact: IntArray, at: FloatArray, name: str = "n") -> Part:
+    """A compression at each of some points (k, 2) of contacts (k,)."""
+    return Part(name, {"N": 1, "M1": at[:, 1], "M2": -at[:, 0]}, contact, nonneg=True)
+
+
+def friction_at(contact: IntArray, at: FloatArray, resistance: LinearForm) -> tuple[Any, Condition]:
+    """Forces v1, v2 at points (k, 2) of contacts (k,), and the condition that bounds them."""
+    x, y = at.T
+    parts = [Part("v1", {"V1": 1, "MT": -y}, contact), Part("v2", {"V2": 1, "MT": x}, contact)]
+    return parts, Condition([Norm({"v1": 1}, {"v2": 1})], resistance, contact)
 
 
 def resultants(contacts: Contacts) -> ForceModel:
@@ -276,18 +288,13 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
     >>> round(solve(scene, [Rocking()], formulation=vertex_forces).load_factor, 4)
     0.3642
     """
-    j, (x, y) = contacts.corner_contact, contacts.corner_xy.T
-    parts = [
-        Part("n", {"N": 1, "M1": y, "M2": -x}, j, nonneg=True),
-        Part("v1", {"V1": 1, "MT": -y}, j),
-        Part("v2", {"V2": 1, "MT": x}, j),
-    ]
-    resistance: dict[str, float | FloatArray] = {"n": contacts.friction[j]}
+    j = contacts.corner_contact
+    resistance: dict[str, Coefficient] = {"n": contacts.friction[j]}
     if np.any(contacts.cohesion):
         corners = np.diff(contacts.corner_start)
         resistance[CONSTANT] = (contacts.cohesion * contacts.area / corners)[j]
-    coulomb = Condition([Norm({"v1": 1}, {"v2": 1})], resistance, j)
-    return ForceModel(contacts, parts, [coulomb])
+    parts, coulomb = friction_at(j, contacts.corner_xy, resistance)
+    return ForceModel(contacts, [compressions_at(j, contacts.corner_xy), *parts], [coulomb])
 
 
 def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
@@ -295,32 +302,27 @@ def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
     l1, l2 = contacts.sides[weak].T
     most = (contacts.compressive_strength * contacts.area)[weak]
     effective = [
-        _product({"z": 1}, {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
+        _product("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
         for i in (-1, 1)
         for k in (-1, 1)
     ]
     conditions = [
+        *model.conditions,
         *effective,
-        _product({"N": 1}, {"z": 1}, {"s": 1}, weak),
-        _product({"s": 1}, {"N": 1}, {CONSTANT: most}, weak),
+        _product("N", {"z": 1}, {"s": 1}, weak),
+        _product("s", {"N": 1}, {CONSTANT: most}, weak),
     ]
-    parts = [Part(name, {}, weak) for name in ("z", "s")]
-    return _extended(model, [*model.parts, *parts], conditions)
+    parts = [*model.parts, Part("z", {}, weak), Part("s", {}, weak)]
+    return replace(model, parts=parts, conditions=conditions)
 
 
-def _product(
-    root: Mapping[str, float],
-    first: Mapping[str, float | FloatArray],
-    second: Mapping[str, float | FloatArray],
-    contact: IntArray,
-) -> Condition:
-    ((name, k),) = root.items()
-    names = {**first, **second}
+def _product(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
+    """root^2 <= first x second."""
     total, difference = (
-        {key: first.get(key, 0.0) + sign * second.get(key, 0.0) for key in names}
+        {key: first.get(key, 0.0) + sign * second.get(key, 0.0) for key in {**first, **second}}
         for sign in (1.0, -1.0)
     )
-    return Condition([Norm({name: 2.0 * k}, difference)], total, contact)
+    return Condition([Norm({root: 2.0}, difference)], total, contact)
 
 
 def with_field(
@@ -337,7 +339,7 @@ def with_field(
             "replace: limited compressive strength goes with corner_compressions"
         )
     points = placing(contacts.take(weak), divisions[weak])
-    j, (x, y) = weak[points.contact], points.xy.T
+    j = weak[points.contact]
     most = points.share * (contacts.compressive_strength * contacts.area)[j]
     corner = model.parts[names.index(_COMPRESSIONS)]
     kept = ~np.isin(corner.contact, weak)
@@ -345,14 +347,9 @@ def with_field(
     parts = [part for part in model.parts if part is not corner]
     if kept.any():
         parts.append(replace(corner, gives=gives, contact=corner.contact[kept]))
-    parts.append(Part("p", {"N": 1, "M1": y, "M2": -x}, j, nonneg=True))
-    return _extended(model, parts, [Condition([], {"p": -1, CONSTANT: most}, j)])
-
-
-def _extended(
-    model: ForceModel, parts: Sequence[Part], conditions: Sequence[Condition]
-) -> ForceModel:
-    return replace(model, parts=parts, conditions=[*model.conditions, *conditions])
+    parts.append(compressions_at(j, points.xy, "p"))
+    limit = Condition([], {"p": -1, CONSTANT: most}, j)
+    return replace(model, parts=parts, conditions=[*model.conditions, limit])
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,7 +382,7 @@ class ForceVariables:
             variable = cp.Variable(len(part.contact), name=part.name, nonneg=part.nonneg)
             meaning = (unit * down @ part.meaning(len(model.contacts))).tocsr()
             maps.append((variable, meaning))
-            components[part.name] = times_unit(unit, variable)
+            components[part.name] = times(unit, variable)
         for column, name in enumerate(COMPONENTS):
             components[name] = _component(maps, column, float(units[column]))
         return cls(maps, components, [])
@@ -394,11 +391,6 @@ class ForceVariables:
         """Forces (n, 6) of the present solution, scaled."""
         total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
         return np.asarray(total).reshape(-1, len(COMPONENTS))
-
-
-def times_unit(unit: float, expression: cp.Expression) -> cp.Expression:
-    """The expression itself where the unit is one: nothing for CVXPY to do."""
-    return expression if unit == 1.0 else unit * expression
 
 
 def _component(
@@ -410,10 +402,10 @@ def _component(
         if not rows.nnz:
             continue
         rows = (unit * rows).tocsr()
-        is_whole = rows.shape[0] == rows.shape[1] == rows.nnz
-        is_whole = is_whole and bool((rows.indices == np.arange(rows.shape[0])).all())
-        if is_whole and (rows.data == rows.data[0]).all():
-            terms.append(times_unit(float(rows.data[0]), variable))
+        n = rows.shape[0]
+        is_whole = n == rows.shape[1] == rows.nnz and (rows.indices == np.arange(n)).all()
+        if is_whole and (rows.data == rows.data[0]).all():  # less for CVXPY to do
+            terms.append(times(float(rows.data[0]), variable))
         else:
             terms.append(rows @ variable)
     if not terms:

@@ -11,12 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF, Statics
 
 
@@ -29,20 +27,9 @@ def glued(
     what is glued to a support is fixed. Also returns rates (bodies, 6), those of the first block of
     each body, and which contacts (k,) are left. None if nothing is glued, or everything to the
     supports, and for scenes with ties or guides, which are no contacts between two free bodies.
-
-    Example
-    -------
-    >>> import numpy as np
-    >>> from cvxlimit import builtin_scene
-    >>> stack = Assemblage.of(builtin_scene("stack"))
-    >>> sliding = np.zeros((5, 6))
-    >>> sliding[3:, 0] = 1.0  # the two upper blocks, on the three lower ones
-    >>> whole, rates, left = glued(stack, sliding, 1e-12)
-    >>> len(whole.contacts), rates.tolist(), left
-    (1, [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]], array([3]))
     """
     statics = assemblage.statics
-    if statics.guides or assemblage.scene.ties:
+    if statics.guide is not None or assemblage.scene.ties:
         return None
     body = _bodies(statics, mechanism, share)
     number = np.where(statics.row_of_block < 0, 0, body[statics.row_of_block + 1])
@@ -59,8 +46,7 @@ def glued(
         dead=_moved(statics.dead, body[1:], centre, origin),
         live=_moved(statics.live, body[1:], centre, origin),
     )
-    balance = Balance(whole, corner_compressions(whole.contacts))
-    return replace(assemblage, statics=whole, balance=balance), mechanism[first], moving
+    return assemblage.of_less(whole), mechanism[first], moving
 
 
 def without_idle(
@@ -71,16 +57,9 @@ def without_idle(
     Contacts are left out whose forces are below ``share`` of the largest, and blocks with them that
     no contact touches any more. None if no contact is left out, if some blocks then lack any
     support, as one that bears a load would, and for scenes with ties or guides.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> stack = Assemblage.of(builtin_scene("stack"))
-    >>> without_idle(stack, np.ones((5, 6)), 1e-12) is None
-    True
     """
     statics = assemblage.statics
-    if statics.guides or assemblage.scene.ties:
+    if statics.guide is not None or assemblage.scene.ties:
         return None
     contacts = statics.contacts
     reach = np.repeat([float(np.abs(contacts.corner_xy).max()), 1.0], 3)
@@ -88,31 +67,28 @@ def without_idle(
     busy = np.flatnonzero(size > share * size.max(initial=0.0))
     if not len(busy) or len(busy) == len(contacts):
         return None
-    loaded = np.any(
-        (statics.dead != 0.0).reshape(-1, DOF) | (statics.live != 0.0).reshape(-1, DOF), axis=1
-    )
-    less = with_contacts(assemblage, busy, loaded)
+    loads = np.stack([statics.dead, statics.live]).reshape(2, -1, DOF)
+    less = with_contacts(assemblage, busy, (loads != 0.0).any(axis=(0, 2)))
     return (less, forces[busy]) if less.balance.is_supported else None
 
 
-def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: NDArray[np.bool_]) -> Assemblage:
+def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: BoolArray) -> Assemblage:
     """Some contacts only (k,), and the free blocks that they touch or that are named (free,)."""
     statics = assemblage.statics
     contacts, number = statics.contacts.take(kept), statics.row_of_block
     rows = np.concatenate([number[contacts.a], number[contacts.b]])
     is_kept = blocks.copy()
     is_kept[rows[rows >= 0]] = True
-    new, dof = np.cumsum(is_kept) - 1, np.repeat(is_kept, DOF)
+    dof, guide = np.repeat(is_kept, DOF), statics.guide
     smaller = replace(
         statics,
         contacts=contacts,
-        row_of_block=np.where((number >= 0) & is_kept[number], new[number], -1),
+        row_of_block=np.where((number >= 0) & is_kept[number], np.cumsum(is_kept)[number] - 1, -1),
         dead=statics.dead[dof],
         live=statics.live[dof],
-        guides={int(new[row]): way for row, way in statics.guides.items() if is_kept[row]},
+        guide=None if guide is None else guide[dof][:, dof],
     )
-    balance = Balance(smaller, corner_compressions(contacts))
-    return replace(assemblage, statics=smaller, balance=balance)
+    return assemblage.of_less(smaller)
 
 
 def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:

@@ -18,7 +18,6 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.loads import Load
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
 
@@ -30,12 +29,7 @@ _ROUNDING = 1e-12
 class Mortar:
     """A scene without tension that stands for one with, and what its normal forces hide.
 
-    Attributes
-    ----------
-    scene : Scene
-        Without tensile strength.
-    pull : (n,)
-        t A of each contact: N of the original scene is N here less this.
+    N of the original scene is N of ``scene``, which has no tensile strength, less ``pull`` (n,).
 
     Example
     -------
@@ -53,13 +47,7 @@ class Mortar:
 
     @classmethod
     def of(cls, scene: Scene) -> Mortar:
-        """Of any scene; one without tensile strength stays as it is.
-
-        Raises
-        ------
-        ModelError
-            If a tensile strength is beyond the cone's apex, cohesion over friction.
-        """
+        """Of any scene; one without tensile strength stays as it is."""
         contacts = scene.contacts
         tension = contacts.tensile_strength
         if not np.any(tension):
@@ -74,26 +62,23 @@ class Mortar:
                 "Mohr-Coulomb's cone ends there; give more cohesion or less tensile strength"
             )
         pull = tension * contacts.area
+        forces = np.zeros((len(pull), len(COMPONENTS)))
+        forces[:, COLUMN["N"]] = pull
+        extra = -(Statics.of(scene).matrix @ forces.ravel()).reshape(-1, DOF)
+        own = dict(scene.dead.forces)
+        for i, force in zip(scene.free, extra, strict=True):
+            key = scene.blocks[i].id
+            own[key] = tuple(np.array(own.get(key, np.zeros(DOF))) + force)
         pressed = contacts.with_values(
             cohesion=np.maximum(cohesion, 0.0),
             compressive_strength=contacts.compressive_strength + tension,
             tensile_strength=0.0,
         )
-        return cls(scene.with_dead(_with_pull(scene, pull))._with_contacts(pressed), pull)
+        pulled = scene.with_dead(replace(scene.dead, forces=own))
+        return cls(pulled._with_contacts(pressed), pull)
 
     def original(self, forces: FloatArray) -> FloatArray:
         """Contact forces (n, 6) of the scene with tension."""
         result = np.array(forces)
         result[:, COLUMN["N"]] -= self.pull
         return result
-
-
-def _with_pull(scene: Scene, pull: FloatArray) -> Load:
-    forces = np.zeros((len(pull), len(COMPONENTS)))
-    forces[:, COLUMN["N"]] = pull
-    extra = -(Statics.of(scene).matrix @ forces.ravel()).reshape(-1, DOF)
-    own = {key: np.array(force) for key, force in scene.dead.forces.items()}
-    for i, force in zip(scene.free, extra, strict=True):
-        key = scene.blocks[i].id
-        own[key] = own.get(key, np.zeros(DOF)) + force
-    return replace(scene.dead, forces={key: tuple(force) for key, force in own.items()})

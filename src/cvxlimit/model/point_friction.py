@@ -17,39 +17,20 @@ from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.model.flow import Shortfall, corner_openings
-from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.formulations import ForceModel, compressions_at, friction_at
 from cvxlimit.model.points import Placing, Points, at_centroids, at_corners
-from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, Norm
+from cvxlimit.surfaces.base import CONSTANT, Coefficient
 from cvxlimit.surfaces.exact_torsion import Edges
 
-__all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners", "friction_at"]
-
-
-def friction_at(contacts: Contacts, points: Points) -> ForceModel:
-    """Corner compressions, and friction at points: abs(v_i) <= share_i (mu N + c A)."""
-    j, (x, y) = points.contact, points.xy.T
-    n, (n_x, n_y) = contacts.corner_contact, contacts.corner_xy.T
-    parts = [
-        Part("n", {"N": 1, "M1": n_y, "M2": -n_x}, n, nonneg=True),
-        Part("v1", {"V1": 1, "MT": -y}, j),
-        Part("v2", {"V2": 1, "MT": x}, j),
-    ]
-    resistance: dict[str, Coefficient] = {"N": points.share * contacts.friction[j]}
-    if np.any(contacts.cohesion):
-        resistance[CONSTANT] = points.share * (contacts.cohesion * contacts.area)[j]
-    return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], resistance, j)])
+__all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners"]
 
 
 @dataclass(frozen=True, eq=False)
 class PointFriction:
     """Formulation with friction at points, ``divisions`` of them across a contact.
 
-    Parameters
-    ----------
-    placing : callable
-        :func:`at_centroids` (safe side) or :func:`at_corners` (unsafe side).
-    divisions : int or (n,) int array
-        Cells have about 1 / divisions of the contact's size.
+    ``placing`` is :func:`at_centroids` (safe side) or :func:`at_corners` (unsafe side); cells have
+    about 1 / ``divisions`` of the contact's size.
 
     Example
     -------
@@ -74,7 +55,14 @@ class PointFriction:
         return self.placing(contacts, count)
 
     def __call__(self, contacts: Contacts) -> ForceModel:
-        return friction_at(contacts, self.points(contacts))
+        points = self.points(contacts)
+        j, resistance = points.contact, dict[str, Coefficient]()
+        resistance["N"] = points.share * contacts.friction[j]
+        if np.any(contacts.cohesion):
+            resistance[CONSTANT] = points.share * (contacts.cohesion * contacts.area)[j]
+        parts, coulomb = friction_at(j, points.xy, resistance)
+        n = compressions_at(contacts.corner_contact, contacts.corner_xy)
+        return ForceModel(contacts, [n, *parts], [coulomb])
 
 
 class ExactFlow:
@@ -84,17 +72,12 @@ class ExactFlow:
     opening is mu times the mean slip, less the opening at the corner where it is least. Nothing
     is approximated, so a certificate with it bounds the load factor of the exact limit surface,
     whatever problem the mechanism came from.
-
-    Parameters
-    ----------
-    contacts : Contacts
     """
 
     def __init__(self, contacts: Contacts) -> None:
         self.contacts, self.edges = contacts, Edges.of(contacts)
 
     def mean_slip(self, rates: FloatArray) -> FloatArray:
-        """Mean slip (n,) of relative rates (n, 6)."""
         return self.edges.mean_slip(rates[:, :2], rates[:, COLUMN["MT"]])
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
@@ -105,9 +88,7 @@ class ExactFlow:
         return Shortfall(self.contacts.friction * slip - opening, np.zeros(0), lost)
 
     def opened(self, rates: FloatArray) -> Shortfall:
-        """The shortfall itself: the rule leaves no choice."""
         return self.shortfall(rates)
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """The missing opening (n,) itself."""
         return self.shortfall(rates).missing

@@ -16,13 +16,8 @@ from cvxlimit.geometry.polygons import area_and_centroid
 class Points:
     """Points of contacts where friction acts.
 
-    Attributes
-    ----------
-    contact : (k,) int array
-    xy : (k, 2)
-        In the contact's plane, about its origin.
-    share : (k,)
-        Of the contact's pressure; shares of a contact add up to 1.
+    ``xy`` (k, 2) is about the contact's origin in its plane; ``share`` (k,) is that of the
+    contact's pressure, and adds up to 1 over a contact.
     """
 
     contact: IntArray
@@ -44,31 +39,27 @@ Placing = Callable[[Contacts, IntArray], Points]
 def at_centroids(contacts: Contacts, divisions: IntArray) -> Points:
     """Cells' centroids with the cells' areas: inside the exact limit surface."""
     found = []
-    for j, cells in enumerate(_cells(contacts, divisions)):
-        area, centre = _areas_and_centroids(cells)
-        found.append((j, centre, area / area.sum()))
+    for cells in _cells(contacts, divisions):
+        area = _areas(cells)
+        found.append((cells.mean(axis=1), area / area.sum()))
     return _collected(found)
 
 
 def at_corners(contacts: Contacts, divisions: IntArray) -> Points:
     """Cells' corners, each with its part of its cells' areas: outside the exact limit surface."""
     found = []
-    for j, cells in enumerate(_cells(contacts, divisions)):
-        area, _ = _areas_and_centroids(cells)
+    for cells in _cells(contacts, divisions):
+        area, corners = _areas(cells), cells.reshape(-1, 2)
         weight = np.repeat(area / area.sum() / cells.shape[1], cells.shape[1])
-        size = np.sqrt(float(contacts.area[j]))
-        _, first, which = np.unique(
-            np.round(cells.reshape(-1, 2) / size, 9), axis=0, return_index=True, return_inverse=True
-        )
-        shares: FloatArray = np.bincount(which.ravel(), weight).astype(float)
-        found.append((j, cells.reshape(-1, 2)[first], shares))
+        near = np.round(corners / np.sqrt(area.sum()), 9)
+        _, first, which = np.unique(near, axis=0, return_index=True, return_inverse=True)
+        found.append((corners[first], np.bincount(which.ravel(), weight).astype(float)))
     return _collected(found)
 
 
-def _collected(found: list[tuple[int, FloatArray, FloatArray]]) -> Points:
-    contact = np.repeat([j for j, _, _ in found], [len(xy) for _, xy, _ in found])
-    xy, share = (np.concatenate([entry[i] for entry in found]) for i in (1, 2))
-    return Points(contact, xy, share)
+def _collected(found: list[tuple[FloatArray, FloatArray]]) -> Points:
+    contact = np.repeat(np.arange(len(found)), [len(xy) for xy, _ in found])
+    return Points(contact, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
 def _cells(contacts: Contacts, divisions: IntArray) -> list[FloatArray]:
@@ -106,6 +97,7 @@ def _fan(polygon: FloatArray, size: float) -> FloatArray:
     return np.array(cells)
 
 
-def _areas_and_centroids(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _areas(cells: FloatArray) -> FloatArray:
+    """Of parallelograms; twice those of triangles."""
     u, v = cells[:, 1] - cells[:, 0], cells[:, -1] - cells[:, 0]
-    return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), cells.mean(axis=1)
+    return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -10,7 +10,6 @@ from typing import Protocol
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
@@ -21,7 +20,7 @@ from cvxlimit.model.formulations import (
     corner_compressions,
     model_of,
 )
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import YieldSurface, admissible
@@ -55,27 +54,17 @@ class Objective(Protocol):
 class LargestFactor:
     """The load factor, at most ``most`` where only its reach is asked for.
 
-    With ``relief_price`` any share of the dead load may be taken off at this price in load
-    factors, so that the problem always has a solution and a mechanism: where no state carries the
-    dead load, the mechanism's bound falls to minus the price. ``cost`` is taken off the scaled
-    load factor.
+    ``cost`` is taken off the scaled load factor.
     """
 
     most: float | None = None
-    relief_price: float | None = None
     cost: cp.Expression | None = None
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`Objective`."""
         unit = assemblage.scaling.load_factor(1.0)
-        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
         limits = [] if self.most is None else [alpha <= self.most / unit]
         goal = alpha if self.cost is None else alpha - self.cost
-        if self.relief_price is None:
-            return Terms(goal, dead, live, limits)
-        relief = cp.Variable(name="relief", nonneg=True)
-        goal = goal - self.relief_price / unit * relief
-        return Terms(goal, dead - relief * dead, live, [*limits, relief <= 1.0])
+        return Terms(goal, assemblage.scaled.dead, alpha * assemblage.scaled.live, limits)
 
 
 @dataclass(frozen=True)
@@ -89,7 +78,6 @@ class LargestSelfStress:
     """
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`Objective`."""
         pressure = forces.components["N"]
         nothing = np.zeros(len(assemblage.scaled.dead))
         return Terms(cp.sum(pressure), nothing, nothing, [pressure <= 1.0, alpha == 0.0])
@@ -107,7 +95,6 @@ class LeastForces:
     weight: float
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """See :class:`Objective`."""
         components, length = forces.components, assemblage.scaling.length
         square = sum(cp.sum_squares(components[c]) for c in ("V1", "V2", "N"))
         square += sum(cp.sum_squares(components[c] / length) for c in ("M1", "M2", "MT"))
@@ -122,17 +109,16 @@ class StaticProblem:
     its limits may change between solves. Rows of equilibrium without forces and loads are left
     out, as those across the plane of a planar formulation.
 
-    Parameters
-    ----------
-    assemblage : Assemblage
-    forces : ForceVariables
-    limits : sequence of cvxpy.Constraint
-        What bounds the forces.
-    objective : Objective
-    rates : (r, 6 free blocks) sparse array or None
-        The ways in which blocks may move, one per row: equilibrium is asked for along these only,
-        and mechanisms are made of them. None is all ways.
+    ``limits`` bound the forces. ``rates`` (r, 6 free blocks) are the ways in which blocks may move,
+    one per row: equilibrium is asked for along these only, and mechanisms are made of them; None is
+    all ways.
     """
+
+    still: FloatArray | None = None
+    """Forces (n, 6) of contacts that are no unknowns."""
+
+    units: FloatArray | float = 1.0
+    """User's units (p,) of the internal forces."""
 
     def __init__(
         self,
@@ -142,32 +128,25 @@ class StaticProblem:
         objective: Objective | None = None,
         rates: sp.csr_array | None = None,
     ) -> None:
-        self.assemblage, self.forces, self._rates = assemblage, forces, rates
+        self.assemblage, self.scaling = assemblage, assemblage.scaling
+        self.forces, self._rates = forces, rates
         self.load_factor = cp.Variable(name="alpha")
         terms = (objective or LargestFactor()).terms(assemblage, forces, self.load_factor)
-        scaled = assemblage.scaled
-        size = np.abs(scaled.dead) + np.abs(scaled.live)
-        matrix = scaled.matrix
+        scaled, load = assemblage.scaled, terms.live + terms.dead
+        matrix, loads = scaled.matrix, np.abs(scaled.dead) + np.abs(scaled.live)
         if rates is not None:
-            matrix, size = (rates @ matrix).tocsr(), abs(rates) @ size
-        self._matrices, self._rows = _equations(matrix, size != 0.0, forces)
-        balance = [
-            matrix @ (v if v.ndim == 1 else cp.vec(v, order="F"))
-            for matrix, (v, _) in zip(self._matrices, forces.maps, strict=True)
-        ]
-        load = terms.live + terms.dead
-        if rates is not None:
-            load = rates @ load
-        if len(self._rows) < matrix.shape[0]:
-            load = load[self._rows]
-        self.equilibrium = sum(balance[1:], start=balance[0]) == -load
+            matrix, load, loads = (rates @ matrix).tocsr(), rates @ load, abs(rates) @ loads
+        blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
+        size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(len(loads)))
+        self._rows = np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
+        if len(self._rows) < len(size):
+            blocks, load = [block[self._rows] for block in blocks], load[self._rows]
+        self._matrices, total = blocks, load
+        for block, (v, _) in zip(blocks, forces.maps, strict=True):
+            total = block @ (v if v.ndim == 1 else cp.vec(v, order="F")) + total
+        self.equilibrium = total == 0.0
         constraints = [self.equilibrium, *forces.constraints, *limits, *terms.limits]
         self.problem = cp.Problem(cp.Maximize(terms.goal), constraints)
-
-    @property
-    def scaling(self) -> Scaling:
-        """Units inside the problem."""
-        return self.assemblage.scaling
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
@@ -184,39 +163,22 @@ class StaticProblem:
         alpha = self.load_factor.value
         if not outcome.has_values or alpha is None:
             return LimitState(outcome, None, None, None)
+        internal = [np.asarray(v.value).ravel(order="F") for v, _ in self.forces.maps]
+        forces = self.scaling.forces(self.forces.values())
+        mechanism = self.equilibrium.dual_value
+        if mechanism is not None:
+            along = self._rates
+            rates = np.zeros(len(self.assemblage.scaled.dead) if along is None else along.shape[0])
+            rates[self._rows] = np.asarray(mechanism)
+            full = rates if along is None else np.asarray(along.T @ rates)
+            mechanism = self.scaling.mechanism(full.reshape(-1, DOF))
         return LimitState(
             outcome,
             self.scaling.load_factor(float(alpha)),
-            self._forces(),
-            self._mechanism(),
-            self._internal(),
+            forces if self.still is None else forces + self.still,
+            mechanism,
+            np.concatenate(internal) * self.units,
         )
-
-    def _forces(self) -> FloatArray:
-        return self.scaling.forces(self.forces.values())
-
-    def _internal(self) -> FloatArray | None:
-        return None
-
-    def _mechanism(self) -> FloatArray | None:
-        if self.equilibrium.dual_value is None:
-            return None
-        along = self._rates
-        rates = np.zeros(len(self.assemblage.scaled.dead) if along is None else along.shape[0])
-        rates[self._rows] = np.asarray(self.equilibrium.dual_value)
-        full = rates if along is None else np.asarray(along.T @ rates)
-        return self.scaling.mechanism(full.reshape(-1, DOF))
-
-
-def _equations(
-    matrix: sp.csr_array, loaded: NDArray[np.bool_], forces: ForceVariables
-) -> tuple[list[sp.csr_array], NDArray[np.int64]]:
-    blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
-    size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(matrix.shape[0]))
-    rows = np.flatnonzero((size > _NOTHING * size.max()) | loaded)
-    if len(rows) < len(size):
-        blocks = [block[rows] for block in blocks]
-    return blocks, rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,23 +189,11 @@ class Reduction:
     scene. Forces and mechanism come back as those of the full scene, and the certificate is
     computed from these alone, so a reduction that is not valid shows as a bracket that stays open.
 
-    Attributes
-    ----------
-    names : tuple of str
-        What was reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for the full
-        model.
-    contacts : Contacts
-        Those whose forces are unknown, k of them.
-    blocks : int
-        Number of the scene's free blocks.
-    forces : (6 n, 6 k) sparse array or None
-        What they make of the forces of all contacts; None where they are all.
-    rates : (r, 6 free blocks) sparse array or None
-        The ways in which blocks move, one per row; None is all.
-    formulation : Formulation
-        For ``contacts``.
-    still : (n, 6) array or None
-        Forces of contacts that are left out, the same at every load factor.
+    ``names`` say what was reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
+    the full model. Unknown are the forces of ``contacts``, k of them, described by ``formulation``;
+    ``forces`` (6 n, 6 k) is what they make of the forces of all, None where they are all. ``rates``
+    are the ways in which ``blocks`` free blocks move. Contacts that are left out have the forces
+    ``still`` (n, 6) at every load factor.
 
     Example
     -------
@@ -329,13 +279,6 @@ class LimitProblem(StaticProblem):
             lifted = [(v, (lift @ meaning).tocsr()) for v, meaning in forces.maps]
             forces = replace(forces, maps=lifted)
         limits = [limit for named in self.strength.values() for limit in named]
+        self.still = self.reduction.still
+        self.units = np.where(self.model.is_moment, scaling.length, 1.0) * scaling.force
         super().__init__(assemblage, forces, limits, objective, self.reduction.rates)
-
-    def _forces(self) -> FloatArray:
-        forces, still = super()._forces(), self.reduction.still
-        return forces if still is None else forces + still
-
-    def _internal(self) -> FloatArray:
-        units = np.where(self.model.is_moment, self.scaling.length, 1.0) * self.scaling.force
-        values = [np.asarray(v.value).ravel(order="F") for v, _ in self.forces.maps]
-        return np.concatenate(values) * units

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,21 +14,14 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.scene import Scene
 
+_BALANCED = 1e-11
+"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
 
-@dataclass(frozen=True)
-class _Numbers:
-    """What each number is for, and where it was measured."""
+_SMALLEST = 1e-100
+"""Smallest total load: squares of smaller ones underflow."""
 
-    balanced: float = 1e-11
-    """Residual of a block that counts as rounding, as a share of the forces acting on it."""
-    smallest: float = 1e-100
-    """Smallest total load: squares of smaller ones underflow."""
-    zero: float = 1e-06
-    """Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
-
-
-_N = _Numbers()
-
+_ZERO = 1e-6
+"""Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
 
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
@@ -42,12 +35,16 @@ def equilibrium_matrix(
     ``centroids`` (blocks, 3) of all blocks; ``row_of_block`` (blocks,) numbers the free ones
     from 0 and is -1 for supports. Contact forces act on block b, their opposites on block a.
     """
-    free = int(row_of_block.max()) + 1
-    sides = [
-        _side(contacts, contacts.b, +1.0, centroids, row_of_block),
-        _side(contacts, contacts.a, -1.0, centroids, row_of_block),
-    ]
-    rows, columns, blocks = (np.concatenate([side[i] for side in sides]) for i in range(3))
+    free, n = int(row_of_block.max()) + 1, len(contacts)
+    block, columns = np.append(contacts.b, contacts.a), np.tile(np.arange(n), 2)
+    held = np.flatnonzero(row_of_block[block] >= 0)
+    block, columns, rows = block[held], columns[held], row_of_block[block[held]]
+    sign = np.where(held < n, 1.0, -1.0)[:, None, None]
+    frame = sign * np.swapaxes(contacts.axes[columns], 1, 2)
+    arm = contacts.origin[columns] - centroids[block]
+    blocks = np.zeros((len(held), DOF, len(COMPONENTS)))
+    blocks[:, :3, :3] = blocks[:, 3:, 3:] = frame
+    blocks[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
     order = np.lexsort((columns, rows))
     start = np.searchsorted(rows[order], np.arange(free + 1))
     shape = (DOF * free, len(COMPONENTS) * len(contacts))
@@ -56,25 +53,12 @@ def equilibrium_matrix(
     return matrix
 
 
-def _side(
-    contacts: Contacts, block: IntArray, sign: float, centroids: FloatArray, number: IntArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    held = np.flatnonzero(number[block] >= 0)
-    frame = sign * np.swapaxes(contacts.axes[held], 1, 2)
-    arm = contacts.origin[held] - centroids[block[held]]
-    entries = np.zeros((len(held), DOF, len(COMPONENTS)))
-    entries[:, :3, :3] = entries[:, 3:, 3:] = frame
-    entries[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
-    return number[block[held]], held, entries
-
-
 @dataclass(frozen=True, eq=False)
 class Statics:
     """Equilibrium data of a scene in one consistent set of units.
 
     ``matrix`` is A; ``dead`` and ``live`` are load vectors (6 free blocks,); see
-    :func:`equilibrium_matrix`. ``guides`` are directions (3,) of free blocks, by row, that can only
-    move along them: what acts on such a block in other ways is taken up by its guide.
+    :func:`equilibrium_matrix`. ``guide`` projects rates on those that :meth:`guided` allows.
     """
 
     contacts: Contacts
@@ -82,21 +66,15 @@ class Statics:
     row_of_block: IntArray
     dead: FloatArray
     live: FloatArray
-    guides: Mapping[int, FloatArray] = field(default_factory=dict)
+    guide: sp.csr_array | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("dead", "live"):
-            if self.guides:
-                object.__setattr__(self, name, self.guided @ getattr(self, name))
-
-    @cached_property
-    def guided(self) -> sp.csr_array:
-        """Projection (6 free blocks, 6 free blocks) of rates on those that guides allow."""
-        blocks = [np.eye(DOF)] * (int(self.row_of_block.max()) + 1)
-        for row, direction in self.guides.items():
-            blocks[row] = np.zeros((DOF, DOF))
-            blocks[row][:3, :3] = np.outer(direction, direction)
-        return sp.csr_array(sp.block_diag([*map(sp.csr_array, blocks)], format="csr"))
+    def guided(self, row: int, direction: FloatArray) -> Statics:
+        """The same with a free block, by row, that can only move along a direction (3,): what acts
+        on it in other ways is taken up by its guide."""
+        blocks = [sp.eye_array(DOF)] * (int(self.row_of_block.max()) + 1)
+        blocks[row] = sp.csr_array(np.kron(np.diag([1.0, 0.0]), np.outer(direction, direction)))
+        guide = sp.csr_array(sp.block_diag(blocks, format="csr"))
+        return replace(self, dead=guide @ self.dead, live=guide @ self.live, guide=guide)
 
     @classmethod
     def of(cls, scene: Scene) -> Statics:
@@ -105,7 +83,7 @@ class Statics:
         number[scene.free] = np.arange(len(scene.free))
         return cls(
             contacts=scene.contacts,
-            centroids=np.array([b.centroid for b in scene.blocks]),
+            centroids=np.array([*map(attrgetter("centroid"), scene.blocks)]),
             row_of_block=number,
             dead=scene.dead_forces.ravel(),
             live=scene.live_forces.ravel(),
@@ -121,7 +99,7 @@ class Statics:
     def matrix(self) -> sp.csr_array:
         """A of Eq. 7."""
         whole = equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
-        return (self.guided @ whole).tocsr() if self.guides else whole
+        return whole if self.guide is None else (self.guide @ whole).tocsr()
 
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
@@ -135,7 +113,7 @@ class Statics:
         """
         rest = block_sizes(self.residual(forces, load_factor), length)
         size = self.acting(forces, load_factor, length)
-        return bool(np.isfinite(size).all() and (rest <= _N.balanced * size).all())
+        return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
 
     def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
         """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
@@ -173,13 +151,9 @@ class Scaling:
     "optimal" status, small residuals and no duality gap. The live load has its own unit, so
     that the scaled load factor does not depend on how the user normalised it.
 
-    Attributes
-    ----------
-    force, length, live : float
-        One unit of the scaled problem, in the user's units.
-    ratio : float
-        Dead load of the blocks that carry live load, over the live load: a natural size of load
-        factors. With all blocks' dead load a pebble beside a boulder would have a huge one.
+    ``force``, ``length`` and ``live`` are one unit of the scaled problem in the user's units;
+    ``ratio`` is the dead load of the blocks that carry live load, over the live load: a natural
+    size of load factors. With all blocks' dead load, a pebble beside a boulder had a huge one.
     """
 
     force: float
@@ -189,18 +163,12 @@ class Scaling:
 
     @classmethod
     def of(cls, scene: Scene) -> Scaling:
-        """Total dead load, typical contact size, total live load.
-
-        Raises
-        ------
-        InputError
-            If a load is so small that its square is lost in rounding.
-        """
+        """Total dead load, typical contact size, total live load."""
         length = scene.contacts.typical_size
         for what, forces in (("live", scene.live_forces), ("dead", scene.dead_forces)):
-            if np.any(forces) and not _total(forces, length) > _N.smallest:
+            if np.any(forces) and not block_sizes(forces, length).sum() > _SMALLEST:
                 raise InputError(
-                    f"the {what} load of scene {scene.name!r} is below {_N.smallest:g} in all: "
+                    f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
                     "choose smaller units of force or a larger density"
                 )
         return cls.under(length, scene.dead_forces, scene.live_forces)
@@ -208,21 +176,20 @@ class Scaling:
     @classmethod
     def under(cls, length: float, dead: FloatArray, live: FloatArray) -> Scaling:
         """For loads (free blocks, 6), with a unit of length."""
-        total, push = _total(dead, length), _total(live, length)
-        force = total if total > 0.0 else push
-        loaded = _total(dead[np.any(live, axis=1)], length)
-        return cls(force, length, push, (loaded or force) / push if push > 0.0 else 1.0)
+        each, push = block_sizes(dead, length), float(block_sizes(live, length).sum())
+        force = float(each.sum()) or push
+        loaded = float(each[np.any(live, axis=1)].sum()) or force
+        return cls(force, length, push, loaded / push if push > 0.0 else 1.0)
 
     def apply(self, statics: Statics) -> Statics:
         """The scaled copy; forces, lengths and load factor of order one."""
-        rows = np.tile([1.0, 1.0, 1.0] + [self.length] * 3, len(statics.dead) // DOF)
-        return Statics(
+        rows = np.tile(np.repeat([1.0, self.length], 3), len(statics.dead) // DOF)
+        return replace(
+            statics,
             contacts=statics.contacts.scaled(1.0 / self.length),
             centroids=statics.centroids / self.length,
-            row_of_block=statics.row_of_block,
             dead=statics.dead / (self.force * rows),
             live=statics.live / (self.live * rows),
-            guides=statics.guides,
         )
 
     def load_factor(self, scaled: float) -> float:
@@ -231,27 +198,17 @@ class Scaling:
 
     @property
     def least(self) -> float:
-        """Size by which brackets that hold zero are measured: a millionth of the ratio."""
-        return _N.zero * self.ratio
+        """Size by which brackets that hold zero are measured."""
+        return _ZERO * self.ratio
 
     def unit(self, *load_factors: float) -> float:
-        """What errors of load factors are measured by: the largest, or a millionth of the ratio.
-
-        >>> Scaling(force=100.0, length=1.0, live=10.0, ratio=10.0).unit(-0.5, 0.2)
-        0.5
-        """
+        """What errors of load factors are measured by: the largest, or :attr:`least`."""
         return max(*map(abs, load_factors), self.least)
 
     def forces(self, scaled: FloatArray) -> FloatArray:
         """Contact forces (contacts, 6) in the user's units."""
-        return scaled * self.force * np.array([1.0, 1.0, 1.0] + [self.length] * 3)
+        return scaled * self.force * np.repeat([1.0, self.length], 3)
 
     def mechanism(self, scaled: FloatArray) -> FloatArray:
         """Block rates (free, 6); live power 1 stays 1."""
-        return scaled / (self.live * np.array([1.0, 1.0, 1.0] + [self.length] * 3))
-
-
-def _total(loads: FloatArray, length: float) -> float:
-    forces = np.linalg.norm(loads[:, :3], axis=1).sum()
-    moments = np.linalg.norm(loads[:, 3:], axis=1).sum()
-    return float(forces + moments / length)
+        return scaled / (self.live * np.repeat([1.0, self.length], 3))

@@ -20,7 +20,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import recession_of
-from cvxlimit.model.flow import FlowRule, Shortfall
+from cvxlimit.model.flow import FlowRule, Shortfall, StrengthRows
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.strengths import PROPERTIES
@@ -188,7 +188,7 @@ class Strength:
             state = np.where(unresisted, 0.0, state)
         for _ in range(2):
             residual = statics.residual(self.forces(state), load_factor).ravel()
-            change = self.balance.change(self.balance.along(residual))
+            change = self.balance.change(residual)
             state = state + (change if self.is_internal else self.balance.model.forces(change))
         return state
 
@@ -296,27 +296,21 @@ class Witnesses:
         for _ in range(iterations):
             if self._is_inside(z, 0.1 * compression):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
-                if self._is_inside(z, 0.1 * compression):
-                    forces, length = (
-                        self._balance.model.forces(z),
-                        self.statics.contacts.typical_size,
-                    )
-                    is_all = (
-                        self._balance.held is None
-                    )  # else some of a load may be carried by none
+                forces, length = self._balance.model.forces(z), self.statics.contacts.typical_size
+                if all(y.max() < 0.0 for y in self.strength.excess(forces)):
+                    is_all = self._balance.held is None  # else some load may be carried by nothing
                     is_all = is_all or self.statics.is_balanced(forces, 0.0, length)
                     return forces if is_all else None
             z = self._carried(z + _N.overshoot * (self._pushed_inside(z, compression) - z))
         return None
 
     def _carried(self, z: FloatArray) -> FloatArray:
-        balance = self._balance
-        return z + balance.change(balance.matrix @ z + balance.along(self.statics.dead))
+        forces = self._balance.model.forces(z)
+        return z + self._balance.change(self.statics.residual(forces, 0.0).ravel())
 
     def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
-        if (z[self._balance.model.nonneg] < compression).any():
-            return False
-        return all(y.max() < 0.0 for y in self.strength.excess(self._balance.model.forces(z)))
+        is_pressed = not (z[self._balance.model.nonneg] < compression).any()
+        return is_pressed and all(y.max() < 0.0 for y, _ in self._excess(z))
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model
@@ -332,15 +326,31 @@ class Witnesses:
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
         share = np.zeros(len(self.statics.contacts))
-        found = (self.strength.excess(self._balance.model.forces(x)) for x in (z, inner))
-        for (condition, _), y, y_inner in zip(self.strength.conditions, *found, strict=True):
-            if condition.contact is not None:  # of corners, whose compressions see to it
-                continue
-            goal_y = _N.spare * y_inner
-            beyond = (y_inner < 0.0) & (y > goal_y)
-            needed = np.where(beyond, y - goal_y, 0.0) / np.where(beyond, y - y_inner, 1.0)
-            share = np.maximum(share, needed)
+        for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
+            goal = _N.spare * y_inner
+            beyond = (y_inner < 0.0) & (y > goal)
+            needed = np.where(beyond, y - goal, 0.0) / np.where(beyond, y - y_inner, 1.0)
+            np.maximum.at(share, contact, needed)
         return z + share[self._balance.model.contact] * (inner - z)
+
+    def _excess(self, z: FloatArray) -> list[tuple[FloatArray, IntArray]]:
+        """Yield functions of internal forces, and the contacts of their entries."""
+        if self._rows is not None:
+            return self._rows.excess(z)
+        found = self.strength.excess(self._balance.model.forces(z))
+        each = zip(found, self.strength.rows, self.strength.conditions, strict=True)
+        # those of corners hold where compressions are positive
+        return [(y, rows) for y, rows, (c, _) in each if c.contact is None]
+
+    @cached_property
+    def _rows(self) -> StrengthRows | None:
+        """None where some forces are resisted by nothing, of which only states know."""
+        if self._balance.held is not None:
+            return None
+        flow = self.strength.flow
+        if self._balance.rates is None and isinstance(flow, StrengthRows):
+            return flow
+        return StrengthRows(self.strength.surfaces, self._balance.model)
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
@@ -355,13 +365,14 @@ class Witnesses:
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
         for _ in range(_N.opening_iterations):
             rates = self._balance.solve(matrix @ (weights * target))
-            motion = self._balance.motion(rates)
+            ways = self._balance.rates
+            motion = np.asarray(rates if ways is None else ways.T @ rates).reshape(-1, DOF)
             missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(motion))
             if missing.max() < 0.0:
                 return motion
             if not np.isfinite(missing).all():
                 return None
-            target = self._opened(np.asarray(matrix.T @ rates), missing)
+            target = self._opened(np.asarray(self._balance.transposed @ rates), missing)
         return None
 
     def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:

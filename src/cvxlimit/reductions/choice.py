@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -30,9 +29,7 @@ MODELS = ("auto", "full", "least")
 """How much model: what the scene needs where that pays, all of it, or as little as is valid."""
 
 _LEAST_MIRRORED = 150
-"""Contacts from which one half of a symmetric scene pays: finding it and lifting its forces costs
-1 to 2 ms, a twentieth of all on a barrel vault of 103 contacts; a dome of 192 gains as much."""
-
+"""Contacts from which one half of a symmetric scene pays, for what finding it costs."""
 
 _FLAT = 1e-12
 """Squares of components across a plane, over those within, up to which a scene may be planar: far
@@ -43,16 +40,9 @@ above rounding, which :func:`find_plane` judges."""
 class Reductions:
     """What is valid for a scene under given surfaces.
 
-    Attributes
-    ----------
-    assemblage : Assemblage
-        The full scene. Forces of a planar one are balanced within its plane.
-    formulation : Formulation
-        Of the full model.
-    plane : Plane or None
-    mirror : Mirror or None
-    loaded : (free blocks,) array of bool
-        Those in parts with live load.
+    ``assemblage`` and ``formulation`` are those of the full scene; forces of a planar one are
+    balanced within its plane. ``loaded`` (free blocks,) are blocks in parts with live load, None if
+    all are.
 
     Example
     -------
@@ -71,7 +61,7 @@ class Reductions:
     formulation: Formulation = corner_compressions
     plane: Plane | None = None
     mirror: Mirror | None = None
-    loaded: NDArray[np.bool_] | None = None
+    loaded: BoolArray | None = None
 
     @classmethod
     def of(
@@ -89,7 +79,8 @@ class Reductions:
         guided blocks and for ties, which need not lie in the plane or the mirror.
         """
         crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
-        is_plain = not (crushes or assemblage.statics.guides or assemblage.scene.ties)
+        is_free = assemblage.statics.guide is None and not assemblage.scene.ties
+        is_plain = is_free and not crushes
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         statics = assemblage.statics
@@ -101,40 +92,33 @@ class Reductions:
             blocks = len(statics.dead) // DOF
             ways = _rates(blocks, plane.normal, None, np.arange(blocks))
             balance = Balance(statics, plane.model(plane.contacts), ways)
-            assemblage = assemblage.balanced_by(balance)
+            assemblage = replace(assemblage, balance=balance)
         loaded = loaded_blocks(statics)
         return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
 
     @property
-    def full(self) -> Reduction:
-        """No reduction."""
-        return Reduction.none(self.assemblage.statics, self.formulation)
-
-    @property
     def whole(self) -> Reduction:
         """All parts of the scene, with or without live load."""
-        return self._reduction(None)
-
-    def best(self, dead_state: FloatArray | None) -> Reduction:
-        """The smallest model; parts are left out if a state (n, 6) shows that they stand."""
-        return self._reduction(dead_state)
+        return self.best(None)
 
     def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
         """From the full model to the smallest, one reduction more each."""
         step = replace(self, plane=None, mirror=None, loaded=None)
-        yield step.full
+        yield step.whole
         for name in ("loaded", "mirror", "plane"):
             if getattr(self, name) is not None and not (name == "loaded" and dead_state is None):
                 step = replace(step, **{name: getattr(self, name)})
                 yield step.best(dead_state)
 
-    def _reduction(self, dead_state: FloatArray | None) -> Reduction:
+    def best(self, dead_state: FloatArray | None) -> Reduction:
+        """The smallest model; parts are left out if a state (n, 6) shows that they stand."""
         statics, plane, mirror = self.assemblage.statics, self.plane, self.mirror
+        full = Reduction.none(statics, self.formulation)
         blocks = None if dead_state is None else self.loaded
         found = {"parts": blocks, "symmetry": mirror, "planar": plane}
         names = tuple(name for name, part in found.items() if part is not None)
         if not names:
-            return self.full
+            return full
         kept = np.ones(len(statics.contacts), dtype=bool)
         moving = np.ones(len(statics.dead) // DOF, dtype=bool)
         still = None
@@ -143,16 +127,14 @@ class Reductions:
             still = np.where(kept[:, None], 0.0, dead_state)
         if mirror is not None:
             kept = kept & (np.arange(len(kept)) <= mirror.contacts)
+        is_whole = bool(kept.all())
+        across = None if plane is None else plane.normal
         return replace(
-            self.full,
+            full,
             names=names,
-            contacts=statics.contacts
-            if kept.all()
-            else statics.contacts.take(np.flatnonzero(kept)),
-            forces=None if kept.all() else _forces(statics, mirror, kept),
-            rates=_rates(
-                len(moving), None if plane is None else plane.normal, mirror, np.flatnonzero(moving)
-            ),
+            contacts=full.contacts if is_whole else full.contacts.take(np.flatnonzero(kept)),
+            forces=None if is_whole else _forces(mirror, kept),
+            rates=_rates(len(moving), across, mirror, np.flatnonzero(moving)),
             formulation=self.formulation if plane is None else plane.taking(kept).model,
             still=still,
         )
@@ -167,24 +149,21 @@ def _may_be_planar(statics: Statics) -> bool:
     return bool(least <= _FLAT * most)
 
 
-def _forces(statics: Statics, mirror: Mirror | None, kept: NDArray[np.bool_]) -> sp.csr_array:
+def _forces(mirror: Mirror | None, kept: BoolArray) -> sp.csr_array:
     width = len(COMPONENTS)
-    columns = (width * np.flatnonzero(kept)[:, None] + np.arange(width)).ravel()
-    if mirror is not None:
-        return mirror.forces[:, columns].tocsr()
-    return sp.eye_array(width * len(kept), format="csc")[:, columns].tocsr()
+    whole = sp.eye_array(width * len(kept), format="csc") if mirror is None else mirror.forces
+    return whole[:, np.flatnonzero(np.repeat(kept, width))].tocsr()
 
 
 def _rates(
-    blocks: int, across: FloatArray | None, mirror: Mirror | None, moving: NDArray[np.int64]
+    blocks: int, across: FloatArray | None, mirror: Mirror | None, moving: IntArray
 ) -> sp.csr_array:
     ways = _ways(across, None if mirror is None else mirror.normal)
+    each = sp.eye_array(blocks, format="csr")
     if mirror is None:
-        at = sp.eye_array(blocks, format="csr")[moving]
-        return sp.kron(at, sp.csr_array(ways), format="csr")
+        return sp.kron(each[moving], sp.csr_array(ways), format="csr")
     partner, image = mirror.blocks, ways @ mirror.reflection
     first, own = moving[moving < partner[moving]], moving[moving == partner[moving]]
-    each = sp.eye_array(blocks, format="csr")
     symmetric = ways[np.abs(image - ways).max(axis=1) < 1e-9]
     pairs = sp.kron(each[first], sp.csr_array(ways)) + sp.kron(
         each[partner[first]], sp.csr_array(image)
@@ -193,32 +172,25 @@ def _rates(
 
 
 def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
-    if across is None and mirror is None:
+    """Motions along a frame that holds both normals, and turns about its axes, row by row; those
+    within a plane only, of which ``across`` is the normal."""
+    normals = [normal for normal in (mirror, across) if normal is not None]
+    if not normals:
         return np.eye(DOF)
-    first = across if mirror is None else mirror
-    assert first is not None
-    if across is None or mirror is None:
-        second = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
-        second /= np.linalg.norm(second)
-    else:
-        second = across
-    frame = np.stack([first, second, np.cross(first, second)])
-    ways = np.kron(np.eye(2), frame)
+    first, other = normals[0], normals[-1]
+    if len(normals) == 1:
+        other = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
+        other /= np.linalg.norm(other)
+    frame = np.stack([first, other, np.cross(first, other)])
+    ways: FloatArray = np.kron(np.eye(2), frame)
     if across is None:
         return ways
-    out = 0 if mirror is None else 1
-    return ways[[i for i in range(3) if i != out] + [3 + out]]
+    is_across = np.abs(frame @ across) > 0.5
+    return ways[np.append(~is_across, is_across)]
 
 
-def loaded_blocks(statics: Statics) -> NDArray[np.bool_]:
-    """True (free blocks,) for those in a part with live load.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> bool(loaded_blocks(Statics.of(builtin_scene("stack"))).all())
-    True
-    """
+def loaded_blocks(statics: Statics) -> BoolArray:
+    """True (free blocks,) for those in a part with live load."""
     is_live = np.any(statics.live.reshape(-1, DOF), axis=1)
     if is_live.all():
         return is_live
@@ -231,7 +203,7 @@ def loaded_blocks(statics: Statics) -> NDArray[np.bool_]:
     return np.asarray(np.isin(part, part[is_live]))
 
 
-def contacts_of(statics: Statics, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def contacts_of(statics: Statics, blocks: BoolArray) -> BoolArray:
     """True (n,) for contacts of the given free blocks."""
     member = np.append(blocks, False)
     number, contacts = statics.row_of_block, statics.contacts

@@ -6,9 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import cvxpy as cp
-from cvxpy.constraints import SOC
-
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
@@ -17,7 +14,6 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import MODELS, Reductions
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solvers import SOLVERS, Shape
-from cvxlimit.solvers.ladders import inequalities
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
 
@@ -32,49 +28,18 @@ MEANING: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Size:
-    """A compiled problem: scalar variables, equations, linear inequalities, second-order cones."""
-
-    variables: int
-    equations: int
-    rows: int
-    cones: int
-
-    @classmethod
-    def of(cls, problem: LimitProblem) -> Size:
-        """Auxiliary variables of surfaces count; signs of variables are rows."""
-        stated = problem.problem
-        cones = sum(c.num_cones() for c in stated.constraints if isinstance(c, SOC))
-        equations = sum(
-            c.size for c in stated.constraints if isinstance(c, cp.constraints.Equality)
-        )
-        variables = sum(v.size for v in stated.variables())
-        return cls(variables, equations, inequalities(stated), cones)
-
-
-@dataclass(frozen=True)
 class Explanation:
     """What :func:`explain` has found out.
 
-    Attributes
-    ----------
-    scene : str
-    blocks, contacts : int
-        Free blocks and contacts of the scene.
-    sizes : mapping of str to Size
-        Of the full model, and after each reduction, in order.
-    solver : str
-        Who tries first.
-    reason : str
-        Why.
-    seconds : float
-        What the solver is expected to take on one idle core, to a factor of two or so.
+    ``blocks`` are free ones; ``sizes`` those of the full model and after each reduction, in order;
+    ``solver`` tries first, for a ``reason``, and is expected to take so many ``seconds`` on one
+    idle core, to a factor of two or so.
     """
 
     scene: str
     blocks: int
     contacts: int
-    sizes: Mapping[str, Size]
+    sizes: Mapping[str, Shape]
     solver: str
     reason: str
     seconds: float
@@ -88,7 +53,9 @@ class Explanation:
             lines.append(f"{name:<10}" + "".join(f"{number:>11}" for number in numbers))
         lines += [f"{name}: {MEANING[name]}" for name in self.sizes if name in MEANING]
         lines.append(f"solver: {self.solver}, because {self.reason}")
-        lines.append(f"expected time: {_about(self.seconds)} to solve, on one idle core")
+        about = f"about {float(f'{self.seconds:.1g}'):g} s"
+        expected = "less than 0.1 s" if self.seconds < 0.1 else about
+        lines.append(f"expected time: {expected} to solve, on one idle core")
         return "\n".join(lines)
 
 
@@ -125,20 +92,18 @@ def explain(
         for step in found.steps(state)
     }
     *_, last = problems.values()
+    sizes = {name: problem.shape for name, problem in problems.items()}
     first = last.ladder(tolerance)[0]
+    pace, growth = SOLVERS[first.name].pace
     return Explanation(
         scene.name,
         len(scene.free),
         len(scene.contacts),
-        {name: Size.of(problem) for name, problem in problems.items()},
+        sizes,
         str(first),
         _reason(first.name, last.shape),
-        _seconds(first.name, Size.of(last).variables),
+        float(pace * last.shape.variables**growth),
     )
-
-
-def _about(seconds: float) -> str:
-    return "less than 0.1 s" if seconds < 0.1 else f"about {float(f'{seconds:.1g}'):g} s"
 
 
 def _reason(solver: str, shape: Shape) -> str:
@@ -149,8 +114,3 @@ def _reason(solver: str, shape: Shape) -> str:
     }[shape.kind]
     size = "large" if solver == "BLOCKWISE" else "not so large that the blockwise solver pays"
     return f"{kind} and is {size} (work {shape.work:.1e})"
-
-
-def _seconds(solver: str, variables: int) -> float:
-    pace, growth = SOLVERS[solver].pace
-    return float(pace * variables**growth)

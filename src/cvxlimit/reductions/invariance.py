@@ -7,13 +7,14 @@ their mean, at the same load factor: forces that are their own mirror image are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.model.statics import DOF
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
 from cvxlimit.surfaces.coulomb import Rocking
@@ -28,20 +29,9 @@ def is_invariant(
 ) -> bool:
     """True if admissible forces x of contact j give admissible forces Q_j x of its partner.
 
-    Parameters
-    ----------
-    surfaces : sequence of YieldSurface
-        Rocking is left out: it is a matter of the contacts' corners.
-    contacts : Contacts
-    partner : (n,) int array
-    carried : (n, 6, 6) array
-        Q_j.
-
-    Returns
-    -------
-    bool
-        False also where it cannot be told: conditions with rows of their own, coefficients in
-        Parameters, cones that are not known.
+    ``carried`` (n, 6, 6) are Q_j. Rocking is left out: it is a matter of the contacts' corners.
+    False also where it cannot be told: conditions with rows of their own, coefficients in
+    Parameters, cones that are not known.
 
     Example
     -------
@@ -53,13 +43,12 @@ def is_invariant(
     >>> [is_invariant(surfaces_of(name)[0], contacts, each, Q) for name in ("conic", "octagon")]
     [True, False]
     """
-    for surface in surfaces:
-        if type(surface) is Rocking:
-            continue
-        for condition in stated(surface, contacts):
-            if not _carries(condition, surface.cone, contacts, partner, carried):
-                return False
-    return True
+    return all(
+        _carries(condition, surface.cone, contacts, partner, carried)
+        for surface in surfaces
+        if type(surface) is not Rocking
+        for condition in stated(surface, contacts)
+    )
 
 
 def _carries(
@@ -68,9 +57,7 @@ def _carries(
     if condition.contact is not None:
         return False
     resistance = coefficients(condition.resistance, len(contacts))
-    if resistance is None:
-        return False
-    if not _same(_images(resistance, partner, carried), resistance):
+    if resistance is None or not _same(_images(resistance, partner, carried), resistance):
         return False
     for norm in condition.norms:
         rows = [coefficients(form, len(contacts)) for form in norm.weighted_rows]
@@ -81,6 +68,34 @@ def _carries(
         if not _same_size(np.stack(known, axis=1), np.stack(images, axis=1), cone):
             return False
     return True
+
+
+def reflected(normals: FloatArray) -> FloatArray:
+    """What reflections with normals (..., 3) make of generalised forces and rates, (..., 6, 6):
+    moments are axial vectors."""
+    turn = np.eye(3) - 2.0 * normals[..., :, None] * normals[..., None, :]
+    result = np.zeros((*normals.shape[:-1], DOF, DOF))
+    result[..., :3, :3], result[..., 3:, 3:] = turn, -turn
+    return result
+
+
+def are_loads_alike(load: FloatArray, image: FloatArray, size: float, share: float) -> bool:
+    """True if loads (free blocks, 6) differ by no more than a share of the largest; ``size`` is
+    that of the scene, by which moments are divided."""
+    unit = np.repeat([1.0, size], 3)
+    return bool((np.abs(load - image) <= share * np.abs(load / unit).max() * unit).all())
+
+
+def directions(vectors: Iterable[FloatArray]) -> Iterator[FloatArray]:
+    """Unit vectors along all of those given that are not zero, each once: v and -v are the same."""
+    tried: list[FloatArray] = []
+    for vector in vectors:
+        unit = vector / (np.linalg.norm(vector) or 1.0)
+        unit = np.where(np.abs(unit) < 1e-15, 0.0, unit)
+        unit = unit * np.sign(unit[np.argmax(np.abs(unit))])
+        if unit.any() and not any(np.abs(unit - other).max() < 1e-9 for other in tried):
+            tried.append(unit)
+            yield unit
 
 
 def coefficients(form: LinearForm, contacts: int) -> FloatArray | None:

@@ -25,7 +25,12 @@ from scipy.spatial import cKDTree
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.invariance import is_invariant
+from cvxlimit.reductions.invariance import (
+    are_loads_alike,
+    directions,
+    is_invariant,
+    reflected,
+)
 from cvxlimit.surfaces.base import YieldSurface
 
 _SAME_PLACE = 1e-11
@@ -37,15 +42,8 @@ rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-1
 class Mirror:
     """A plane of symmetry and what it makes of blocks and contacts.
 
-    Attributes
-    ----------
-    normal : (3,)
-    blocks : (free blocks,) int array
-        Partner of each free block; itself on the plane.
-    contacts : (n,) int array
-        Partner of each contact.
-    carried : (n, 6, 6)
-        Forces of the partner per forces of the contact, for mirrored states.
+    ``blocks`` (free blocks,) and ``contacts`` (n,) are the partners of each, itself on the plane;
+    ``carried`` (n, 6, 6) forces of the partner per forces of the contact, for mirrored states.
     """
 
     normal: FloatArray
@@ -55,9 +53,8 @@ class Mirror:
 
     @property
     def reflection(self) -> FloatArray:
-        """(6, 6): what it makes of generalised forces and rates; moments are axial vectors."""
-        turn = np.eye(3) - 2.0 * np.outer(self.normal, self.normal)
-        return np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), -turn]])
+        """(6, 6): what it makes of generalised forces and rates."""
+        return reflected(self.normal)
 
     @property
     def forces(self) -> sp.csr_array:
@@ -114,53 +111,41 @@ def find_mirror(
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
     dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
     spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
-    tried: list[FloatArray] = []
-    for vector in (np.cross(dead, live), *spread, *np.eye(3)):
-        length = np.linalg.norm(vector)
-        if length <= 1e-9 * np.linalg.norm(dead) * np.linalg.norm(live):
-            continue
-        unit = vector / length
-        unit = np.where(np.abs(unit) < 1e-15, 0.0, unit)
-        unit = unit * np.sign(unit[np.argmax(np.abs(unit))])
-        if not any(np.abs(unit - other).max() < 1e-9 for other in tried):
-            tried.append(unit)
-            yield unit
+    both = np.cross(dead, live)
+    is_clear = np.linalg.norm(both) > 1e-9 * np.linalg.norm(dead) * np.linalg.norm(live)
+    return directions([*([both] if is_clear else []), *spread, *np.eye(3)])
 
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
-    turn = np.eye(3) - 2.0 * np.outer(normal, normal)
-    loads = [load.reshape(-1, DOF)[:, :3] for load in (statics.dead, statics.live)]
+    reflection = reflected(normal)
+    turn = reflection[:3, :3]
+    loads = [load.reshape(-1, DOF) for load in (statics.dead, statics.live)]
     if any(  # the sum of what is symmetric is: seldom so, and quicker to see than partners
-        np.abs(load.sum(axis=0) @ normal) > _SAME_PLACE * np.abs(load).sum() for load in loads
+        np.abs(f.sum(axis=0) @ normal) > _SAME_PLACE * np.abs(f).sum()
+        for f in (load[:, :3] for load in loads)
     ):
         return None
     offset = 2.0 * float((free @ normal).mean()) * normal
     near = _SAME_PLACE * size
     blocks = _partners(free, free @ turn + offset, near)
-    if blocks is None:
+    if blocks is None or not all(
+        are_loads_alike(load[blocks], load @ reflection, size, _SAME_PLACE) for load in loads
+    ):
         return None
-    for load in (statics.dead.reshape(-1, DOF), statics.live.reshape(-1, DOF)):
-        forces, moments = load[:, :3], load[:, 3:]
-        total = np.abs(forces).max() + np.abs(moments).max() / size
-        if np.abs(forces[blocks] - forces @ turn).max() > _SAME_PLACE * total:
-            return None
-        if np.abs(moments[blocks] + moments @ turn).max() > _SAME_PLACE * total * size:
-            return None
     contacts = statics.contacts
     partner = _partners(contacts.origin, contacts.origin @ turn + offset, near)
     if partner is None:
         return None
-    side = (contacts.axes[partner, 2] * (contacts.axes[:, 2] @ turn)).sum(axis=1)
-    side_sign = np.sign(side)
-    if np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE:
-        return None
-    if not _same_blocks(statics, blocks, partner, side_sign > 0.0):
-        return None
     local = contacts.axes[partner] @ turn @ np.swapaxes(contacts.axes, 1, 2)
-    if not _same_corners(contacts, partner, local[:, :2, :2], near):
+    side = local[:, 2, 2]
+    if (
+        np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE
+        or not _same_blocks(statics, blocks, partner, side > 0.0)
+        or not _same_corners(contacts, partner, local[:, :2, :2], near)
+    ):
         return None
     carried = np.zeros((len(contacts), DOF, DOF))
-    carried[:, :3, :3] = side_sign[:, None, None] * local
+    carried[:, :3, :3] = np.sign(side)[:, None, None] * local
     carried[:, 3:, 3:] = -carried[:, :3, :3]
     return Mirror(normal, blocks, partner, carried)
 

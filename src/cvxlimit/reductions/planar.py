@@ -32,9 +32,15 @@ from numpy.typing import NDArray
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.formulations import ForceModel, Part, compressions_at
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.invariance import coefficients, is_invariant
+from cvxlimit.reductions.invariance import (
+    are_loads_alike,
+    coefficients,
+    directions,
+    is_invariant,
+    reflected,
+)
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
@@ -49,15 +55,8 @@ over the size of the scene. The built-in planar scenes turned by random rotation
 class Plane:
     """The plane of a planar scene, and what contacts look like in it.
 
-    Attributes
-    ----------
-    normal : (3,)
-        Unit vector y.
-    contacts : Contacts
-    conditions : sequence of Condition
-        Of the surfaces, on N and V, with one coefficient per contact.
-    names : frozenset of str
-        Those of the surfaces that they stand for.
+    ``normal`` is the unit vector y; ``conditions`` are those of the surfaces in ``names``, on N and
+    V, with one coefficient per contact.
     """
 
     normal: FloatArray
@@ -103,11 +102,11 @@ class Plane:
     def model(self, contacts: Contacts) -> ForceModel:
         """The formulation: compressions n at both ends, shear V, and the conditions on them."""
         each = np.arange(len(contacts))
-        x, y = (self.ends.T[:, :, None] * self.along).reshape(-1, 2).T
+        ends = (self.ends.T[:, :, None] * self.along).reshape(-1, 2)
         return ForceModel(
             contacts,
             [
-                Part("n", {"N": 1, "M1": y, "M2": -x}, np.tile(each, 2), nonneg=True),
+                compressions_at(np.tile(each, 2), ends),
                 Part("V", {"V1": self.along[:, 0], "V2": self.along[:, 1]}, each),
             ],
             self.conditions,
@@ -128,7 +127,8 @@ class Plane:
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
         """With the surfaces' conditions; None if they are not those of a plane."""
         each = np.arange(len(self.contacts))
-        if not is_invariant(surfaces, self.contacts, each, self._reflections):
+        y = np.pad(self.across, ((0, 0), (0, 1)))
+        if not is_invariant(surfaces, self.contacts, each, reflected(y)):
             return None
         found = [row for s in surfaces for row in self._stated(s)]
         rows = [row for row in found if row is not None]
@@ -136,14 +136,6 @@ class Plane:
             return None
         names = frozenset(surface.name for surface in surfaces)
         return replace(self, conditions=rows, names=names)
-
-    @property
-    def _reflections(self) -> FloatArray:
-        y = np.pad(self.across, ((0, 0), (0, 1)))
-        turn = np.eye(3) - 2.0 * y[:, :, None] * y[:, None, :]
-        result = np.zeros((len(y), DOF, DOF))
-        result[:, :3, :3], result[:, 3:, 3:] = turn, -turn
-        return result
 
     def _stated(self, surface: YieldSurface) -> Iterator[Condition | None]:
         if type(surface) is Rocking:
@@ -211,27 +203,15 @@ def _candidates(statics: Statics) -> Iterator[FloatArray]:
     edges = np.roll(corners, -1, axis=0) - corners
     normals = contacts.axes[:, 2]
     axes = np.linalg.svd(np.append(normals, np.zeros((3, 3)), 0), full_matrices=False)[2]
-    found = [axes[2], *(edges / np.linalg.norm(edges, axis=1)[:, None])]
-    tried: list[FloatArray] = []
-    for vector in found:
-        vector = np.where(np.abs(vector) < 1e-15, 0.0, vector)
-        vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-        if not any(np.abs(vector - other).max() < 1e-9 for other in tried):
-            tried.append(vector)
-            yield vector
+    return directions([axes[2], *edges])
 
 
 def _is_flat(statics: Statics, normal: FloatArray, size: float) -> bool:
     contacts = statics.contacts
     if np.abs(contacts.axes[:, 2] @ normal).max() > _IN_PLANE:
         return False
-    for load in (statics.dead, statics.live):
-        forces, moments = np.split(load.reshape(-1, DOF), 2, axis=1)
-        total = np.abs(forces).max() + np.abs(moments).max() / size
-        beside = moments - (moments @ normal)[:, None] * normal
-        if np.abs(forces @ normal).max() > _IN_PLANE * total:
-            return False
-        if np.abs(beside).max() > _IN_PLANE * total * size:
-            return False
+    loads = (load.reshape(-1, DOF) for load in (statics.dead, statics.live))
+    if not all(are_loads_alike(f, f @ reflected(normal), size, 2.0 * _IN_PLANE) for f in loads):
+        return False
     places = [contacts.origin @ normal, statics.centroids[statics.row_of_block >= 0] @ normal]
     return float(np.ptp(np.concatenate(places))) <= _IN_PLANE * size

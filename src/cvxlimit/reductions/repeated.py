@@ -85,7 +85,7 @@ class RepeatedProblem(LimitProblem):
 
     def renew(self, assemblage: Assemblage) -> RepeatedProblem:
         """Take the friction and the loads of an assemblage of the same geometry."""
-        self.assemblage = assemblage
+        self.assemblage, self.scaling = assemblage, assemblage.scaling
         friction = assemblage.contacts.friction
         self.friction.value = float(friction[0]) if self.friction.ndim == 0 else friction
         for entries, load in zip(

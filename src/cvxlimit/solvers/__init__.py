@@ -18,7 +18,7 @@ from cvxlimit.solvers.ladders import (
     tight_ladder,
 )
 from cvxlimit.solvers.own import Blockwise
-from cvxlimit.solvers.running import LimitState, Outcome, is_conic, run
+from cvxlimit.solvers.running import LimitState, Outcome, run
 from cvxlimit.solvers.table import (
     SOLVERS,
     Solver,
@@ -42,7 +42,6 @@ __all__ = [
     "clarabel_at",
     "default_ladder",
     "installed",
-    "is_conic",
     "iterate_ladder",
     "ladder_of",
     "leading_ladder",

@@ -6,9 +6,8 @@ are in docs/evidence/solvers.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
@@ -18,7 +17,6 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.running import is_conic
 from cvxlimit.solvers.sparse import best_backend
 from cvxlimit.solvers.table import (
     SOLVERS,
@@ -33,53 +31,36 @@ Ladder = tuple[SolverSettings, ...]
 
 @dataclass(frozen=True)
 class LadderNumbers:
-    """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md.
+    """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md."""
 
-    Attributes
-    ----------
-    blockwise_from : mapping
-        From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
-        problem: by its factorisation where Clarabel is the other choice, and at least that much
-        where QOCO is installed.
-    least_bracket : float
-        Narrowest bracket that is asked of QOCO with cones.
-    lean : float
-        Tolerance of QOCO without cones and facets.
-    tiny : int
-        Variables up to which Clarabel comes first in any case.
-    loose : float
-        QOCO's first tolerance for repeated problems, over the bracket that is asked for.
-    leading, leading_iterations : float, int
-        Tolerance of problems that only lead the way, and the iterations they may take: problems
-        not solved in 60 iterations were never solved later.
-    iterate, node, tight : float
-        Tolerances of fixed-point iterates, of nodes, and of forces that count to 1e-9 of the load.
-    tight_iterations : int
-        The most that the last of these may take.
-    """
-
-    blockwise_from: Mapping[str, Mapping[str, float]] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "conic": {"superlu": 1e8, "cholmod": 5e7, "beside QOCO": 5e7},
-                "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
-                "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
-            }
-        )
-    )
     least_bracket: float = 1e-6
+    """Narrowest bracket that is asked of QOCO with cones."""
     lean: float = 1e-10
+    """Tolerance of QOCO without cones and facets."""
     tiny: int = 100
+    """Variables up to which Clarabel comes first in any case."""
     loose: float = 0.05
+    """QOCO's first tolerance for repeated problems, over the bracket that is asked for."""
     leading: float = 1e-6
     leading_iterations: int = 60
+    """Of problems that only lead the way: those not solved in 60 were never solved later."""
     iterate: float = 1e-9
     node: float = 1e-8
     tight: float = 1e-9
+    """Tolerances of fixed-point iterates, of nodes, and of forces that count to 1e-9."""
     tight_iterations: int = 100
 
 
 NUMBERS = LadderNumbers()
+
+BLOCKWISE_FROM = {
+    "conic": {"superlu": 1e8, "cholmod": 5e7, "beside QOCO": 5e7},
+    "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
+    "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
+}
+"""From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
+problem: by its factorisation where Clarabel is the other choice, and at least that much where QOCO
+is installed."""
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -123,20 +104,20 @@ def ladder_of(
     given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
     if not isinstance(given, Sequence) or not given:
         raise ModelError(f"ladder must be a list of solvers, got {rungs!r}: write ['CLARABEL']")
-    return tuple(_rung(rung) for rung in given)
-
-
-def _rung(rung: object) -> SolverSettings:
-    if isinstance(rung, SolverSettings):
-        return rung
-    if isinstance(rung, type) and issubclass(rung, ConicSolver):
-        return SolverSettings(str(rung().name()), plug_in=rung)
-    if not isinstance(rung, str):
-        raise ModelError(
-            f"a rung of the ladder must be a solver's name or SolverSettings, got {rung!r}"
-        )
-    check_installed(settings := settings_for(rung.upper()))
-    return settings
+    ladder: list[SolverSettings] = []
+    for rung in given:
+        if isinstance(rung, str):
+            check_installed(settings := settings_for(rung.upper()))
+            ladder.append(settings)
+        elif isinstance(rung, type) and issubclass(rung, ConicSolver):
+            ladder.append(SolverSettings(str(rung().name()), plug_in=rung))
+        elif isinstance(rung, SolverSettings):
+            ladder.append(rung)
+        else:
+            raise ModelError(
+                f"a rung of the ladder must be a solver's name or SolverSettings, got {rung!r}"
+            )
+    return tuple(ladder)
 
 
 def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
@@ -158,11 +139,6 @@ def iterate_ladder() -> Ladder:
 
     Clarabel comes first, whatever else is installed: which of many possible forces a solver picks
     depends on the solver, and at tighter tolerances on rounding.
-
-    Example
-    -------
-    >>> str(iterate_ladder()[0])
-    'CLARABEL'
     """
     return (settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
 
@@ -172,11 +148,6 @@ def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
 
     Every rung has a budget of iterations, and there are no first-order methods, which keep one
     problem busy for minutes.
-
-    Example
-    -------
-    >>> all({"max_iter", "max_iters"} & set(rung.options) for rung in leading_ladder())
-    True
     """
     most = NUMBERS.leading_iterations
     clarabel = clarabel_at(tolerance, iterations=most)
@@ -188,11 +159,6 @@ def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
 def node_ladder() -> Ladder:
     """The ladder for nodes of a search: QOCO where it is installed, then what solves the nodes that
     it gives up; boxes that carry nothing have no force as their answer, on which Clarabel fails.
-
-    Example
-    -------
-    >>> str(node_ladder()[-1])
-    'BLOCKWISE'
     """
     names = ("QOCO", "CLARABEL", "BLOCKWISE")
     quick = 0 if "QOCO" in installed() else 1
@@ -200,13 +166,7 @@ def node_ladder() -> Ladder:
 
 
 def tight_ladder() -> Ladder:
-    """The ladder for forces that count to 1e-9 of the load.
-
-    Example
-    -------
-    >>> str(tight_ladder()[0])
-    'CLARABEL 1e-09'
-    """
+    """The ladder for forces that count to 1e-9 of the load."""
     first = clarabel_at(NUMBERS.tight, iterations=NUMBERS.tight_iterations)
     return (*first, *default_ladder()[:1])
 
@@ -215,22 +175,15 @@ def tight_ladder() -> Ladder:
 class Shape:
     """What a compiled problem looks like, as far as it matters for its solvers.
 
-    Attributes
-    ----------
-    variables, equations : int
-    front : float
-        Mean width of the equations' profile in reverse Cuthill-McKee order: how much of the
-        assemblage closes on itself. An arch of any length has a narrow one.
-    is_conic : bool
-        True with second-order cones.
-    rows : int
-        Linear inequalities, signs of variables among them.
+    ``front`` is the mean width of the equations' profile in reverse Cuthill-McKee order: how much
+    of the assemblage closes on itself. An arch of any length has a narrow one. ``rows`` are linear
+    inequalities, signs of variables among them; auxiliary variables count.
     """
 
     variables: int
     equations: int
     front: float
-    is_conic: bool
+    cones: int
     rows: int = 0
 
     @property
@@ -239,7 +192,7 @@ class Shape:
 
         The octagon in space has 2.0, a planar scene 1.3.
         """
-        if self.is_conic:
+        if self.cones:
             return "conic"
         return "facets" if self.rows >= 1.5 * self.variables else "lean"
 
@@ -251,8 +204,19 @@ class Shape:
     @classmethod
     def of(cls, equations: sp.csr_array, problem: cp.Problem) -> Shape:
         """From the matrix (equations, variables) of equality constraints, and the whole problem."""
-        front, conic = front_width(equations), is_conic(problem)
-        return cls(equations.shape[1], equations.shape[0], front, conic, inequalities(problem))
+        pattern = abs(equations)
+        square = (pattern @ pattern.T).tocsr()
+        order = reverse_cuthill_mckee(square, symmetric_mode=True)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        entries, first = square.tocoo(), np.arange(len(order))
+        np.minimum.at(first, place[entries.row], place[entries.col])
+        front = float((np.arange(len(order)) - first).mean())
+        rows = [c for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg))]
+        rows += [v for v in problem.variables() if v.attributes["nonneg"]]
+        cones = sum(c.num_cones() for c in problem.constraints if isinstance(c, cp.SOC))
+        variables = sum(v.size for v in problem.variables())
+        return cls(variables, len(order), front, cones, sum(each.size for each in rows))
 
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
@@ -271,14 +235,14 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
 
     Example
     -------
-    >>> arch = Shape(variables=140, equations=120, front=12.0, is_conic=True)
+    >>> arch = Shape(variables=140, equations=120, front=12.0, cones=20)
     >>> "CLARABEL" in [str(rung) for rung in limit_ladder(arch)[:3]]
     True
     """
-    first, *others = default_ladder(shape.is_conic)
+    first, *others = default_ladder(shape.cones > 0)
     own, kind = settings_for("BLOCKWISE"), shape.kind
     has_qoco = "QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)
-    work = NUMBERS.blockwise_from[kind]
+    work = BLOCKWISE_FROM[kind]
     least = work[best_backend()]
     if has_qoco:
         least = max(least, work["beside QOCO"])
@@ -290,25 +254,6 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
         return (first, quick, own, *others)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
-    is_loose = is_repeated and shape.is_conic and loose > NUMBERS.node
+    is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
     before = (settings_for("QOCO", loose),) if is_loose else ()
     return (*before, quick, first, own, *others)
-
-
-def front_width(equations: sp.csr_array) -> float:
-    """Mean width of the profile of A A' in reverse Cuthill-McKee order."""
-    pattern = abs(equations)
-    square = (pattern @ pattern.T).tocsr()
-    order = reverse_cuthill_mckee(square, symmetric_mode=True)
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    entries = square.tocoo()
-    first = np.arange(len(order))
-    np.minimum.at(first, place[entries.row], place[entries.col])
-    return float((np.arange(len(order)) - first).mean())
-
-
-def inequalities(problem: cp.Problem) -> int:
-    """Number of linear inequalities, signs of variables among them."""
-    rows = sum(c.size for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg)))
-    return int(rows + sum(v.size for v in problem.variables() if v.attributes["nonneg"]))

@@ -55,11 +55,6 @@ class LimitState:
     internal: FloatArray | None = None
 
 
-def is_conic(problem: cp.Problem) -> bool:
-    """True if the problem has second-order cones."""
-    return any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
-
-
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
     """Solve and leave the values in the problem; failures come back as a status, not as errors.
 
@@ -83,7 +78,8 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
             problem.unpack(solution)
         return solution
 
-    return attempted(settings, is_conic(problem), compiled)[0]
+    has_cones = any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
+    return attempted(settings, has_cones, compiled)[0]
 
 
 def attempted(

@@ -31,17 +31,11 @@ class Solver:
 
     Attributes
     ----------
-    name : str
-    licence : str
-        As it matters to those who install it.
-    comes_with : str
-        What to install: nothing besides the package, one of its extras, or a package of its own.
+    licence, comes_with : str
+        As it matters to those who install it, and what brings it.
     tolerances : tuple of str
-        Options that hold its tolerances; empty if it has none that CVXPY passes on.
-    tight : float
-        What is asked of them on the ladder.
-    options : mapping
-        Further options, with reasons in the rows below.
+        Options that hold its tolerances; empty if it has none that CVXPY passes on. On the ladder
+        they are ``tight``, beside further ``options``.
     iterations : str
         Option that holds the most iterations it may take.
     has_cones : bool
@@ -55,8 +49,8 @@ class Solver:
     distribution : str
         What it is installed as, if that is not its name in small letters.
     pace : (float, float)
-        Seconds on one core: the first times the number of variables to the power of the second,
-        fitted to planar walls (docs/evidence/solvers.md). Without measurements it is Clarabel's.
+        Seconds on one core: the first times the number of variables to the power of the second
+        (docs/evidence/solvers.md). Without measurements it is Clarabel's.
     plug_in : subclass of cvxpy's ConicSolver, or None
         Its interface, if CVXPY does not know it by name.
     """
@@ -129,14 +123,7 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 class SolverSettings:
     """A solver by CVXPY's name, its options, and a label for the history.
 
-    Attributes
-    ----------
-    name : str
-    options : mapping
-    label : str
-        What the history calls it; empty is its name.
-    plug_in : subclass of cvxpy's ConicSolver, or None
-        A solver that neither CVXPY nor this package knows by that name.
+    ``plug_in`` is the interface of a solver that neither CVXPY nor this package knows by that name.
 
     Example
     -------
@@ -188,12 +175,7 @@ def settings_for(
 
 
 def check_installed(settings: SolverSettings) -> None:
-    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed.
-
-    Raises
-    ------
-    ModelError
-    """
+    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed."""
     name, row = settings.name, settings.row
     if row.plug_in is None and name not in installed():
         known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})

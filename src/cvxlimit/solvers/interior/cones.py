@@ -17,19 +17,8 @@ from cvxlimit.arrays import FloatArray
 class Cones:
     """R+^l x SOC x ... x SOC.
 
-    Parameters
-    ----------
-    orthant : int
-        l.
-    slabs : sequence of (int, int)
-        Sizes d and numbers k of second-order cones {(t, v): norm(v) <= t}, slab by slab.
-
-    Attributes
-    ----------
-    identity : (size,) array
-        e, with e o u = u.
-    degree : int
-        e' e.
+    ``slabs`` are sizes d and numbers k of second-order cones {(t, v): norm(v) <= t}; the identity e
+    has e o u = u, and the degree is e' e.
 
     Example
     -------
@@ -103,10 +92,7 @@ class Cones:
 class NesterovTodd:
     """The symmetric W with W z = W^-1 s = lam, for s and z inside.
 
-    Raises
-    ------
-    FloatingPointError
-        If rounding has moved s or z onto the boundary.
+    Raises FloatingPointError if rounding has moved s or z onto the boundary.
     """
 
     def __init__(self, cones: Cones, s: FloatArray, z: FloatArray) -> None:

@@ -24,20 +24,12 @@ from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 class Limits:
     """What counts as a small block, and how far solutions are refined.
 
-    Attributes
-    ----------
-    widest : int
-        Most variables of one block: beyond that dense blocks do not pay.
-    densest : int
-        A variable in more equations than this borders the Schur complement (the load factor does).
-    border : int
-        Most such variables.
-    regularisation : float
-        Added to diagonals, relatively; refinement takes its effect out of the solution.
-    rounds, target, floor, slow, fast : int, float, float, float, float
-        Refinement ends after so many rounds, when every part of the residual is below the target,
-        relative to its own right-hand side or this share of the largest, or when a round gains less
-        than the factor slow. Plain steps are kept up while they gain the factor fast.
+    ``widest`` is the most variables of one block. A variable in more than the ``densest`` number of
+    equations (the load factor is) borders the Schur complement, together with at most ``border``.
+    ``regularisation`` is added to diagonals, relatively; refinement takes its effect out again: it
+    ends after so many ``rounds``, when every part of the residual is below the ``target``, relative
+    to its own right-hand side or the share ``floor`` of the largest, or when a round gains less
+    than the factor ``slow``. Plain steps are kept up while they gain the factor ``fast``.
     """
 
     widest: int = 128
@@ -85,21 +77,9 @@ class NewtonSystem:
     the given ones stand where. (x, y, z) and right-hand sides are single arrays (n + p + m,), which
     :meth:`parts` takes apart.
 
-    Parameters
-    ----------
-    A : (p + m, n) sparse array
-        Equations E, then cone rows G.
-    zero, orthant : int
-        p, and how many of the cone rows are linear.
-    soc : sequence of int
-        Sizes of the second-order cones.
-    backend : str
-        One of :data:`BACKENDS`.
-
-    Raises
-    ------
-    SolverError
-        If the cone rows do not fall apart into small blocks.
+    A (p + m, n) holds the equations E, ``zero`` of them, then cone rows G, of which the first
+    ``orthant`` are linear, followed by second-order cones of the sizes ``soc``. Raises SolverError
+    if the cone rows do not fall apart into small blocks.
     """
 
     def __init__(
@@ -162,10 +142,7 @@ class NewtonSystem:
     def factorise(self, scaling: NesterovTodd) -> None:
         """Take up the scaling W of a new iterate.
 
-        Raises
-        ------
-        numpy.linalg.LinAlgError, RuntimeError, ArithmeticError
-            If rounding has made a matrix singular.
+        Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes a matrix singular.
         """
         self.scaling, self._roots, parts = scaling, [], []
         for group in self.groups:
@@ -297,12 +274,8 @@ def _inverse_root(rows: FloatArray) -> FloatArray:
 class _Blocks:
     """Blocks of variables that share cones, by shape; those in no block form a border.
 
-    Attributes
-    ----------
-    columns, rows : (n,), (m,) int arrays
-        The order of variables and cone rows in which every group is a slab.
-    inner : int
-        Number of variables that are in blocks; the others come last.
+    ``columns`` and ``rows`` are the order in which every group is a slab; ``inner`` variables are
+    in blocks, the others come last.
     """
 
     def __init__(self, E: sp.csr_array, G: sp.csr_array, orthant: int, soc: list[int]) -> None:

@@ -30,27 +30,15 @@ INFEASIBLE, UNBOUNDED = "PrimalInfeasible", "DualInfeasible"
 class Numbers:
     """The numbers of the iteration.
 
-    Attributes
-    ----------
-    reach : float
-        Share of the way to the boundary.
-    correctors, widen, band, gain, long_step : int, float, float, float, float
-        Gondzio's correctors: most of them, longer step aimed at, band for the products around the
-        target, share of the aim that makes another one worth it, step beyond which none is.
-    patience : int
-        Iterations without a gain of a factor 2 before the iteration stops, near the end.
-    shortest : float
-        Step below which rounding has ended the iteration.
-    solved, almost : float
-        Worst gap and residual called solved, and almost solved.
-    no_answer : float
-        Residual of a proof that there is no optimum; the certificate decides in the end.
-    middle : float
-        Relative gap of the point kept on the way, from which the next problem may start.
-    floor : float
-        Least eigenvalue of a cold start, over the mean of the other unknowns of its side.
-    shift : float
-        A start is moved inside by this share of its mean entries.
+    ``reach`` is the share of the way to the boundary. Of Gondzio's correctors there are at most so
+    many ``correctors``; ``widen`` is the longer step aimed at, ``band`` that for the products
+    around the target, ``gain`` the share of the aim that makes another one worth it, beyond a
+    ``long_step`` none is. The iteration stops, near the end, after ``patience`` iterations without
+    a gain of a factor 2, and where steps are below the ``shortest``. ``solved`` and ``almost`` are
+    the worst gap and residual called so; ``no_answer`` is the residual of a proof that there is no
+    optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
+    start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
+    less than ``floor`` times the mean of the other unknowns of its side.
     """
 
     reach: float = 0.99
@@ -121,21 +109,9 @@ class _Measure:
 class InteriorPoint:
     """One cone program, min c'x with b - A x in {0}^zero x R+^orthant x second-order cones.
 
-    Of problems with the same A but for its numbers, the structure can be handed on.
-
-    Parameters
-    ----------
-    c : (n,), A : (m, n) sparse array, b : (m,)
-    zero, orthant : int
-    soc : sequence of int
-        Sizes of the second-order cones.
-    backend : str
-        One of :data:`~cvxlimit.solvers.sparse.BACKENDS`.
-
-    Raises
-    ------
-    SolverError
-        If the cone rows do not fall apart into small blocks.
+    ``soc`` are the sizes of the second-order cones, ``backend`` one of
+    :data:`~cvxlimit.solvers.sparse.BACKENDS`. Raises SolverError if the cone rows do not fall apart
+    into small blocks.
     """
 
     def __init__(
