@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice, repeat
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -164,7 +165,7 @@ class FlowRule(StrengthRows):
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
         """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation,
         which ``unit`` (n,) divides contact by contact."""
-        sides: list[cp.Variable | None] = []
+        sides: list[Any] = []
         rest, lost = rates, cp.Constant(0.0)
         for sign, rows in ((1.0, self._resistance), (-1.0, self._norms)):
             if not rows.size:

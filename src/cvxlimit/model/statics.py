@@ -71,10 +71,11 @@ class Statics:
     def guided(self, row: int, direction: FloatArray) -> Statics:
         """The same with a free block, by row, that can only move along a direction (3,): what acts
         on it in other ways is taken up by its guide."""
-        blocks = [sp.eye_array(DOF)] * (int(self.row_of_block.max()) + 1)
+        blocks = [sp.csr_array(np.eye(DOF))] * (int(self.row_of_block.max()) + 1)
         blocks[row] = sp.csr_array(np.kron(np.diag([1.0, 0.0]), np.outer(direction, direction)))
         guide = sp.csr_array(sp.block_diag(blocks, format="csr"))
-        return replace(self, dead=guide @ self.dead, live=guide @ self.live, guide=guide)
+        dead, live = (np.asarray(guide @ load) for load in (self.dead, self.live))
+        return replace(self, dead=dead, live=live, guide=guide)
 
     @classmethod
     def of(cls, scene: Scene) -> Statics:

@@ -182,7 +182,7 @@ def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
         other = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
         other /= np.linalg.norm(other)
     frame = np.stack([first, other, np.cross(first, other)])
-    ways: FloatArray = np.kron(np.eye(2), frame)
+    ways = np.asarray(np.kron(np.eye(2), frame), dtype=np.float64)
     if across is None:
         return ways
     is_across = np.abs(frame @ across) > 0.5
