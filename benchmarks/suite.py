@@ -131,8 +131,6 @@ def run_size(
             dropped[row.method] = f"not run: {row.reason} at {contacts} contacts"
     nothing = Truth(Bracket(), "")
     left = [
-        row_of(m, scene, [], Failure(skipped[m.name]), nothing)
-        for m in methods
-        if m.name in skipped
+        row_of(m, scene, [Failure(skipped[m.name])], nothing) for m in methods if m.name in skipped
     ]
     return [*rows, *left]

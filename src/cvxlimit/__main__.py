@@ -13,7 +13,6 @@ INTERRUPTED = 130
 
 
 def main() -> NoReturn:
-    """Run the command line of the process and end it."""
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _stop)

@@ -33,7 +33,6 @@ class ReadOnlyArrays:
     """Base of immutable records with arrays: NumPy's own deepcopy and pickle are writeable."""
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Called by copy, deepcopy and pickle to fill a new object."""
         self.__dict__.update({name: read_only(value) for name, value in state.items()})
 
 

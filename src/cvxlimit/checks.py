@@ -13,7 +13,6 @@ from cvxlimit.errors import InputError, ModelError
 
 
 def is_number(value: Any) -> bool:
-    """True for integers and floats, Python's or NumPy's; False for truth values and texts."""
     number = (int, float, np.floating, np.integer)
     return isinstance(value, number) and not isinstance(value, bool)
 
@@ -33,7 +32,6 @@ def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = ""
 
 
 def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...]:
-    """``value`` as a tuple of ``kind``; one that stands alone counts as a list of one."""
     if isinstance(value, kind):
         return (value,)
     return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
@@ -54,14 +52,12 @@ def first_twice(names: Iterable[str]) -> str | None:
 
 
 def positive(value: Any, what: str) -> float:
-    """``value`` as a finite float above 0; ``what`` names it in the refusal."""
     if is_number(value) and -np.inf < value <= 0.0:
         raise InputError(f"{what} must be above 0, got {value!r:.40}")
     return not_negative(value, what)
 
 
 def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
-    """``value`` as an array of ``length`` finite numbers; ``what`` names it in the refusal."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
@@ -74,7 +70,6 @@ def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
 
 
 def not_negative(value: Any, what: str) -> float:
-    """``value`` as a finite float >= 0; ``what`` names it in the refusal."""
     if not is_number(value):
         raise InputError(f"{what} must be a number, got {value!r}")
     if not 0.0 <= value <= sys.float_info.max:
@@ -92,14 +87,12 @@ def strength(value: Any, what: str) -> float:
 
 
 def ratio(value: Any, what: str) -> float:
-    """A setting as a float between 0 and 1, both excluded; ``what`` names it in the refusal."""
     if not (is_number(value) and 0.0 < value < 1.0):
         raise ModelError(f"{what} must be between 0 and 1, got {value!r}")
     return float(value)
 
 
 def count(value: Any, least: int, what: str) -> int:
-    """A setting as a whole number of at least ``least``; ``what`` names it in the refusal."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not (whole and value >= least):
         raise ModelError(f"{what} must be at least {least} and whole, got {value!r}")

@@ -34,7 +34,6 @@ STATES = {
 
 
 def table_of(solution: Solution, what: str) -> DataFrame:
-    """See :meth:`cvxlimit.solution.Solution.to_dataframe`."""
     if what not in _TABLES:
         raise InputError(f"there is no table {what!r}: choose one of {', '.join(_TABLES)}")
     pandas = needed("pandas", "frames", "tables")
@@ -79,7 +78,6 @@ def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
 
 
 def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
-    """Three columns for vectors (n, 3)."""
     return {
         f"{name}{axis}": (each, unit, text.format(axis))
         for axis, each in zip("xyz", values.T, strict=True)

@@ -251,7 +251,6 @@ class Load(RemadeFromFields):
         )
 
     def _body_forces(self, blocks: Sequence[Block]) -> Actions:
-        """Weights times gravity, acceleration and own multiples, at the centroids."""
         times = np.zeros((len(blocks), 3))
         for part in (self.gravity, self.acceleration):
             times += 0.0 if part is None else np.array(part)
@@ -266,7 +265,6 @@ class Load(RemadeFromFields):
         turn, shift = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
 
         def turned(vector: Vector) -> Vector:
-            """Each triple of numbers turned; a moment turns like a force."""
             return tuple((np.reshape(vector, (-1, 3)) @ turn.T).ravel().tolist())
 
         return Load(
@@ -309,7 +307,6 @@ def _point_action(i: int, block: Block, point: PointForce) -> Actions:
 
 
 def _pressure_action(i: int, block: Block, load: Pressure) -> Actions:
-    """The resultant of a pressure, at its centre: the centroid of the loaded area."""
     corners, owner = fan(block.vertices, block.faces)
     normals = area_vectors(block.vertices, block.faces)
     towards = normals @ np.array(load.normal) / np.linalg.norm(normals, axis=1)
@@ -346,7 +343,6 @@ def _vector(value: object, length: int, what: str) -> Vector:
 def _vectors(
     given: Mapping[str, Vector] | None, length: int, what: str
 ) -> MappingProxyType[str, Vector]:
-    """Read-only copy with checked vectors; None means none."""
     return MappingProxyType(
         {key: _vector(v, length, f"{what} {key!r}") for key, v in (given or {}).items()}
     )

@@ -350,7 +350,6 @@ class Scene(RemadeFromFields, SceneJoints):
         return copy
 
     def _with_own(self, contacts: Contacts) -> Contacts:
-        """Contacts with the scene's friction, cohesion and strengths, or the pair's own."""
         values: dict[str, Any] = {}
         for what in PROPERTIES:
             values[what] = default = getattr(self, what)

@@ -86,7 +86,6 @@ class SceneJoints(JointValues[float]):
             object.__setattr__(self, f"contact_{what}", own)
 
     def _scaled_joints(self, pressure: float) -> dict[str, Any]:
-        """:attr:`joint_values` with forces per area times a factor."""
         result = self.joint_values
         for what, each in PROPERTIES.items():
             if each.metadata["per_area"]:

@@ -111,7 +111,6 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
 
 
 def _frame(line: FloatArray) -> FloatArray:
-    """t1, t2 and n along the line, right-handed."""
     normal = line / np.linalg.norm(line)
     across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
     first = across / np.linalg.norm(across)

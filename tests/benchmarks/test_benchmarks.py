@@ -52,7 +52,7 @@ def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -
     phases = {"detect": 0.1 * seconds, "compile": 0.2 * seconds, "solve": 0.6 * seconds}
     factor = 1.0 + error
     run = Measurement("optimal", factor, 1.0, factor, phases, seconds, contacts, 100.0 * seconds)
-    row = row_of(method, scene, [run], None, Truth(Bracket(1.0, 1.0), "proved to 0.0e+00"))
+    row = row_of(method, scene, [run], Truth(Bracket(1.0, 1.0), "proved to 0.0e+00"))
     return replace(row, contacts=contacts)
 
 
@@ -184,7 +184,7 @@ def test_objects_per_contact_are_not_tried_on_large_scenes():
 def test_results_survive_the_disk(tmp_path):
     scene = builtin_scene("stack")
     method = BASELINES["literal/octagon/kN-m"]
-    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [], Failure("no"), NOTHING)]
+    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [Failure("no")], NOTHING)]
     records = [Record("arch", "arches", 50, "growth", row) for row in rows]
     table, document = write(tmp_path, records, environment())
     found, about = read(tmp_path)
@@ -328,7 +328,7 @@ def test_headline_checks_say_what_holds_and_what_does_not():
     assert headline.certified(replace(ours, upper=1.0 + 9e-7)).holds
     assert not headline.certified(replace(ours, upper=1.0 + 2e-6)).holds
     assert not headline.certified(replace(ours, upper=None)).holds
-    failed = row_of(headline.OURS, scene, [], Failure("crashed"), NOTHING)
+    failed = row_of(headline.OURS, scene, [Failure("crashed")], NOTHING)
     assert not headline.ratio(failed, slow).holds
 
 

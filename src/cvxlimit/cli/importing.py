@@ -63,7 +63,6 @@ class Geometry:
     )
 
     def imported(self) -> Imported:
-        """The scene, from files that were read."""
         supports: Any = self.supports
         if self.supports not in (None, LOWEST):
             supports = [name.strip() for name in supports.split(",")]
@@ -111,7 +110,6 @@ def import_command(asked: Geometry) -> ExitCode:
 
 
 def _drawn_if_refused(asked: Geometry, plot: Path | None) -> tuple[Imported, int]:
-    """The scene and the number of its contacts; what is wrong with it is drawn."""
     scene: Scene | None = None
 
     def imported(tell: Tell) -> tuple[Imported, int]:
@@ -158,7 +156,6 @@ def _found(
 
 
 def _repairs(scene: Scene) -> str:
-    """Repairs by kind, with how many blocks each concerned."""
     times, blocks = Counter[str](), Counter[str]()
     for block in scene.blocks:
         for repair in block.repairs:

@@ -43,7 +43,6 @@ class Work(Generic[T]):
 
     @property
     def message(self) -> str:
-        """What was reached, and what is done now."""
         return "; ".join(filter(None, (self._reached, self._now)))
 
     def _run(self) -> None:
@@ -84,7 +83,6 @@ class Work(Generic[T]):
 
 
 def interruptible(work: Callable[[Tell], T]) -> T:
-    """Do work that is told how to say what it does, with a spinner where stderr is a terminal."""
     waiting = Work(work)
     if sys.stderr is None or not sys.stderr.isatty():
         return waiting.result(lambda message: None)

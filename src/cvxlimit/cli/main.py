@@ -84,7 +84,6 @@ for _name, _command, _epilog in (
 
 
 def main() -> NoReturn:
-    """Run the command line of the process and end it."""
     code = run(sys.argv[1:])
     for process in active_children():  # workers of what was interrupted
         process.kill()

@@ -19,19 +19,16 @@ SCENE = "Scene file, or name of a built-in scene."
 
 
 def argument(help: str = SCENE, metavar: str = "SCENE") -> Any:
-    """A field that is given by its place."""
     return field(metadata={"typer": typer.Argument(metavar=metavar, help=help, show_default=False)})
 
 
 def option(metavar: str, help: str, default: Any = None, *names: str, **more: Any) -> Any:
-    """A field that is given by its name; required where the default is ``...``."""
     shown = isinstance(default, (str, int))
     made = typer.Option(*names, metavar=metavar, help=help, show_default=shown, **more)
     return field(default=MISSING if default is ... else default, metadata={"typer": made})
 
 
 def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
-    """Make a function of a record a command, which parses its fields and returns the work."""
     hints = get_type_hints(record)
     parameters = [
         Parameter(
@@ -55,17 +52,14 @@ def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]
 
 
 def surface_option() -> Any:
-    """The yield surface, for commands that explain it no further."""
     return option("conic|octagon|K-gon", "Yield surface, as for solve.", "conic")
 
 
 def result_option() -> Any:
-    """The result file."""
     return option("OUT", "Write the result to this JSON file.")
 
 
 def vector(name: str, text: str, example: str) -> tuple[float, ...]:
-    """Three numbers with commas between them, as in the example."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:

@@ -33,13 +33,11 @@ class ExitCode(IntEnum):
 
 
 def complain(message: str) -> None:
-    """One line on stderr, if there is one."""
     if sys.stderr is not None:
         sys.stderr.write(f"cvxlimit: {one_line(message)}\n")
 
 
 def refuse(code: ExitCode, message: str) -> ExitCode:
-    """One line on stderr that says why; the code again."""
     complain(message)
     return code
 
@@ -62,13 +60,11 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, str])
 
 
 def check_suffix(option: str, path: Path, kinds: Sequence[str]) -> None:
-    """Refuse a file whose suffix is not one of ``kinds``."""
     if path.suffix.lower() not in kinds:
         raise InputError(f"{option} {path}: the name must end in {', '.join(kinds)}")
 
 
 def check_picture(path: Path, kinds: Sequence[str]) -> None:
-    """Refuse a picture whose suffix is not one of ``kinds``, or that needs what is missing."""
     check_suffix("--plot", path, kinds)
     if path.suffix.lower() == ".png" and importlib.util.find_spec("matplotlib") is None:
         raise ModelError(
@@ -78,7 +74,6 @@ def check_picture(path: Path, kinds: Sequence[str]) -> None:
 
 
 def _obstacle(path: Path) -> str:
-    """Why no file can be written there; empty if nothing speaks against it."""
     if os.path.isdir(path):
         return "this is a folder; name a file in it"
     if not os.path.isdir(path.parent):

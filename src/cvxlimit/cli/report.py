@@ -36,7 +36,6 @@ def show(*renderables: RenderableType) -> None:
 def summary(
     solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
 ) -> Table:
-    """Result in one column of facts; ``origin`` of the scene, ``files`` that were written."""
     return facts(
         [
             ("scene", f"{solution.scene} ({origin})"),
@@ -61,7 +60,6 @@ def summary(
 
 
 def facts(rows: Sequence[tuple[str, str | Text]]) -> Table:
-    """One column of facts with their names; empty ones are left out."""
     table = _columns()
     for name, fact in rows:
         if fact:
@@ -70,13 +68,11 @@ def facts(rows: Sequence[tuple[str, str | Text]]) -> Table:
 
 
 def warn_of_near_misses(scene: Scene) -> None:
-    """One line on stderr where joints are nearly there: how many, and the worst."""
     if scene.near_misses:
         complain(scene.near_miss_note)
 
 
 def advice(solution: Solution) -> str:
-    """What the status means and what to do, with the objects if the solution names them."""
     general = solution.status.advice
     return solution.note if general in solution.note else general
 
@@ -97,7 +93,6 @@ def verdict(solution: Solution) -> str:
 
 
 def is_eventful(solution: Solution) -> bool:
-    """True if the history tells more than the summary: not one run that went well."""
     about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
     good = solution.status is Status.CERTIFIED
     failed = any(iterate.status.startswith("failed") for iterate in solution.history)
@@ -109,7 +104,6 @@ def is_eventful(solution: Solution) -> bool:
 
 
 def history(iterates: Sequence[Iterate]) -> Table:
-    """One row per solve; columns that are empty throughout are left out."""
     columns: dict[str, list[str]] = {
         "solve": [str(i) for i in range(1, len(iterates) + 1)],
         "load factor": [_text(x.load_factor) for x in iterates],
@@ -132,7 +126,6 @@ def history(iterates: Sequence[Iterate]) -> Table:
 
 
 def listing(scenes: Mapping[str, tuple[Scene, str]]) -> Table:
-    """Name, size and description of scenes, given as name -> (scene, description)."""
     table = _columns(header=True)
     table.add_column("name", no_wrap=True)
     table.add_column("blocks", justify="right", no_wrap=True)
@@ -177,7 +170,6 @@ def _solvers(iterates: Sequence[Iterate]) -> str:
 
 
 def count(number: int, thing: str, things: str = "") -> str:
-    """A number with the word for one or many."""
     return f"{number} {thing}" if number == 1 else f"{number} {things or thing + 's'}"
 
 

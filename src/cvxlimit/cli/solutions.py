@@ -41,7 +41,6 @@ class Files:
     export: Path | None = None
 
     def check(self, scene: str) -> None:
-        """Refuse before the long work what is known to fail after it; ``scene`` by name or file."""
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
         check_outputs({"--json": self.json, "--plot": self.plot, "--export": self.export}, inputs)
         if self.export is not None:
@@ -50,7 +49,6 @@ class Files:
             check_picture(self.plot, PICTURES)
 
     def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
-        """Write them, one by one."""
         if self.json is not None:
             write_result(solution, self.json)
             yield self.json
@@ -63,7 +61,6 @@ class Files:
 def deliver(
     scene: Scene, name: str, solution: Solution, files: Files, tolerance: float | None = None
 ) -> ExitCode:
-    """Write, show and judge the solution of the scene of that name or file."""
     written: list[str] = []
     try:
         written.extend(str(path) for path in files.write(scene, solution))

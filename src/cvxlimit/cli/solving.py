@@ -97,7 +97,6 @@ class Order:
     workers: int = option("N", "Processes that branch and bound uses.", 1)
 
     def settings(self) -> dict[str, str | float | Certified | None]:
-        """Options of :func:`cvxlimit.solve`; refuses those of branch and bound without it."""
         names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model")
         given = {name: getattr(self, name) for name in names}
         if self.branching_seconds is None and self.workers == 1:

@@ -143,7 +143,6 @@ def _counted(table: DataFrame, output: Path | None) -> str:
 
 
 def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:
-    """Solved if every row is; one line on stderr about the first that is not."""
     statuses = [None if row.error else Status(row.status) for row in table.itertuples()]
     bad = [i for i, status in enumerate(statuses) if status is None or not status.is_good]
     if not bad:

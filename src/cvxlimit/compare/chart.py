@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cvxlimit.bracket import Bracket
 from cvxlimit.compare.rows import Row
 
 if TYPE_CHECKING:
@@ -48,21 +47,24 @@ def on_front(rows: Sequence[Row]) -> set[str]:
     Methods with and without interaction, or with other moments, have fronts of their own: their
     truths differ.
     """
-    groups = _by_truth(_timed(rows)).values()
-    return {row.method for group in groups for row in _front(group)}
+    return {row.method for group in _by_truth(rows).values() for row in _front(group)}
 
 
-def _by_truth(timed: Sequence[Row]) -> dict[str, list[Row]]:
-    """Rows that are measured against the same reference, by its description."""
+def _by_truth(rows: Sequence[Row]) -> dict[str, list[Row]]:
     groups: dict[str, list[Row]] = {}
-    for row in timed:
-        truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
-        groups.setdefault(truth, []).append(row)
+    for row in rows:
+        if row.total is not None and row.error is not None:
+            truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
+            groups.setdefault(truth, []).append(row)
     return groups
 
 
 def _front(alike: Sequence[Row]) -> list[Row]:
     return [alike[i] for i in pareto_front([_point(row) for row in alike])]
+
+
+def _point(row: Row) -> tuple[float, float]:
+    return row.total or 0.0, max(row.error or 0.0, row.floor, LEAST)
 
 
 def draw_time_against_error(
@@ -72,18 +74,16 @@ def draw_time_against_error(
 
     ``styles`` numbers the lines' markers and colours, for several plots with one legend.
     """
-    timed = _timed(rows)
+    groups = _by_truth(rows)
     lines: dict[str, list[Row]] = {}
-    for row in timed:
-        lines.setdefault(row.line, []).append(row)
+    for row in rows:
+        if row.total is not None and row.error is not None:
+            lines.setdefault(row.line, []).append(row)
     for order, (label, members) in enumerate(lines.items()):
-        number = order if styles is None else styles[label]
-        times, errors = zip(*(_point(row) for row in members), strict=True)
         own = label.startswith(OWN)
         axes.plot(
-            times,
-            errors,
-            **style(number, label),
+            *zip(*map(_point, members), strict=True),
+            **style(order if styles is None else styles[label], label),
             markersize=10 if own else 6,
             markeredgecolor="black" if own else "white",
             markeredgewidth=0.8,
@@ -91,11 +91,17 @@ def draw_time_against_error(
             label=label,
             zorder=4 if own else 3,
         )
-    groups = _by_truth(timed)
     for colour, (truth, group) in zip(cycle(FRONT_COLOURS), groups.items(), strict=False):
         of_which = f", {truth}" if len(groups) > 1 else ""
-        _draw_front(axes, [_point(row) for row in _front(group)], colour, of_which)
-        _draw_floor(axes, group, colour if of_which else "#888888", of_which)
+        axes.step(
+            *zip(*map(_point, _front(group)), strict=True), where="post", color=colour,
+            linewidth=6, alpha=0.35, label=f"Pareto front{of_which}", zorder=1,
+        )  # fmt: skip
+        if (floor := max(row.floor for row in group)) > LEAST:
+            axes.axhline(
+                floor, color=colour if of_which else "#888888", linestyle=":", linewidth=1.0,
+                zorder=1, label=f"resolution of the reference{of_which}",
+            )  # fmt: skip
     axes.set(xscale="log", yscale="log", title=title)
     axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
     axes.set_ylabel("true relative error of the load factor")
@@ -116,36 +122,3 @@ def sparse(value: float, position: float | None = None) -> str:
     """Labels of minor ticks: 2 and 5 of every decade."""
     digit = round(value / 10.0 ** np.floor(np.log10(value)))
     return f"{value:g}" if digit in (2, 5) else ""
-
-
-def _draw_front(
-    axes: Axes, front: Sequence[tuple[float, float]], colour: str, of_which: str
-) -> None:
-    times, errors = zip(*front, strict=True)
-    axes.step(
-        times, errors, where="post", color=colour, linewidth=6, alpha=0.35,
-        label=f"Pareto front{of_which}", zorder=1,
-    )  # fmt: skip
-
-
-def _draw_floor(axes: Axes, rows: Sequence[Row], colour: str, of_which: str) -> None:
-    """Below the reference's own width nothing can be told apart."""
-    floors = [_floor(row) for row in rows]
-    if floors and max(floors) > LEAST:
-        axes.axhline(max(floors), color=colour, linestyle=":", linewidth=1.0, zorder=1,
-                     label=f"resolution of the reference{of_which}")  # fmt: skip
-
-
-def _floor(row: Row) -> float:
-    """The reference's relative width: load factors inside it cannot be told apart."""
-    if row.reference_lower is None or row.reference_upper is None:
-        return LEAST
-    return max(LEAST, Bracket(row.reference_lower, row.reference_upper).width)
-
-
-def _timed(rows: Sequence[Row]) -> list[Row]:
-    return [row for row in rows if row.total is not None and row.error is not None]
-
-
-def _point(row: Row) -> tuple[float, float]:
-    return row.total or 0.0, max(row.error or 0.0, _floor(row))

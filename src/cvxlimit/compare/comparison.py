@@ -11,6 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cvxlimit.checks import count
 from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import Method
 from cvxlimit.compare.registry import (
@@ -76,13 +77,22 @@ class Comparison:
 
     def table(self) -> str:
         """Plain text: one line per model, ``*`` for those on the Pareto front."""
-        head = ("", "model", "load factor", "true error", "seconds", "of it solver", "status")
-        best = set(self.front)
-        lines = [head, *(("*" if row.method in best else "", *_cells(row)) for row in self.rows)]
-        notes = [*dict.fromkeys(_reference_note(row) for row in self.rows)]
-        if self.is_interrupted:
-            notes.append("interrupted: the models above had run by then")
-        return "\n".join([*_aligned(lines), *notes])
+        front = self.front
+        lines = [("", "model", "load factor", "true error", "seconds", "of it solver", "status")]
+        for row in self.rows:
+            figures = zip((row.load_factor, row.error, row.total, row.solve),
+                          (".7g", ".1e", ".3f", ".3f"), strict=True)  # fmt: skip
+            cells = ["" if figure is None else f"{figure:{style}}" for figure, style in figures]
+            mark = "*" if row.method in front else ""
+            lines.append((mark, row.method, *cells, row.reason or row.status))  # type: ignore[arg-type]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        aligned = [
+            "  ".join(f"{c:{'>' if 1 < i < 6 else '<'}{widths[i]}}" for i, c in enumerate(line))
+            for line in lines
+        ]
+        notes = [*dict.fromkeys(map(_reference_note, self.rows))]
+        notes += ["interrupted: the models above had run by then"] * self.is_interrupted
+        return "\n".join([*map(str.rstrip, aligned), *notes])
 
     def to_dataframe(self) -> DataFrame:
         """All columns of :class:`Row` with the model as index, and whether it is on the front.
@@ -192,31 +202,25 @@ def compare(
     >>> result.rows[0].failed
     False
     """
-    if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
-        raise ModelError(f"repeat must be a whole number of at least 1, got {repeat!r}")
+    count(repeat, 1, "repeat")
     check_scene(scene)
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
-    is_interrupted = False
-    steps = number_of_steps(methods, repeat)
-    with progress_bar("comparing", steps, progress) as advance:
+    with progress_bar("comparing", number_of_steps(methods, repeat), progress) as advance:
         try:
-            rows = side_by_side(methods, scene, repeat, advance)
+            return Comparison(scene.name, tuple(side_by_side(methods, scene, repeat, advance)))
         except Interrupted as interrupt:
             if not interrupt.rows:
                 raise
-            rows, is_interrupted = interrupt.rows, True
-    return Comparison(scene.name, tuple(rows), is_interrupted)
+            return Comparison(scene.name, tuple(interrupt.rows), is_interrupted=True)
 
 
 def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
-    """Names looked up, patterns spread, each model once."""
     if isinstance(models, (str, Method)):
         models = [models]
-    made = registry() | interaction_registry() | physics_registry()
-    known = list(made.values())
     if not isinstance(models, Sequence):
         raise ModelError(f"models must be names or Model objects, got {models!r}")
+    known = [*(registry() | interaction_registry() | physics_registry()).values()]
     result: dict[str, Method] = {}
     for model in models:
         for method in choose([model], known) if isinstance(model, str) else [model]:
@@ -237,30 +241,3 @@ def _reference_note(row: Row) -> str:
         f"reference{kind}: [{row.reference_lower:.10g}, {row.reference_upper:.10g}], "
         f"{row.reference}"
     )
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        row.method,
-        _figure(row.load_factor, "{:.7g}"),
-        _figure(row.error, "{:.1e}"),
-        _figure(row.total, "{:.3f}"),
-        _figure(row.solve, "{:.3f}"),
-        row.reason or row.status,
-    )
-
-
-def _figure(value: float | None, style: str) -> str:
-    return "" if value is None else style.format(value)
-
-
-def _aligned(lines: Sequence[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    numbers = {2, 3, 4, 5}
-    return [
-        "  ".join(
-            cell.rjust(width) if i in numbers else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]

@@ -61,7 +61,6 @@ class Measurement:
 
     @classmethod
     def of(cls, solution: Solution, started: float) -> Measurement:
-        """What a solution says, with the time since the start."""
         return cls(
             str(solution.status), solution.load_factor, known(solution.lower),
             known(solution.upper), {k: v for k, v in solution.seconds.items() if k in PHASES},
@@ -178,14 +177,12 @@ class Model(Method):
             object.__setattr__(self, "line", self.name)
 
     def _chosen(self) -> tuple[Surface, driver.Method]:
-        """The surface and the method of :func:`cvxlimit.solve`."""
         older = {name: getattr(self, name) for name in ("interaction", "torsion_shear", "flow")}
         moments = None if self.interaction == "none" else self.moments
         settings = {"moments": moments, "tolerance": self.tolerance}
         return chosen(self.surface, None, older, settings)
 
     def axes(self) -> dict[str, str]:
-        """See :class:`Method`."""
         formulation = getattr(self.formulation, "__name__", type(self.formulation).__name__)
         how_much = "" if self.model == "auto" else f", {self.model} model"
         asked = getattr(self._chosen()[1], "tolerance", None)
@@ -200,7 +197,6 @@ class Model(Method):
         }
 
     def measure(self, scene: Scene) -> Measurement:
-        """See :class:`Method`."""
         scene = scene if self.change is None else self.change(scene)
         if self.solver is not None:
             return self._run_once(scene, self.solver)

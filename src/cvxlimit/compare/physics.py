@@ -32,7 +32,6 @@ def strengthened(scene: Scene, **strengths: float) -> Scene:
 
 
 def untied(scene: Scene) -> Scene:
-    """Without its ties: what they are worth."""
     return replace(scene, ties=())
 
 
@@ -68,11 +67,9 @@ class Settlement(Method):
         finite_vector(self.direction, 3, f"direction of model {self.name!r}")
 
     def axes(self) -> dict[str, str]:
-        """See :class:`~cvxlimit.compare.models.Method`."""
         return {"surface": "conic", "formulation": f"{self.which} reaction", **super().axes()}
 
     def measure(self, scene: Scene) -> Measurement:
-        """See :class:`~cvxlimit.compare.models.Method`."""
         started = time.perf_counter()
         found = settlement(scene, self.support, self.direction, self.which)
         return Measurement.of(found.solution, started)

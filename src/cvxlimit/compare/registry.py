@@ -14,16 +14,14 @@ from cvxlimit.compare.physics import strengthened, untied
 from cvxlimit.errors import ModelError
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import corner_compressions, resultants, vertex_forces
-from cvxlimit.solvers import SolverSettings, settings_for
+from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Rocking
 
 _QDLDL = "Clarabel qdldl"
-_CLARABEL_SOLVERS = ("faer", "mkl", "panua")
-"""Clarabel's other linear solvers; builds without one refuse it, and that is a row as well."""
-
+_SEVERAL, _FINE = (1e-6, 1e-8, 1e-11), (1e-8,)
 _CONIC_SOLVERS = {
     "SCS": (1e-3, 1e-4, 1e-5), "ECOS": (1e-6, 1e-8), "QOCO": (1e-6, 1e-8), "MOSEK": (1e-6, 1e-8),
-    "GUROBI": (1e-6, 1e-8), "COPT": (1e-8,), "XPRESS": (1e-8,), "CUCLARABEL": (1e-8,),
+    "GUROBI": (1e-6, 1e-8), "COPT": _FINE, "XPRESS": _FINE, "CUCLARABEL": _FINE,
 }  # fmt: skip
 _LINEAR_SOLVERS = ("MOSEK", "GUROBI", "CUOPT", "PDLP", "GLOP", "OSQP", "SCIPY", "GLPK")
 _ALIASES = ("ECOS_BB", "GLPK_MI", "CLARABEL", "HIGHS")
@@ -35,12 +33,58 @@ def registry() -> dict[str, Method]:
     >>> [name for name in registry() if name.startswith("octagon-inscribed")]
     ['octagon-inscribed/corners/clarabel-qdldl/1e-8']
     """
-    made = [*_ladders(), *_surfaces(), *_runs()]
+    made = []
+    for asked in (None, 1e-6, 1e-8):
+        end = "" if asked is None else f"/{_short(asked)}"
+        made += [
+            Model(f"cvxlimit{end}", "cvxlimit, default settings (auto)", tolerance=asked),
+            Model(f"cvxlimit/full{end}", "cvxlimit, full model", tolerance=asked, model="full"),
+        ]
+    made.append(Model("cvxlimit/octagon", "cvxlimit, octagon", "octagon"))
+    for side, kind in (("", "circumscribed"), ("-inscribed", "inscribed")):
+        for polygon in ("octagon", "16-gon", "32-gon", "64-gon"):
+            line = f"8 to 64 facets, {kind}, {_QDLDL}"
+            made += _runs(polygon + side, "clarabel-qdldl", "CLARABEL", _FINE, _QDLDL, line)
+    solver = settings_for("CLARABEL", 1e-8, _QDLDL)
+    for surface in ("conic", "octagon"):
+        name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{surface}, resultants, {_QDLDL}"
+        made.append(Model(name, line, surface, resultants, solver, 1e-8))
+    tried = (1e-2, 1e-3, 1e-4, *_SEVERAL)
+    made += _runs("conic", "clarabel-qdldl", "CLARABEL", tried, _QDLDL)
+    for surface in ("conic", "octagon"):
+        for backend, spelt in (("superlu", "SuperLU"), ("cholmod", "CHOLMOD")):
+            short, label = f"blockwise-{backend}", f"blockwise {spelt}"
+            made += _runs(surface, short, "BLOCKWISE", _SEVERAL, label, backend=backend)
+    for way in ("faer", "mkl", "panua"):  # builds without one refuse it, and that is a row as well
+        label = f"Clarabel {way}"
+        made += _runs("conic", f"clarabel-{way}", "CLARABEL", _FINE, label, direct_solve_method=way)
+    unknown = {*cp.installed_solvers()} - {*_CONIC_SOLVERS, *_LINEAR_SOLVERS, *_ALIASES}
+    for name, tolerances in {**_CONIC_SOLVERS, **dict.fromkeys(sorted(unknown), _FINE)}.items():
+        made += _runs("conic", name.lower(), name, tolerances)
+    for way in ("ipm", "simplex"):
+        made += _runs("octagon", f"highs-{way}", "HIGHS", _FINE, f"HiGHS {way}", solver=way)
+    for name in _LINEAR_SOLVERS:
+        made += _runs("octagon", name.lower(), name, _FINE)
     return {model.name: model for model in made}
 
 
+def _runs(
+    surface: str, short: str, solver: str, tolerances: Iterable[float], label: str = "",
+    line: str = "", /, **options: str,
+) -> Iterator[Model]:  # fmt: skip
+    """One run of one solver at each tolerance."""
+    for tolerance in tolerances:
+        settings = settings_for(solver, tolerance, label, **options)
+        name = f"{surface}/corners/{short}/{_short(tolerance)}"
+        line = line or f"{surface}, {settings}"
+        yield Model(name, line, surface, solver=settings, tolerance=tolerance)
+
+
+def _short(tolerance: float) -> str:
+    return f"{tolerance:.0e}".replace("e-0", "e-")
+
+
 def interaction_registry() -> dict[str, Method]:
-    """All methods for torsion-shear-bending interaction, by name."""
     made = (
         Model(f"{kind}/{moments}/{surface}", f"{kind}, {moments} moments", surface,
               interaction=kind, moments=moments)
@@ -83,61 +127,6 @@ def physics_registry() -> dict[str, Method]:
         Model("gilbert", "Gilbert's scheme", flow="gilbert", tolerance=1e-3),
     ]
     return {model.name: model for model in made}
-
-
-def _ladders() -> Iterator[Model]:
-    for asked in (None, 1e-6, 1e-8):
-        end = "" if asked is None else f"/{_short(asked)}"
-        yield Model(f"cvxlimit{end}", "cvxlimit, default settings (auto)", tolerance=asked)
-        yield Model(f"cvxlimit/full{end}", "cvxlimit, full model", tolerance=asked, model="full")
-    yield Model("cvxlimit/octagon", "cvxlimit, octagon", "octagon")
-
-
-def _surfaces() -> Iterator[Model]:
-    solver = settings_for("CLARABEL", 1e-8, _QDLDL)
-    for side in ("", "-inscribed"):
-        for facets in (8, 16, 32, 64):
-            surface = ("octagon" if facets == 8 else f"{facets}-gon") + side
-            line = f"8 to 64 facets, {'inscribed' if side else 'circumscribed'}, {_QDLDL}"
-            yield _run(surface, "clarabel-qdldl", solver, 1e-8, line)
-    for surface in ("conic", "octagon"):
-        name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{surface}, resultants, {_QDLDL}"
-        yield Model(name, line, surface, resultants, solver, 1e-8)
-
-
-def _runs() -> Iterator[Model]:
-    """One run of one solver each."""
-    for tolerance in (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-11):
-        solver = settings_for("CLARABEL", tolerance, _QDLDL)
-        yield _run("conic", "clarabel-qdldl", solver, tolerance, f"conic, {_QDLDL}")
-    for surface in ("conic", "octagon"):
-        for backend, spelt in (("superlu", "SuperLU"), ("cholmod", "CHOLMOD")):
-            for tolerance in (1e-6, 1e-8, 1e-11):
-                solver = settings_for("BLOCKWISE", tolerance, f"blockwise {spelt}", backend=backend)
-                yield _run(surface, f"blockwise-{backend}", solver, tolerance)
-    for method in _CLARABEL_SOLVERS:
-        solver = settings_for("CLARABEL", 1e-8, f"Clarabel {method}", direct_solve_method=method)
-        yield _run("conic", f"clarabel-{method}", solver, 1e-8)
-    unknown = {*cp.installed_solvers()} - {*_CONIC_SOLVERS, *_LINEAR_SOLVERS, *_ALIASES}
-    for name, tolerances in {**_CONIC_SOLVERS, **dict.fromkeys(sorted(unknown), (1e-8,))}.items():
-        for tolerance in tolerances:
-            yield _run("conic", name.lower(), settings_for(name, tolerance), tolerance)
-    for algorithm in ("ipm", "simplex"):
-        solver = settings_for("HIGHS", 1e-8, f"HiGHS {algorithm}", solver=algorithm)
-        yield _run("octagon", f"highs-{algorithm}", solver, 1e-8)
-    for name in _LINEAR_SOLVERS:
-        yield _run("octagon", name.lower(), settings_for(name, 1e-8), 1e-8)
-
-
-def _run(
-    surface: str, solver_name: str, solver: SolverSettings, tolerance: float, line: str = ""
-) -> Model:
-    name = f"{surface}/corners/{solver_name}/{_short(tolerance)}"
-    return Model(name, line or f"{surface}, {solver}", surface, solver=solver, tolerance=tolerance)
-
-
-def _short(tolerance: float) -> str:
-    return f"{tolerance:.0e}".replace("e-0", "e-")
 
 
 def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:

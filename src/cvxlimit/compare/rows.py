@@ -6,9 +6,9 @@ import gc
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,14 +18,10 @@ from cvxlimit.errors import CvxlimitError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.solving import solve
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
 from cvxlimit.solvers import default_ladder, settings_for
 
 WIDTH = 1e-8
 """Relative width that a reference without interaction must have."""
-
-_AIM = 1e-9
-"""Relative width at which the search for a narrower bracket stops."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +32,8 @@ class Failure:
     is_timeout: bool = False
 
 
-Advance = Callable[[str], None]
 Runner: TypeAlias = "Callable[[Method, Scene], Measurement | Failure]"
 """How one run is made; elsewhere, for those who want it isolated."""
-
-_Question = tuple[str, str, bool]
 
 
 class Truth(NamedTuple):
@@ -94,8 +87,13 @@ class Row:
 
     @property
     def failed(self) -> bool:
-        """True if there is no answer."""
         return bool(self.reason)
+
+    @property
+    def floor(self) -> float:
+        """The reference's relative width: load factors inside it cannot be told apart."""
+        ends = self.reference_lower, self.reference_upper
+        return 0.0 if None in ends else max(0.0, Bracket(*ends).width)  # type: ignore[arg-type]
 
 
 class Interrupted(KeyboardInterrupt):
@@ -111,7 +109,7 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Reference(Method):
-    """The bracket against which others are measured: cone, no interaction or the certified one."""
+    """The bracket against which others are measured; ``load_factor`` is its middle."""
 
     name: str = "reference"
     line: str = "reference"
@@ -119,27 +117,19 @@ class Reference(Method):
     moments: str = "independent"
 
     def measure(self, scene: Scene) -> Measurement:
-        """The best bracket; ``load_factor`` is its middle."""
         started = time.perf_counter()
-        if self.interaction == "none":
-            found = _narrowest(scene)
-            status = f"{'proved' if found.is_proved else 'bracketed'} to {found.gap:.1e}"
-        else:
+        if self.interaction != "none":
             found = solve(scene, method="certified", moments=self.moments)
             status = str(found.status)
-        finite = bool(np.isfinite([found.lower, found.upper]).all())
-        middle = 0.5 * (found.lower + found.upper) if finite else None
+        else:  # two exact solvers as far as rounding lets them; all others if they fall short
+            first, *others = default_ladder()
+            found = solve(scene, tolerance=1e-9, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
+            if found.gap > WIDTH and found.status.has_answer:
+                more = solve(scene, tolerance=WIDTH, ladder=others)
+                found = min(found, more, key=lambda solution: solution.gap)
+            status = f"{'proved' if found.is_proved else 'bracketed'} to {found.gap:.1e}"
+        middle = 0.5 * (found.lower + found.upper) if found.bracket.has_both else None
         return replace(Measurement.of(found, started), status=status, load_factor=middle)
-
-
-def _narrowest(scene: Scene) -> Solution:
-    """Two exact solvers, each as far as rounding lets it go; all others only if they fall short."""
-    first, *others = default_ladder()
-    found = solve(scene, tolerance=_AIM, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
-    if found.gap <= WIDTH or not found.status.has_answer:
-        return found
-    more = solve(scene, tolerance=WIDTH, ladder=others)
-    return min(found, more, key=lambda solution: solution.gap)
 
 
 def run_here(method: Method, scene: Scene) -> Measurement | Failure:
@@ -161,7 +151,6 @@ def run_here(method: Method, scene: Scene) -> Measurement | Failure:
 
 
 def find_truth(method: Method, scene: Scene, run: Runner) -> Truth:
-    """The reference that fits the method's interaction."""
     if not method.is_load_factor:
         return Truth(Bracket(), "no reference: no load factor")
     found = run(Reference(interaction=method.interaction, moments=method.moments), scene)
@@ -176,68 +165,42 @@ def side_by_side(
     methods: Sequence[Method],
     scene: Scene,
     repeat: int,
-    advance: Advance = lambda done: None,
+    advance: Callable[[str], None] = lambda done: None,
     run: Runner | None = None,
     refer: Runner | None = None,
 ) -> list[Row]:
     """Measure all methods on one scene in turns, so that a busy machine hits them alike.
 
     A method that fails is not run again. ``advance`` is told after every run; ``run`` and ``refer``
-    run methods and references elsewhere.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, with the rows of what was measured before.
+    run methods and references elsewhere. Ctrl-C raises :class:`Interrupted`.
     """
-    truths: dict[_Question, Truth] = {}
+    measure, truths = run or run_here, dict[object, Truth]()
     for method in methods:
         if _question(method) not in truths:
-            truths[_question(method)] = find_truth(method, scene, refer or run or run_here)
+            truths[_question(method)] = find_truth(method, scene, refer or measure)
             advance("reference")
-    tallies = [_Tally(method, scene, truths[_question(method)]) for method in methods]
+    results: list[list[Measurement | Failure]] = [[] for _ in methods]
+
+    def rows() -> list[Row]:
+        pairs = zip(methods, results, strict=True)
+        return [row_of(m, scene, found, truths[_question(m)]) for m, found in pairs if found]
+
     try:
         for turn in range(repeat):
-            for tally in tallies:
+            for method, found in zip(methods, results, strict=True):
                 if run is None and turn == 0:
                     with suppress(Exception):  # what is imported and compiled once is not timed
-                        tally.method.measure(single_block())
-                if tally.failure is None:
-                    tally.add((run or run_here)(tally.method, scene))
-                advance(tally.method.name)
+                        method.measure(single_block())
+                if not any(isinstance(result, Failure) for result in found):
+                    found.append(measure(method, scene))
+                advance(method.name)
     except KeyboardInterrupt as error:
-        raise Interrupted([tally.row for tally in tallies if tally.has_run]) from error
-    return [tally.row for tally in tallies]
+        raise Interrupted(rows()) from error
+    return rows()
 
 
-def _question(method: Method) -> _Question:
-    """Methods with the same one are measured against the same reference."""
+def _question(method: Method) -> tuple[str, str, bool]:
     return method.interaction, method.moments, method.is_load_factor
-
-
-@dataclass
-class _Tally:
-    """The runs of one method so far."""
-
-    method: Method
-    scene: Scene
-    truth: Truth
-    runs: list[Measurement] = field(default_factory=list)
-    failure: Failure | None = None
-
-    def add(self, result: Measurement | Failure) -> None:
-        if isinstance(result, Failure):
-            self.failure = result
-        else:
-            self.runs.append(result)
-
-    @property
-    def has_run(self) -> bool:
-        return bool(self.runs) or self.failure is not None
-
-    @property
-    def row(self) -> Row:
-        return row_of(self.method, self.scene, self.runs, self.failure, self.truth)
 
 
 def number_of_steps(methods: Sequence[Method], repeat: int) -> int:
@@ -246,45 +209,34 @@ def number_of_steps(methods: Sequence[Method], repeat: int) -> int:
 
 
 def row_of(
-    method: Method,
-    scene: Scene,
-    runs: Sequence[Measurement],
-    failure: Failure | None,
-    truth: Truth,
+    method: Method, scene: Scene, results: Sequence[Measurement | Failure], truth: Truth
 ) -> Row:
-    """Medians of ``runs``, or the failure with its reason."""
-    axes: dict[str, Any] = method.axes()
+    """Medians of the runs, or the failure with its reason."""
+    runs = sorted((x for x in results if isinstance(x, Measurement)), key=lambda run: run.total)
+    reasons = [x.reason for x in results if isinstance(x, Failure)]
     row = Row(
-        scene=scene.name,
-        blocks=len(scene.free),
-        contacts=len(scene.contacts),
-        method=method.name,
-        line=method.line,
-        **axes,
-        reason=failure.reason if failure else "",
+        scene.name, len(scene.free), len(scene.contacts), method.name, method.line,
+        **method.axes(),  # type: ignore[arg-type]
+        reason="".join(reasons),
         runs=len(runs),
         reference_lower=known(truth.bracket.lower),
         reference_upper=known(truth.bracket.upper),
         reference=truth.note,
-    )
-    return row if failure or not runs else _with_figures(row, runs, truth.bracket)
-
-
-def _with_figures(row: Row, runs: Sequence[Measurement], bracket: Bracket) -> Row:
-    totals = [run.total for run in runs]
-    middle = sorted(runs, key=lambda run: run.total)[len(runs) // 2]
-    phases: dict[str, Any] = {p: _median(run.seconds.get(p) for run in runs) for p in PHASES}
+    )  # fmt: skip
+    if reasons or not runs:
+        return row
+    middle = runs[len(runs) // 2]
     return replace(
         row,
         status=middle.status,
         load_factor=middle.load_factor,
         lower=middle.lower,
         upper=middle.upper,
-        error=bracket.error(middle.load_factor),
-        **phases,
-        total=median(totals),
-        total_min=min(totals),
-        total_max=max(totals),
+        error=truth.bracket.error(middle.load_factor),
+        **{phase: _median(run.seconds.get(phase) for run in runs) for phase in PHASES},
+        total=_median(run.total for run in runs),
+        total_min=runs[0].total,
+        total_max=runs[-1].total,
         memory=_median(run.memory for run in runs),
     )
 

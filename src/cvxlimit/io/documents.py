@@ -32,7 +32,6 @@ def read_document(path: Path) -> object:
 
 
 def parsed(data: bytes) -> object:
-    """The JSON value in ``data``, as :func:`read_document` reads it."""
     text = decoded(data)
     if not text.strip():
         raise InputError("the file is empty; expected a JSON object {...}")
@@ -71,7 +70,6 @@ def laid_out(document: Mapping[str, object]) -> str:
 
 
 def file_prefix(path: Path) -> str:
-    """Name of the file, to lead an error message."""
     return f"{one_line(os.fsdecode(path))}: "
 
 
@@ -90,7 +88,6 @@ def _json(value: object) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """All bytes of a file; refused if it cannot be read or is larger than allowed."""
     try:
         with open(path, "rb") as file:
             data = file.read(LARGEST_FILE + 1)
@@ -106,7 +103,6 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decoded(data: bytes) -> str:
-    """``data`` as a text in UTF-8; a byte order mark is dropped."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -27,8 +27,6 @@ _MOST_DIGITS = 60
 
 
 class _Short(reprlib.Repr):
-    """Short forms of values; never fails on integers that Python refuses to print."""
-
     def repr_int(self, x: int, level: int) -> str:
         if abs(x) < 10**_MOST_DIGITS:
             return repr(x)
@@ -41,12 +39,10 @@ _SHORT.maxlevel = 3
 
 
 def shown(value: object) -> str:
-    """``value`` for a message: on one line, short, and never failing."""
     return one_line(_SHORT.repr(value))
 
 
 def one_line(text: str) -> str:
-    """``text`` with everything that is not printable escaped, cut where it gets too long."""
     if len(text) > _LONGEST_MESSAGE:
         half = _LONGEST_MESSAGE // 2
         text = f"{text[:half]} ... {text[-half:]}"
@@ -57,7 +53,6 @@ def one_line(text: str) -> str:
 
 @contextmanager
 def refusals(prefix: str = "") -> Iterator[None]:
-    """Errors raised inside come out on one line, led by ``prefix``."""
     try:
         yield
     except InputError as error:
@@ -69,7 +64,6 @@ def refusals(prefix: str = "") -> Iterator[None]:
 def fields(
     value: object, where: str, required: Collection[str], optional: Collection[str] = ()
 ) -> JsonObject:
-    """``value`` as an object with all ``required`` keys and no unknown one."""
     if not isinstance(value, dict):
         raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
     known = [*required, *optional]
@@ -91,7 +85,6 @@ def _advice(key: object, known: Collection[str]) -> str:
 
 
 def mapping(value: object, where: str) -> dict[str, object]:
-    """``value`` as an object with free text keys."""
     if not isinstance(value, dict):
         raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
     for key in value:
@@ -100,14 +93,12 @@ def mapping(value: object, where: str) -> dict[str, object]:
 
 
 def items(value: object, where: str) -> list[object] | tuple[object, ...]:
-    """``value`` as a list of anything."""
     if not isinstance(value, (list, tuple)):
         raise InputError(f"{where} must be a list [...], got {shown(value)}")
     return value
 
 
 def text(value: object, where: str) -> str:
-    """``value`` as a text that can be written in UTF-8."""
     if not isinstance(value, str):
         raise InputError(f"{where} must be a text in quotes, got {shown(value)}")
     if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
@@ -119,7 +110,6 @@ def text(value: object, where: str) -> str:
 
 
 def number(value: object, where: str, largest: float = LARGEST) -> float:
-    """``value`` as a finite float, not larger than ``largest``; -0.0 keeps its sign."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         cure = "; remove the quotes" if isinstance(value, str) else ""
         raise InputError(f"{where} must be a number, got {shown(value)}{cure}")
@@ -134,7 +124,6 @@ def number(value: object, where: str, largest: float = LARGEST) -> float:
 def numbers(
     value: object, names: Collection[str], where: str, largest: float = LARGEST
 ) -> tuple[float, ...]:
-    """``value`` as one finite float for each of ``names``."""
     row = value if isinstance(value, (list, tuple)) else None
     if row is None or len(row) != len(names):
         raise InputError(
@@ -146,14 +135,12 @@ def numbers(
 
 
 def whole(value: object, where: str) -> int:
-    """``value`` as a whole number from 0 on."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST:
         raise InputError(f"{where} must be a whole number from 0 on, got {shown(value)}")
     return value
 
 
 def check_header(value: object, kind: str) -> None:
-    """Refuse a document that is not a ``kind`` (scene or result) of version 1."""
     name = f"cvxlimit-{kind}"
     if not isinstance(value, dict):
         raise InputError(f"a {kind} must be a JSON object {{...}}, got {shown(value)}")

@@ -58,7 +58,6 @@ def plain(
     schema: JsonObject,
     write: Callable[[Any, str], Any] | None = None,
 ) -> Form:
-    """A form whose refusals name where it stands and nothing else."""
     back = write or read
     return Form(lambda x, where, _: read(x, where), lambda x, where, _: back(x, where), schema)
 
@@ -69,7 +68,6 @@ WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(val
 
 
 def row(names: Collection[str], largest: float = LARGEST) -> Form:
-    """Numbers in a list, one for each name."""
     size = {"minItems": len(names), "maxItems": len(names)}
     return plain(
         lambda value, where: numbers(value, names, where, largest),
@@ -79,7 +77,6 @@ def row(names: Collection[str], largest: float = LARGEST) -> Form:
 
 
 def choice(words: Iterable[str]) -> Form:
-    """One of a few words, given as such or as an enumeration of texts."""
     kind = {str(word): word for word in words}
 
     def read(value: object, where: str) -> str:
@@ -92,7 +89,6 @@ def choice(words: Iterable[str]) -> Form:
 
 
 def nullable(form: Form) -> Form:
-    """Null stands for None."""
     return Form(
         lambda value, *place: None if value is None else form.read(value, *place),
         lambda value, *place: None if value is None else form.write(value, *place),
@@ -106,7 +102,6 @@ def listed(
     made: Callable[[list[Any]], Any] = tuple,
     prefix: str = "",
 ) -> Form:
-    """A list of anything; ``prefix`` leads whatever is said about an item."""
 
     def place(i: int, where: str, owner: str) -> tuple[str, str]:
         return name.format(i=i, where=where, owner=owner), where
@@ -123,7 +118,6 @@ def listed(
 
 
 def keyed(item: Form, name: str) -> Form:
-    """An object with free keys."""
 
     def read(value: object, where: str, owner: str) -> dict[str, Any]:
         return {
@@ -231,32 +225,27 @@ class Document:
     form: Form
 
     def from_dict(self, document: Any) -> Any:
-        """The object that a JSON document describes."""
         with refusals():
             check_header(document, self.kind)
             entries = {key: x for key, x in document.items() if key != "$schema"}
             return self.form.read(entries, f"the {self.kind}", "")
 
     def to_dict(self, value: Any) -> JsonObject:
-        """The JSON document that describes an object."""
         with refusals():
             header = {"format": f"cvxlimit-{self.kind}", "version": 1}
             return header | self.form.write(value, f"the {self.kind}", "")
 
     def read(self, path: Path) -> Any:
-        """From a file."""
         with refusals(file_prefix(path)):
             return self.from_dict(read_document(path))
 
     def write(self, value: Any, path: Path) -> None:
-        """To a file, which is complete or untouched."""
         with refusals(file_prefix(path)):
             data = encoded(self.to_dict(value))
         write_file(path, data)
 
     @property
     def schema(self) -> JsonObject:
-        """JSON Schema of the document."""
         header = {
             "$schema": {"type": "string"},
             "format": {"const": f"cvxlimit-{self.kind}"},

@@ -50,7 +50,6 @@ FIGURE = plain(_figure, {"anyOf": [{"type": "number"}, {"enum": [*_NOT_FINITE]}]
 
 
 def _bound(none: float) -> Form:
-    """A figure; null where nothing bounds."""
     return Form(
         lambda value, *place: none if value is None else FIGURE.read(value, *place),
         lambda value, *place: None if value == none else FIGURE.write(value, *place),

@@ -143,7 +143,6 @@ VALUES = {
 
 
 def _read_contacts(value: object, where: str, _: str) -> JsonObject:
-    """Exceptions, as arguments of the scene."""
     result: dict[str, dict[tuple[str, str], float]] = {f"contact_{what}": {} for what in PROPERTIES}
     for i, item in enumerate(items(value, where)):
         where = f"entry {i} of contacts"

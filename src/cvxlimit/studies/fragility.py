@@ -174,7 +174,6 @@ def _demands(demand: ArrayLike | None, finite: FloatArray) -> FloatArray:
 
 
 def _results(results: Any) -> tuple[FloatArray, FloatArray, FloatArray, str]:
-    """Load factors, and the ends of the ranges in which they lie; NaN where not known."""
     if not hasattr(results, "columns"):
         factors = np.asarray(results, dtype=float).ravel()
         if not len(factors):
@@ -206,7 +205,6 @@ def _results(results: Any) -> tuple[FloatArray, FloatArray, FloatArray, str]:
 def _curve(
     demand: FloatArray, known: FloatArray, low: FloatArray, high: FloatArray, confidence: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Share of capacities below each demand, and the band around it."""
     if not len(known):
         raise ModelError("there are no capacities")
     probability = np.searchsorted(known, demand, side="left") / len(known)

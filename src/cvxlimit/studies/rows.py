@@ -96,7 +96,6 @@ def _near(name: str, known: Collection[str]) -> str:
 
 
 def _check_option(name: str, value: object) -> None:
-    """Refuse an option that :func:`cvxlimit.solve` does not have, and a name as its value."""
     if name not in OPTIONS:
         raise ModelError(
             f"solve has no option {name!r}{_near(name, OPTIONS)}: it has {', '.join(OPTIONS)}; "
@@ -126,13 +125,11 @@ class Study:
 
     @property
     def _parameters(self) -> dict[str, Parameter]:
-        """Those of the factory; a scene is varied by :func:`varied`."""
         if not isinstance(self.scenes, Scene):
             return dict(signature(self.scenes).parameters)
         return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
 
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
-        """The factory's parameters and those of :func:`cvxlimit.solve`."""
         own = self._parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
@@ -170,7 +167,6 @@ class Study:
             ) from error
 
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
-        """Solve one variation; whatever goes wrong is the row's ``error``."""
         start = time.perf_counter()
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
@@ -202,7 +198,6 @@ class Study:
 
 
 def packed(study: Study) -> bytes:
-    """The study for other processes; functions of a script or notebook go along by value."""
     pickler = needed("cloudpickle", "frames", "sweeps over processes")
     try:
         result: bytes = pickler.dumps(study)
@@ -215,8 +210,6 @@ def packed(study: Study) -> bytes:
 
 
 class _Kept(threading.local):
-    """Studies of one thread: workers of a cluster may have several."""
-
     def __init__(self) -> None:
         self.studies: OrderedDict[str, tuple[Study, Structures]] = OrderedDict()
 

@@ -29,7 +29,6 @@ _SECONDS = 1.0
 
 
 def key_of(variation: Mapping[str, Any]) -> str:
-    """A short name of a variation, the same wherever and whenever it is asked for."""
     try:
         text = json.dumps({k: _plain(v) for k, v in variation.items()}, sort_keys=True)
     except TypeError as error:
@@ -76,18 +75,15 @@ class Store:
                 )
 
     def known(self, names: set[str]) -> dict[str, dict[str, Any]]:
-        """Rows that are stored of the variations of these names."""
         rows = read_sweep(self.folder).to_dict("records")
         return {row[KEY]: row for row in rows if row[KEY] in names}
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Take a row; it is on disk a second later, or when :meth:`flush` is called."""
         self._waiting.append(row)
         if time.monotonic() - self._written > _SECONDS:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits, into a file that appears complete or not at all."""
         if not self._waiting:
             return
         pandas = needed("pandas", "frames", "sweeps")
@@ -126,6 +122,5 @@ def read_sweep(path: str | os.PathLike[str]) -> DataFrame:
 
 
 def _note(folder: Path) -> Path | None:
-    """The file that says what a sweep is of, by its present name or that of older folders."""
     notes = (folder / name for name in (_ABOUT, _OLD_ABOUT))
     return next((note for note in notes if note.exists()), None)

@@ -137,7 +137,6 @@ def _fill(
     store: Store | None,
     advance: Callable[[str], None],
 ) -> bool:
-    """Solve what is not done yet; True if that was interrupted."""
     todo = {name: row for name, row in variations.items() if name not in done}
     try:
         for name, row in _solved(study, todo, executor):
@@ -154,7 +153,6 @@ def _fill(
 
 
 def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
-    """Results in their order, and whatever was measured besides."""
     others = [name for row in done.values() for name in row]
     measured = dict.fromkeys(o for o in others if o not in {*RESULTS, *table.columns, KEY})
     return [*RESULTS, *measured]
@@ -174,7 +172,6 @@ def _about(study: Study) -> dict[str, str]:
 
 
 def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
-    """Rows by name as they come."""
     if executor is None:
         known = Structures()
         for name, variation in todo.items():

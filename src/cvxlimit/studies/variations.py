@@ -81,7 +81,6 @@ def varied(
 
 
 def _taken() -> Signature:
-    """The signature of :func:`varied` with every property by its name, for sweeps and editors."""
     first, *others = signature(varied).parameters.values()
     joints = (Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in PROPERTIES)
     return Signature([first, *joints, *others[:-1]])
@@ -125,7 +124,6 @@ def _tilted(scene: Scene, degrees: float) -> Load:
 
 
 def variations_of(grid: Grid) -> DataFrame:
-    """A row per variation: all combinations of a mapping's values, or the rows that are given."""
     pandas = needed("pandas", "frames", "sweeps")
     if isinstance(grid, pandas.DataFrame):
         table = grid.reset_index(drop=True)

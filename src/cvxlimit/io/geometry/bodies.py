@@ -51,7 +51,6 @@ class Body:
 
 
 def natural(name: str) -> list[tuple[bool, int, str]]:
-    """Key that sorts brick2 before brick10."""
     parts: list[str] = []
     for character in name:
         if parts and parts[-1][-1].isdecimal() == character.isdecimal():
@@ -131,7 +130,6 @@ def _part(body: Body, faces: IntArray, name: str) -> Body:
 
 
 def _shells(body: Body, edges: EdgeTable) -> IntArray:
-    """Number of the shell of every face."""
     pairs = [edges.face[np.stack(edges.twins(), axis=1)]]
     several = np.flatnonzero(edges.uses > 2)
     if len(several):
@@ -175,7 +173,6 @@ def _around(
 
 
 def _with_cavities_joined(body: Body, label: IntArray) -> IntArray:
-    """Shells of negative volume join the smallest shell of positive volume around them."""
     shells = []
     for number in np.unique(label).tolist():
         members = [body.faces[i] for i in np.flatnonzero(label == number).tolist()]

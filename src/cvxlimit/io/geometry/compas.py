@@ -24,7 +24,6 @@ _DEEPEST = 12
 
 
 def is_compas(document: object) -> bool:
-    """True if the JSON document is an object that COMPAS wrote."""
     return isinstance(document, dict) and "compas" in str(document.get("dtype", ""))
 
 
@@ -94,7 +93,6 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
 def _tree(
     content: Mapping[str, Any], elements: Mapping[str, Any], whole: FloatArray
 ) -> Iterator[tuple[str, FloatArray]]:
-    """For every element what its groups do to it."""
     tree = content.get("tree")
     root = tree.get("root") if isinstance(tree, dict) else None
     todo = [(root, whole, 0)] if isinstance(root, dict) else []
@@ -161,7 +159,6 @@ def _transformation(value: object, where: str) -> FloatArray:
 
 
 def _content(value: object) -> dict[str, Any]:
-    """What is inside the wrapping layers of an object."""
     for _ in range(_DEEPEST):
         if not isinstance(value, dict):
             break

@@ -77,7 +77,6 @@ def export(
 
 
 def obj_text(scene: Scene) -> str:
-    """The blocks as Wavefront OBJ, one object per block."""
     lines = [f"# {one_line(scene.name)}, coordinates in {one_line(scene.units.length)}"]
     begin = 1
     for block in scene.blocks:
@@ -127,7 +126,6 @@ def contacts_table(scene: Scene, solution: Solution | None = None) -> str:
 
 
 def _triple(names: str | tuple[str, ...], rows: FloatArray, unit: str) -> dict[str, list[object]]:
-    """Three columns; cells of numbers that are none stay empty."""
     return {
         f"{name}{unit}": ["" if np.isnan(x) else x for x in rows[:, k].tolist()]
         for k, name in enumerate(names)

@@ -224,7 +224,6 @@ READERS: dict[str, Callable[[Path], list[Body]]] = {
 
 
 def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """Files as given, and those of each folder in the order of their names."""
     if not paths:
         raise InputError("no geometry is given: name a file or a folder")
     result = []
@@ -249,7 +248,6 @@ def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
 
 
 def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
-    """Bodies of all files under unique names: the file's where it holds one of several files."""
     result: list[Body] = []
     for file in files:
         bodies = read_bodies(file)
@@ -335,7 +333,6 @@ def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
 
 
 def _lowest(bodies: Sequence[Body], up: FloatArray) -> set[str]:
-    """Names of the blocks that reach down to the lowest point, within :data:`LOWEST_WITHIN`."""
     heights = [body.vertices @ up for body in bodies]
     feet = np.array([h.min() if len(h) else np.nan for h in heights])
     bottom = float(np.nanmin(feet))
@@ -346,7 +343,6 @@ def _lowest(bodies: Sequence[Body], up: FloatArray) -> set[str]:
 
 
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
-    """The block; a free one must have a density."""
     if body.density is None and not fixed:
         raise InputError(
             f"block {shown(body.name)} has no density in the file: give --density (weight per "

@@ -77,7 +77,6 @@ def read_mesh(path: Path) -> list[Body]:
 
 
 def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
-    """Name and mesh, moved to its place, of everything in a scene."""
     for node in sorted(scene.graph.nodes_geometry, key=lambda node: natural(str(node))):
         turn, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -92,7 +91,6 @@ def _body(name: str, mesh: tuple[Any, Any]) -> Body:
 
 
 def _check_stl(data: bytes) -> None:
-    """Text, or exactly as many triangles as a binary file says."""
     if data[:5].lower() == b"solid" and b"facet" in data[:2000]:
         if b"\0" in data:
             raise InputError("the file begins as text STL and goes on with binary; export it again")
@@ -110,7 +108,6 @@ def _check_stl(data: bytes) -> None:
 
 
 def _check_gltf(data: bytes, kind: str) -> None:
-    """Counts that the bytes can hold, and nodes that form a tree."""
     document = parsed(_gltf_text(data) if kind == "glb" else data)
     if not isinstance(document, dict):
         raise InputError("a glTF file must be a JSON object {...}")

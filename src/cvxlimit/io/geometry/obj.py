@@ -25,8 +25,6 @@ _NOT_GEOMETRY = {
 
 @dataclass
 class _Part:
-    """Faces of one object and group, with vertices numbered as in the file."""
-
     object: int
     group: str
     name: str
@@ -63,7 +61,6 @@ def read_obj(text: str) -> list[Body]:
 
 
 def _blocks(parts: list[_Part]) -> Iterator[tuple[str, list[list[int]]]]:
-    """Name and faces of every block; a group that is named again goes on."""
     parts = [part for part in parts if part.faces]
     by_object = len({part.object for part in parts}) > 1
     blocks: dict[object, tuple[str, list[list[int]]]] = {}
@@ -81,7 +78,6 @@ def _body(name: str, points: np.ndarray, faces: list[list[int]]) -> Body:
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Statements with the number of their line; comments go, continued lines are joined."""
     begun = ""
     for number, line in enumerate(text.splitlines(), 1):
         line = begun + line.split("#", 1)[0].strip()
@@ -107,7 +103,6 @@ def _coordinates(words: list[str], number: int) -> list[float]:
 
 
 def _corners(words: list[str], count: int, number: int) -> list[int]:
-    """Vertex indices from 0; negative ones count back from the last vertex so far."""
     result = []
     for word in words:
         try:
