@@ -20,7 +20,7 @@ from rich.console import Console
 from cvxlimit import Scene, solve
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.io import import_geometry
-from cvxlimit.io.geometry import LOWEST, READERS
+from cvxlimit.io.geometry.importing import LOWEST, READERS
 from cvxlimit.plotting import plot, plot_scene
 
 console = Console(highlight=False, soft_wrap=True)

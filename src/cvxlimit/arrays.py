@@ -16,12 +16,7 @@ BoolArray = NDArray[np.bool_]
 
 
 def read_only(value: Any) -> Any:
-    """A read-only copy of an array that can be written to; anything else as it is.
-
-    >>> given = np.zeros(3)
-    >>> read_only(given).flags.writeable, given.flags.writeable
-    (False, True)
-    """
+    """A read-only copy of an array that can be written to; anything else as it is."""
     if not isinstance(value, np.ndarray) or not value.flags.writeable:
         return value
     copy = value.copy()

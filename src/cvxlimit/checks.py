@@ -38,11 +38,7 @@ def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...
 
 
 def first_twice(names: Iterable[str]) -> str | None:
-    """The first name that has been there before; None if all differ.
-
-    >>> first_twice(["b1", "b2", "b1"])
-    'b1'
-    """
+    """The first name that has been there before; None if all differ."""
     seen = set[str]()
     for name in names:
         if name in seen:
@@ -78,11 +74,6 @@ def not_negative(value: Any, what: str) -> float:
 
 
 def strength(value: Any, what: str) -> float:
-    """``value`` as a float above 0, infinity allowed; ``what`` names it in the refusal.
-
-    >>> strength(float("inf"), "compressive_strength")
-    inf
-    """
     return float("inf") if is_number(value) and value == float("inf") else positive(value, what)
 
 

@@ -11,15 +11,6 @@ from cvxlimit.errors import ModelError
 def needed(module: str, extra: str, what: str) -> Any:
     """``module``, imported; ``what`` needs it, and the ``extra`` of the package brings it.
 
-    Raises
-    ------
-    ModelError
-        If it is not installed; the message has the command that installs it.
-
-    Example
-    -------
-    >>> needed("statistics", "frames", "tables").mean([1, 2])
-    1.5
     >>> needed("no_such_module", "frames", "tables")
     Traceback (most recent call last):
     cvxlimit.errors.ModelError: tables need no_such_module: pip install "cvxlimit[frames]"

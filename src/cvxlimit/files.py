@@ -16,10 +16,6 @@ def write_file(path: str | os.PathLike[str], data: bytes) -> None:
     A temporary file in the same folder is filled, flushed to disk and renamed. Links are
     followed, permissions of an existing file are kept, devices and pipes are written directly.
 
-    Raises
-    ------
-    InputError
-        If the folder does not exist or cannot be written to, or ``path`` is a folder.
     """
     try:
         if os.path.exists(path) and not os.path.isfile(path):

@@ -24,14 +24,6 @@ if TYPE_CHECKING:
 Columns = dict[str, tuple[Any, str, str]]
 """Values, unit and description by column."""
 
-STATES = {
-    ContactKind.CLOSED: "closed",
-    ContactKind.OPENS: "opens",
-    ContactKind.SLIDES: "slides",
-    ContactKind.TWISTS: "twists",
-}
-"""What a contact does in the mechanism."""
-
 
 def table_of(solution: Solution, what: str) -> DataFrame:
     if what not in _TABLES:
@@ -65,9 +57,11 @@ def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
         "friction": (contacts.friction, "", "Coulomb coefficient"),
         "area": (contacts.area, f"{length}\u00b2", "of the contact"),
     }
-    for name, values in zip(COMPONENTS, forces.T, strict=True):
+    what = ("shear along t1", "shear along t2", "normal force, compression positive",
+            "moment about t1", "moment about t2", "torsion about the normal")  # fmt: skip
+    for name, text, values in zip(COMPONENTS, what, forces.T, strict=True):
         unit = f"{force}\u00b7{length}" if name.startswith("M") else force
-        columns[name] = values, unit, f"{_COMPONENTS[name]}, on block b"
+        columns[name] = values, unit, f"{text}, on block b"
     columns["shear"] = np.hypot(forces[:, 0], forces[:, 1]), force, "size of (V1, V2)"
     for i, values in enumerate(centre.T, 1):
         columns[f"e{i}"] = values, length, f"pressure centre from the contact's, along t{i}"
@@ -84,15 +78,6 @@ def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
     }
 
 
-_COMPONENTS = {
-    "V1": "shear along t1",
-    "V2": "shear along t2",
-    "N": "normal force, compression positive",
-    "M1": "moment about t1",
-    "M2": "moment about t2",
-    "MT": "torsion about the normal",
-}
-
 _USED = {
     "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
     "1 is at the limit; strength that a formulation states itself, as for crushing, is not in it",
@@ -108,19 +93,12 @@ def _rates(solution: Solution, scene: Scene) -> Columns:
     rate = f"{scene.units.length}\u00b7rate"
     moving = motion(scene, solution)
     what, blank = moving.contacts, 1.0 if moving.moves else np.nan
-    states = [STATES[ContactKind(k)] if moving.moves else "" for k in what.kind.tolist()]
+    states = [ContactKind(k).name.lower() if moving.moves else "" for k in what.kind.tolist()]
+    widest, twist = blank * what.widest, blank * what.twist
     return {
-        "opening": (
-            blank * what.widest,
-            rate,
-            "largest opening rate over the corners, live power 1",
-        ),
+        "opening": (widest, rate, "largest opening rate over the corners, live power 1"),
         "slip": (blank * what.slip, rate, "largest sliding rate over the corners, live power 1"),
-        "twist": (
-            blank * what.twist,
-            "rad\u00b7rate",
-            "relative rotation rate about the normal, live power 1",
-        ),
+        "twist": (twist, "rad\u00b7rate", "relative rotation rate about the normal, live power 1"),
         "state": (states, "", "closed, opens, slides or twists in the mechanism"),
     }
 
@@ -146,26 +124,16 @@ def _blocks(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
 
 
 def _history(solution: Solution, pandas: Any) -> DataFrame:
-    table = pandas.DataFrame(
-        [asdict(iterate) for iterate in solution.history],
-        columns=[each.name for each in fields(Iterate)],
-    )
+    names = [each.name for each in fields(Iterate)]
+    table = pandas.DataFrame([asdict(iterate) for iterate in solution.history], columns=names)
     table.index.name = "solve"
     table.attrs = {**_facts(solution), "units": {"seconds": "s"}}
     return table
 
 
 def _facts(solution: Solution) -> dict[str, Any]:
-    return {
-        "scene": solution.scene,
-        "surface": solution.surface,
-        "load_factor": solution.load_factor,
-        "lower": solution.lower,
-        "upper": solution.upper,
-        "status": str(solution.status),
-        "interaction": solution.interaction,
-        "moments": solution.moments,
-    }
+    names = ("scene", "surface", "load_factor", "lower", "upper", "interaction", "moments")
+    return {name: getattr(solution, name) for name in names} | {"status": str(solution.status)}
 
 
 _TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {

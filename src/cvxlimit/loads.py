@@ -32,12 +32,6 @@ Coordinates rounded to a hundredth of the block still pass; a point in other uni
 bound is a sphere, so that a scene which passes also passes after any rotation."""
 
 
-_CURES = {
-    "forces": "write {'b1': (fx, fy, fz, mx, my, mz)}",
-    "weights": "write {'b1': (0, 0, -1)}",
-}
-
-
 @dataclass(frozen=True)
 class PointForce:
     """A force at a point of a block; its moment about the centroid follows.
@@ -115,17 +109,7 @@ class Pressure:
 
 @dataclass(frozen=True, eq=False)
 class Actions:
-    """Single actions of a load: k forces, each with its block and its point.
-
-    Attributes
-    ----------
-    block : (k,)
-        Index of the block.
-    at, force : (k, 3)
-        Point and force, in the scene's coordinates and units.
-    moment : (k, 3)
-        What acts besides, about ``at``: given moments, and zero for all else.
-    """
+    """Single actions of a load: the block's index (k,), points, forces and moments there (k, 3)."""
 
     block: IntArray
     at: FloatArray
@@ -188,11 +172,15 @@ class Load(RemadeFromFields):
                 f"gravity must be a unit vector, got {list(self.gravity)}: density is already "
                 "weight per volume; use acceleration for multiples of the weight"
             )
-        for name, cure in _CURES.items():
-            given = getattr(self, name)
-            of_type({} if given is None else given, Mapping, f"{name} must be a mapping", cure)
-        _set(self, "forces", _vectors(self.forces, 6, "force on block"))
-        _set(self, "weights", _vectors(self.weights, 3, "multiple of the weight of block"))
+        for name, example, what in (
+            ("forces", "(fx, fy, fz, mx, my, mz)", "force on block"),
+            ("weights", "(0, 0, -1)", "multiple of the weight of block"),
+        ):
+            given = {} if getattr(self, name) is None else getattr(self, name)
+            of_type(given, Mapping, f"{name} must be a mapping", f"write {{'b1': {example}}}")
+            length = example.count(",") + 1
+            checked = {key: _vector(v, length, f"{what} {key!r}") for key, v in given.items()}
+            _set(self, name, MappingProxyType(checked))
         for name, kind in (("points", PointForce), ("pressures", Pressure)):
             what = f"{name} of a load must be {kind.__name__} objects"
             _set(self, name, members(getattr(self, name) or (), kind, what))
@@ -225,30 +213,23 @@ class Load(RemadeFromFields):
         """
         known = list(blocks)
         index = {block.id: i for i, block in enumerate(known)}
-        parts = [
-            self._body_forces(known),
-            *(
-                _action(i, known[i].centroid, value[:3], value[3:])
-                for key, value in self.forces.items()
-                if (i := index.get(key)) is not None
-            ),
-            *(
-                _point_action(index[p.block], known[index[p.block]], p)
-                for p in self.points
-                if p.block in index
-            ),
-            *(
-                _pressure_action(index[p.block], known[index[p.block]], p)
-                for p in self.pressures
-                if p.block in index
-            ),
+        parts = [self._body_forces(known)]
+        for key, force in self.forces.items():
+            if key in index:
+                at = known[index[key]].centroid
+                parts.append(_action(index[key], at, force[:3], force[3:]))
+        parts += [
+            _point_action(index[p.block], known[index[p.block]], p)
+            for p in self.points
+            if p.block in index
         ]
-        return Actions(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("block", "at", "force", "moment")
-            )
-        )
+        parts += [
+            _pressure_action(index[p.block], known[index[p.block]], p)
+            for p in self.pressures
+            if p.block in index
+        ]
+        names = ("block", "at", "force", "moment")
+        return Actions(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
 
     def _body_forces(self, blocks: Sequence[Block]) -> Actions:
         times = np.zeros((len(blocks), 3))
@@ -338,14 +319,6 @@ def _set(target: object, name: str, value: object) -> None:
 
 def _vector(value: object, length: int, what: str) -> Vector:
     return tuple(finite_vector(value, length, what).tolist())
-
-
-def _vectors(
-    given: Mapping[str, Vector] | None, length: int, what: str
-) -> MappingProxyType[str, Vector]:
-    return MappingProxyType(
-        {key: _vector(v, length, f"{what} {key!r}") for key, v in (given or {}).items()}
-    )
 
 
 GRAVITY = Load(gravity=(0.0, 0.0, -1.0))

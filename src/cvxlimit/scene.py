@@ -97,13 +97,14 @@ class Scene(RemadeFromFields, SceneJoints):
     ties: tuple[Tie, ...] = ()
 
     def __post_init__(self) -> None:
-        blocks = members(self.blocks, Block, "blocks must be Blocks", "Block.box makes one")
-        object.__setattr__(self, "ties", members(self.ties, Tie, "ties must be Ties", "import Tie"))
-        supports = members(self.supports, str, "supports must be ids", "write ['ground']")
-        object.__setattr__(self, "blocks", blocks)
-        object.__setattr__(self, "supports", supports)
+        for name, kind, what, cure in (
+            ("blocks", Block, "blocks must be Blocks", "Block.box makes one"),
+            ("supports", str, "supports must be ids", "write ['ground']"),
+            ("ties", Tie, "ties must be Ties", "import Tie"),
+        ):
+            object.__setattr__(self, name, members(getattr(self, name), kind, what, cure))
         _check_kinds(self)
-        self._check_joints({block.id for block in blocks})
+        self._check_joints({block.id for block in self.blocks})
         if self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)

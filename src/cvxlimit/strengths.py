@@ -98,14 +98,6 @@ class SceneJoints(JointValues[float]):
 def own_values(what: str, given: Any, blocks: Collection[str]) -> ByPair:
     """Values by pair of block ids in alphabetical order, checked; None is no pair.
 
-    Raises
-    ------
-    InputError
-        If it is no mapping of two ids to a number, names a block that is not among ``blocks``, or
-        gives a pair twice.
-
-    Example
-    -------
     >>> dict(own_values("friction", {("b2", "b1"): 0.5}, ["b1", "b2"]))
     {('b1', 'b2'): 0.5}
     """

@@ -18,13 +18,6 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.strengths import PROPERTIES
 
-_SIZE = 1e-6
-"""Side of a tie's contact over a typical one: what a tie resists in bending is its yield force
-times half of that."""
-
-_LIMP = 1e-9
-"""Compressive strength of a tie over its yield force."""
-
 
 @dataclass(frozen=True)
 class Tie:
@@ -85,7 +78,7 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
     if not ties:
         return contacts
     k = len(ties)
-    side = _SIZE * contacts.typical_size
+    side = 1e-6 * contacts.typical_size  # it resists its yield force times half of that in bending
     square = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     start, end = (np.array([getattr(tie, name) for tie in ties]) for name in ("start", "end"))
     place = {key: i for i, key in enumerate(contacts.block_ids)}
@@ -100,7 +93,7 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
         "sides": np.full((k, 2), side),
         "area": np.full(k, side**2),
         "friction": np.zeros(k),
-        "compressive_strength": _LIMP * strength,
+        "compressive_strength": 1e-9 * strength,
         "tensile_strength": strength,
     }
     names = tuple(f"tie {tie.a}-{tie.b}" + (f" ({i})" if i else "") for i, tie in enumerate(ties))

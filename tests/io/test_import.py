@@ -20,8 +20,7 @@ from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.io import export, import_geometry, read_bodies
-from cvxlimit.io.geometry import Body
-from cvxlimit.io.geometry.bodies import separated
+from cvxlimit.io.geometry.bodies import Body, separated
 
 trimesh = pytest.importorskip("trimesh")
 

@@ -11,10 +11,10 @@ import cvxpy as cp
 
 from cvxlimit.bracket import known
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import argument, option, surface_option, taking
 from cvxlimit.cli.outputs import ExitCode, check_outputs
-from cvxlimit.cli.report import count, facts, show
+from cvxlimit.cli.report import counted, facts, show
+from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.problems import FORMATS, ProblemFile
 from cvxlimit.methods.solving import solve
@@ -55,9 +55,8 @@ def export_command(asked: Export) -> ExitCode:
 
     problem, path = interruptible(exported)
     rows, columns = problem.matrix.shape
-    size = (
-        f"{count(columns, 'variable')}, {count(rows, 'row')}, {count(len(problem.cones), 'cone')}"
-    )
+    sizes = (columns, "variable"), (rows, "row"), (len(problem.cones), "cone")
+    size = ", ".join(counted(number, what) for number, what in sizes)
     show(facts([("scene", problem.name), ("size", size), ("written", str(path))]))
     return ExitCode.SOLVED
 
@@ -77,7 +76,7 @@ def problem_of(scene: Scene, surface: str = "conic", model: str = "auto") -> Pro
         proved = f"optimum proved between {-upper / unit:.12g} and {-lower / unit:.12g}"
     remarks = (
         f"cvxlimit {__version__}: collapse load of {scene.name!r}, {surface}, "
-        f"{count(len(scene.contacts), 'contact')}",
+        f"{counted(len(scene.contacts), 'contact')}",
         f"{proved}; load factor = {-unit:.12g} x objective ({solution.status})",
     )
     return ProblemFile(

@@ -15,15 +15,12 @@ import numpy as np
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, option, taking, vector
 from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
-from cvxlimit.cli.report import count, facts, show, warn_of_near_misses
+from cvxlimit.cli.report import counted, facts, show, warn_of_near_misses
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
-from cvxlimit.io.geometry import LOWEST, sketch
+from cvxlimit.io.geometry.importing import LOWEST, sketch
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Scene
-
-_NAMED = 8
-"""Supports named in the summary; the scene file has all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,10 +135,10 @@ def _found(
     size = " x ".join(f"{x:.5g}" for x in high - low)
     unit = scene.units.length
     notched = sum(not block.is_convex for block in blocks)
-    supports = ", ".join(scene.supports[:_NAMED])
-    more = f" and {len(scene.supports) - _NAMED} more" if len(scene.supports) > _NAMED else ""
+    supports, others = ", ".join(scene.supports[:8]), len(scene.supports) - 8
+    more = f" and {others} more" if others > 0 else ""
     return [
-        ("scene", f"{scene.name} ({count(len(found.files), 'file')})"),
+        ("scene", f"{scene.name} ({counted(len(found.files), 'file')})"),
         ("size", f"{size} {unit}, weight {scene.total_weight:.6g} {scene.units.force}"),
         ("blocks", f"{len(blocks)}, {notched} of them not convex" if notched else f"{len(blocks)}"),
         ("supports", f"{len(scene.supports)}: {supports}{more}"),
@@ -163,4 +160,6 @@ def _repairs(scene: Scene) -> str:
         blocks.update({repair.kind for repair in block.repairs})
     if not times:
         return "none"
-    return ", ".join(f"{times[kind]} {kind} (in {count(blocks[kind], 'block')})" for kind in times)
+    return ", ".join(
+        f"{times[kind]} {kind} (in {counted(blocks[kind], 'block')})" for kind in times
+    )

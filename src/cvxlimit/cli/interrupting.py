@@ -16,9 +16,6 @@ from cvxlimit.io.fields import one_line
 T = TypeVar("T")
 Tell = Callable[[str], None]
 
-_LOOK = 0.1
-"""Seconds between two looks at how far the work has come."""
-
 _WAITING = "interrupted: waiting for the solver's run to end; Ctrl-C again ends at once"
 
 
@@ -63,7 +60,7 @@ class Work(Generic[T]):
         is_stopped = False
         while True:
             try:
-                while not self._is_over.wait(_LOOK) and self._thread.is_alive():
+                while not self._is_over.wait(0.1) and self._thread.is_alive():
                     look(_WAITING if is_stopped else self.message)
                 break
             except KeyboardInterrupt:

@@ -14,22 +14,20 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from multiprocessing import active_children
 from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.text import Text
 
-from cvxlimit.cli.explaining import explain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
 from cvxlimit.cli.outputs import ExitCode, refuse
 from cvxlimit.cli.report import listing, show
-from cvxlimit.cli.settling import settle_command
-from cvxlimit.cli.showing import show_command
-from cvxlimit.cli.solving import EXIT_CODES, solve_command
-from cvxlimit.cli.sweeping import SWEEP_CODES, sweep_command
+from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
+from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
@@ -68,18 +66,26 @@ def _scenes_command(
     ] = False,
 ) -> Job:
     """List the built-in scenes."""
-    return _schema_job if schema else _scenes_job
+    return partial(_list, schema)
 
 
 for _name, _command, _epilog in (
-    ("solve", solve_command, EXIT_CODES),
+    (
+        "solve", solve_command,
+        "Exit code: 0 solved; 2 bad input; 3 no answer exists (the dead load cannot stand, or the "
+        "live load does no harm); 4 not converged, or not certified to the tolerance.",
+    ),
     ("explain", explain_command, None),
     ("import", import_command, None),
     ("show", show_command, None),
     ("settle", settle_command, None),
-    ("sweep", sweep_command, SWEEP_CODES),
+    (
+        "sweep", sweep_command,
+        "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not "
+        "solved, which are rows too.",
+    ),
     ("export-problem", export_command, None),
-):
+):  # fmt: skip
     app.command(_name, epilog=_epilog)(_command)
 
 
@@ -159,11 +165,9 @@ def _discard_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _schema_job() -> ExitCode:
-    typer.echo(json.dumps(json_schema("scene"), indent=1))
-    return ExitCode.SOLVED
-
-
-def _scenes_job() -> ExitCode:
-    show(listing({name: (build(), build.description) for name, build in BUILTIN.items()}))
+def _list(schema: bool) -> ExitCode:
+    if schema:
+        typer.echo(json.dumps(json_schema("scene"), indent=1))
+    else:
+        show(listing({name: (build(), build.description) for name, build in BUILTIN.items()}))
     return ExitCode.SOLVED

@@ -16,15 +16,12 @@ from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
 
-_NO_TERMINAL_WIDTH = 1000
-"""Columns where no terminal sets a limit, so that nothing wraps in files and pipes."""
-
 
 def show(*renderables: RenderableType) -> None:
     """Print to stdout as it is: ids and paths are no markup, lines end where their text does."""
     if sys.stdout is None:
         return
-    width = None if sys.stdout.isatty() else _NO_TERMINAL_WIDTH
+    width = None if sys.stdout.isatty() else 1000  # nothing wraps in files and pipes
     console = Console(markup=False, emoji=False, highlight=False, width=width)
     with console.capture() as capture:
         for renderable in renderables:
@@ -36,13 +33,11 @@ def show(*renderables: RenderableType) -> None:
 def summary(
     solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
 ) -> Table:
+    blocks = counted(solution.blocks, "free block")
     return facts(
         [
             ("scene", f"{solution.scene} ({origin})"),
-            (
-                "size",
-                f"{count(solution.blocks, 'free block')} x {count(solution.contacts, 'contact')}",
-            ),
+            ("size", f"{blocks} x {counted(solution.contacts, 'contact')}"),
             ("model", f"reduced: {', '.join(solution.model)}" if solution.model else ""),
             ("surface", solution.surface),
             ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
@@ -166,10 +161,10 @@ def _style(status: Status) -> str:
 
 def _solvers(iterates: Sequence[Iterate]) -> str:
     counts = Counter(one_line(iterate.solver) for iterate in iterates)
-    return ", ".join(f"{name} ({count(n, 'solve')})" for name, n in counts.items())
+    return ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in counts.items())
 
 
-def count(number: int, thing: str, things: str = "") -> str:
+def counted(number: int, thing: str, things: str = "") -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {things or thing + 's'}"
 
 

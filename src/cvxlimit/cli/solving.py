@@ -1,31 +1,118 @@
-"""``cvxlimit solve``: the collapse load factor of a scene."""
+"""Commands that take one scene: ``solve``, ``settle``, ``explain`` and ``show``."""
 
 # ruff: noqa: RUF009  # options are field() of dataclasses
 
 from __future__ import annotations
 
+import difflib
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.text import Text
+
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.naming import scene_named
-from cvxlimit.cli.options import SCENE, argument, option, result_option, taking
-from cvxlimit.cli.outputs import ExitCode
-from cvxlimit.cli.solutions import Files, deliver
-from cvxlimit.errors import ModelError
+from cvxlimit.cli.options import (
+    SCENE,
+    argument,
+    option,
+    result_option,
+    surface_option,
+    taking,
+    vector,
+)
+from cvxlimit.cli.outputs import (
+    PICTURES,
+    SCENE_PICTURES,
+    ExitCode,
+    check_outputs,
+    check_picture,
+    check_suffix,
+    refuse,
+)
+from cvxlimit.cli.report import (
+    counted,
+    facts,
+    history,
+    is_eventful,
+    show,
+    summary,
+    verdict,
+    warn_of_near_misses,
+)
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io import export, read_scene, write_result
+from cvxlimit.io.fields import one_line
+from cvxlimit.io.geometry.export import EXPORTS
+from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.interaction.readings.named import MOMENTS
+from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, words
+from cvxlimit.plotting import plot, plot_scene, refused
 from cvxlimit.reductions.choice import MODELS
+from cvxlimit.reductions.explaining import explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-EXIT_CODES = (
-    "Exit code: 0 solved; 2 bad input; 3 no answer exists (the dead load cannot stand, or the "
-    "live load does no harm); 4 not converged, or not certified to the tolerance."
-)
-"""Shown below the command's help."""
+
+def scene_named(name: str) -> Scene:
+    """The scene of a built-in name, which wins, or of a file."""
+    if name in BUILTIN:
+        return builtin_scene(name)
+    looks_like_file = Path(name).suffix or Path(name).name != name
+    if looks_like_file or os.path.exists(name):
+        return read_scene(name)
+    close = difflib.get_close_matches(name, BUILTIN, n=1)
+    cure = f"did you mean {close[0]!r}?" if close else "cvxlimit scenes lists the built-in ones"
+    raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where a solution is to be written; None where it is not."""
+
+    json: Path | None
+    plot: Path | None
+    export: Path | None = None
+
+    def check(self, scene: str) -> None:
+        inputs = {} if scene in BUILTIN else {scene: "the scene"}
+        check_outputs({"--json": self.json, "--plot": self.plot, "--export": self.export}, inputs)
+        if self.export is not None:
+            check_suffix("--export", self.export, EXPORTS)
+        if self.plot is not None:
+            check_picture(self.plot, PICTURES)
+
+    def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
+        if self.json is not None:
+            write_result(solution, self.json)
+            yield self.json
+        if self.plot is not None:
+            yield from plot(scene, solution, self.plot)
+        if self.export is not None:
+            yield from export(scene, self.export, solution)
+
+
+def deliver(
+    scene: Scene, name: str, solution: Solution, files: Files, tolerance: float | None = None
+) -> ExitCode:
+    written: list[str] = []
+    try:
+        written.extend(str(path) for path in files.write(scene, solution))
+    finally:  # hours of work are shown even if the disk is full by now
+        origin = "built-in" if name in BUILTIN else name
+        show(summary(solution, origin, tolerance, written))
+        if is_eventful(solution):
+            show(Text(), history(solution.history))
+    warn_of_near_misses(scene)
+    status = solution.status
+    if status.is_good:
+        return ExitCode.SOLVED
+    code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
+    return refuse(code, verdict(solution))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,3 +212,94 @@ def solve_command(order: Order) -> ExitCode:
 
     scene, solution = interruptible(solved)
     return deliver(scene, order.scene, solution, files, order.tolerance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """What ``cvxlimit settle`` is asked."""
+
+    scene: str = argument()
+    support: str = option("ID", "The support that moves.", ...)
+    direction: str = option(
+        "X,Y,Z", "Where to, as in --direction=0,0,-1; its length does not matter.", ...
+    )
+    which: str = option(
+        "least|largest",
+        "The reaction that remains while the support gives way, or the one that pushes it back.",
+        "least",
+    )
+    surface: str = surface_option()
+    json: Path | None = result_option()
+    plot: Path | None = option("OUT.png|.html|.vtu", "Draw the mechanism.")
+
+
+@taking(Movement)
+def settle_command(asked: Movement) -> ExitCode:
+    """Find the least or largest reaction of a support that moves, under the dead load alone."""
+    files = Files(asked.json, asked.plot)
+    files.check(asked.scene)
+    along = vector("--direction", asked.direction, "0,0,-1")
+
+    def settled(tell: Tell) -> tuple[Scene, Solution]:
+        scene = scene_named(asked.scene)
+        found = settlement(scene, asked.support, along, asked.which, asked.surface, progress=tell)
+        return scene, found.solution
+
+    scene, solution = interruptible(settled)
+    return deliver(scene, asked.scene, solution, files)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What ``cvxlimit explain`` is asked."""
+
+    scene: str = argument()
+    surface: str = surface_option()
+    model: str = option("|".join(MODELS), "How much model, as for solve.", "auto")
+
+
+@taking(Question)
+def explain_command(asked: Question) -> ExitCode:
+    """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
+    found = interruptible(
+        lambda tell: explain(scene_named(asked.scene), asked.surface, model=asked.model)
+    )
+    title, *lines = str(found).splitlines()
+    show(Text("\n".join([one_line(title), *lines])))
+    return ExitCode.SOLVED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """What ``cvxlimit show`` is to draw, and where."""
+
+    scene: str = argument()
+    plot: Path | None = option("OUT.png|.html", "Picture, or page to turn and point at.")
+
+
+@taking(Drawing)
+def show_command(asked: Drawing) -> ExitCode:
+    """Draw a scene before it is solved: blocks, supports, joints, loads, near misses.
+
+    A scene whose geometry is refused is drawn with the blocks to blame in red.
+    """
+    name, plot = asked.scene, asked.plot
+    if plot is None:
+        raise InputError("give --plot OUT.png or OUT.html: where to draw")
+    check_outputs({"--plot": plot}, {} if name in BUILTIN else {os.fspath(name): "the scene"})
+    check_picture(plot, SCENE_PICTURES)
+
+    def checked(tell: Tell) -> tuple[Scene, InputError | None]:
+        scene = scene_named(name)
+        tell("finding contacts")
+        return scene, refused(scene)
+
+    scene, refusal = interruptible(checked)
+    written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
+    blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
+    contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
+    show(facts([("scene", scene.name), ("size", blocks + contacts), *written]))
+    if refusal is not None:
+        raise refusal
+    warn_of_near_misses(scene)
+    return ExitCode.SOLVED

@@ -14,12 +14,12 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
-from cvxlimit.checks import count as whole_number
+from cvxlimit.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import argument, option, taking
 from cvxlimit.cli.outputs import ExitCode, refuse
-from cvxlimit.cli.report import count, show
+from cvxlimit.cli.report import counted, show
+from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
 from cvxlimit.methods.driver import Told
@@ -29,15 +29,6 @@ from cvxlimit.studies import sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-SWEEP_CODES = (
-    "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not solved, "
-    "which are rows too."
-)
-"""Shown below the command's help."""
-
-_SHOWN = 40
-"""Rows that are printed; all are in the folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +60,7 @@ def sweep_command(asked: Variations) -> ExitCode:
     grid = _grid(asked.vary)
     if asked.surface is not None and "surface" in grid:
         raise InputError("--surface and --vary surface=... exclude each other: leave one out")
-    number = whole_number(asked.workers, 1, "--workers")
+    number = count(asked.workers, 1, "--workers")
 
     def swept(tell: Tell) -> DataFrame:
         def told(line: str) -> None:
@@ -127,7 +118,7 @@ def _printed(table: DataFrame, parameters: Sequence[str]) -> Table:
     result = Table(box=None, pad_edge=False, header_style="bold")
     for name in (*parameters, "load factor", "lower", "upper", "status"):
         result.add_column(one_line(name))
-    for row in table.head(_SHOWN).to_dict("records"):
+    for row in table.head(40).to_dict("records"):
         ends = ("load_factor", rounded), ("lower", rounded_down), ("upper", rounded_up)
         found = [shown(row[name]) if np.isfinite(row[name]) else "" for name, shown in ends]
         inputs = [f"{v:g}" if isinstance(v, float) else str(v) for v in map(row.get, parameters)]
@@ -139,7 +130,7 @@ def _counted(table: DataFrame, output: Path | None) -> str:
     kinds = table["status"].where(table["error"] == "", "failed").value_counts()
     said = ", ".join(f"{number} {kind}" for kind, number in kinds.items())
     where = "" if output is None else f"; all rows in {one_line(str(output))}"
-    return f"{count(len(table), 'variation')}: {said}{where}"
+    return f"{counted(len(table), 'variation')}: {said}{where}"
 
 
 def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:

@@ -13,12 +13,6 @@ from cvxlimit.compare.rows import Row
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MARKERS = "os^Dv<>phXPd8"
-COLOURS = (
-    "#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0",
-    "#6b7280", "#9aad00", "#3b5bdb", "#b45309",
-)  # fmt: skip
-FRONT_COLOURS = ("#4aa3a8", "#c77dba", "#c9a227")
 OWN = "cvxlimit"
 """Lines whose names begin like this are drawn larger: the package's default."""
 
@@ -91,7 +85,8 @@ def draw_time_against_error(
             label=label,
             zorder=4 if own else 3,
         )
-    for colour, (truth, group) in zip(cycle(FRONT_COLOURS), groups.items(), strict=False):
+    colours = cycle(("#4aa3a8", "#c77dba", "#c9a227"))
+    for colour, (truth, group) in zip(colours, groups.items(), strict=False):
         of_which = f", {truth}" if len(groups) > 1 else ""
         axes.step(
             *zip(*map(_point, _front(group)), strict=True), where="post", color=colour,
@@ -113,9 +108,21 @@ def draw_time_against_error(
 
 def style(number: int, label: str) -> dict[str, Any]:
     """Marker and colour of a line; the first colour is kept for the package's own."""
-    others = COLOURS[1:]
-    colour = COLOURS[0] if label.startswith(OWN) else others[number % len(others)]
-    return {"marker": MARKERS[number % len(MARKERS)], "color": colour}
+    others = [
+        "#d62246",
+        "#2a9d5c",
+        "#f59e0b",
+        "#8b2fc9",
+        "#12a4b4",
+        "#7a5230",
+        "#e36fb0",
+        "#6b7280",
+        "#9aad00",
+        "#3b5bdb",
+        "#b45309",
+    ]
+    colour = "#134b73" if label.startswith(OWN) else others[number % len(others)]
+    return {"marker": "os^Dv<>phXPd8"[number % 13], "color": colour}
 
 
 def sparse(value: float, position: float | None = None) -> str:

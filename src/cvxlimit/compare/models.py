@@ -33,21 +33,10 @@ for changed Parameters, the solver, and the bracket."""
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one run of a method gave.
+    """What one run of a method gave: its own answer and bracket, None where it has none.
 
-    Attributes
-    ----------
-    status : str
-        The solver's, or the solution's.
-    load_factor, lower, upper : float or None
-        The method's own answer and bracket; None where it has none.
-    seconds : mapping of phase to float
-        Phases of :data:`PHASES` that the method has.
-    total : float
-        Wall-clock seconds from the scene to the answer.
-    contacts : int
-    memory : float or None
-        Peak memory of the process, MB, where the run had one of its own.
+    ``seconds`` are those of :data:`PHASES` that it has, ``total`` from the scene to the answer;
+    ``memory`` is the peak in MB, where the run had a process of its own.
     """
 
     status: str

@@ -14,9 +14,7 @@ from cvxlimit.scene import Scene
 
 
 def strengthened(scene: Scene, **strengths: float) -> Scene:
-    """With cohesion and strengths as multiples of the mean pressure on the supports.
-
-    That is the weight of the free blocks over the area of the contacts with supports, so that one
+    """With cohesion and strengths as multiples of the mean pressure on the supports, so that one
     model means the same on small and on large scenes.
 
     >>> from cvxlimit import builtin_scene, solve
@@ -39,15 +37,6 @@ def untied(scene: Scene) -> Scene:
 class Settlement(Method):
     """The reaction of a support that moves; a row without error, for it is no load factor.
 
-    Attributes
-    ----------
-    name : str
-    support : str
-    direction : (3,)
-    which : {"least", "largest"}
-
-    Example
-    -------
     >>> from cvxlimit import builtin_scene
     >>> thrust = Settlement("thrust", support="right-abutment", direction=(1.0, 0.0, 0.0))
     >>> round(thrust.measure(builtin_scene("arch")).load_factor, 4)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
+from typing import Any
 
 import cvxpy as cp
 
@@ -18,13 +19,10 @@ from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Rocking
 
 _QDLDL = "Clarabel qdldl"
-_SEVERAL, _FINE = (1e-6, 1e-8, 1e-11), (1e-8,)
-_CONIC_SOLVERS = {
-    "SCS": (1e-3, 1e-4, 1e-5), "ECOS": (1e-6, 1e-8), "QOCO": (1e-6, 1e-8), "MOSEK": (1e-6, 1e-8),
-    "GUROBI": (1e-6, 1e-8), "COPT": _FINE, "XPRESS": _FINE, "CUCLARABEL": _FINE,
-}  # fmt: skip
+_CONIC_SOLVERS = ("ECOS", "QOCO", "MOSEK", "GUROBI")
+_FINE_ONLY = ("COPT", "XPRESS", "CUCLARABEL")
 _LINEAR_SOLVERS = ("MOSEK", "GUROBI", "CUOPT", "PDLP", "GLOP", "OSQP", "SCIPY", "GLPK")
-_ALIASES = ("ECOS_BB", "GLPK_MI", "CLARABEL", "HIGHS")
+_OTHERS = ("SCS", "ECOS_BB", "GLPK_MI", "CLARABEL", "HIGHS")
 
 
 def registry() -> dict[str, Method]:
@@ -33,6 +31,7 @@ def registry() -> dict[str, Method]:
     >>> [name for name in registry() if name.startswith("octagon-inscribed")]
     ['octagon-inscribed/corners/clarabel-qdldl/1e-8']
     """
+    fine, several = (1e-8,), (1e-6, 1e-8, 1e-11)
     made = []
     for asked in (None, 1e-6, 1e-8):
         end = "" if asked is None else f"/{_short(asked)}"
@@ -44,33 +43,36 @@ def registry() -> dict[str, Method]:
     for side, kind in (("", "circumscribed"), ("-inscribed", "inscribed")):
         for polygon in ("octagon", "16-gon", "32-gon", "64-gon"):
             line = f"8 to 64 facets, {kind}, {_QDLDL}"
-            made += _runs(polygon + side, "clarabel-qdldl", "CLARABEL", _FINE, _QDLDL, line)
+            made += _runs(polygon + side, "clarabel-qdldl", "CLARABEL", fine, _QDLDL, line)
     solver = settings_for("CLARABEL", 1e-8, _QDLDL)
     for surface in ("conic", "octagon"):
         name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{surface}, resultants, {_QDLDL}"
         made.append(Model(name, line, surface, resultants, solver, 1e-8))
-    tried = (1e-2, 1e-3, 1e-4, *_SEVERAL)
+    tried = (1e-2, 1e-3, 1e-4, *several)
     made += _runs("conic", "clarabel-qdldl", "CLARABEL", tried, _QDLDL)
     for surface in ("conic", "octagon"):
         for backend, spelt in (("superlu", "SuperLU"), ("cholmod", "CHOLMOD")):
             short, label = f"blockwise-{backend}", f"blockwise {spelt}"
-            made += _runs(surface, short, "BLOCKWISE", _SEVERAL, label, backend=backend)
+            made += _runs(surface, short, "BLOCKWISE", several, label, backend=backend)
     for way in ("faer", "mkl", "panua"):  # builds without one refuse it, and that is a row as well
         label = f"Clarabel {way}"
-        made += _runs("conic", f"clarabel-{way}", "CLARABEL", _FINE, label, direct_solve_method=way)
-    unknown = {*cp.installed_solvers()} - {*_CONIC_SOLVERS, *_LINEAR_SOLVERS, *_ALIASES}
-    for name, tolerances in {**_CONIC_SOLVERS, **dict.fromkeys(sorted(unknown), _FINE)}.items():
-        made += _runs("conic", name.lower(), name, tolerances)
+        made += _runs("conic", f"clarabel-{way}", "CLARABEL", fine, label, direct_solve_method=way)
+    made += _runs("conic", "scs", "SCS", (1e-3, 1e-4, 1e-5))
+    for name in _CONIC_SOLVERS:
+        made += _runs("conic", name.lower(), name, (1e-6, 1e-8))
+    known = {*_CONIC_SOLVERS, *_FINE_ONLY, *_LINEAR_SOLVERS, *_OTHERS}
+    for name in (*_FINE_ONLY, *sorted({*cp.installed_solvers()} - known)):
+        made += _runs("conic", name.lower(), name, fine)
     for way in ("ipm", "simplex"):
-        made += _runs("octagon", f"highs-{way}", "HIGHS", _FINE, f"HiGHS {way}", solver=way)
+        made += _runs("octagon", f"highs-{way}", "HIGHS", fine, f"HiGHS {way}", solver=way)
     for name in _LINEAR_SOLVERS:
-        made += _runs("octagon", name.lower(), name, _FINE)
+        made += _runs("octagon", name.lower(), name, fine)
     return {model.name: model for model in made}
 
 
 def _runs(
     surface: str, short: str, solver: str, tolerances: Iterable[float], label: str = "",
-    line: str = "", /, **options: str,
+    line: str = "", /, **options: Any,
 ) -> Iterator[Model]:  # fmt: skip
     """One run of one solver at each tolerance."""
     for tolerance in tolerances:
@@ -130,18 +132,7 @@ def physics_registry() -> dict[str, Method]:
 
 
 def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
-    """Methods whose names match one of the patterns (``*`` and ``?``), in registered order.
-
-    Raises
-    ------
-    ModelError
-        If a pattern matches nothing.
-
-    Example
-    -------
-    >>> [m.name for m in choose(["cvxlimit*"], list(registry().values()))][:2]
-    ['cvxlimit', 'cvxlimit/full']
-    """
+    """Methods whose names match one of the patterns (``*`` and ``?``), in registered order."""
     patterns = list(names)
     for pattern in patterns:
         if not any(fnmatchcase(method.name, pattern) for method in among):

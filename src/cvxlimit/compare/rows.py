@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -226,6 +226,7 @@ def row_of(
     if reasons or not runs:
         return row
     middle = runs[len(runs) // 2]
+    phases: dict[str, Any] = {p: _median(run.seconds.get(p) for run in runs) for p in PHASES}
     return replace(
         row,
         status=middle.status,
@@ -233,7 +234,7 @@ def row_of(
         lower=middle.lower,
         upper=middle.upper,
         error=truth.bracket.error(middle.load_factor),
-        **{phase: _median(run.seconds.get(phase) for run in runs) for phase in PHASES},
+        **phases,
         total=_median(run.total for run in runs),
         total_min=runs[0].total,
         total_max=runs[-1].total,

@@ -9,7 +9,8 @@ read by :func:`import_geometry`. What cannot be read is refused with an
 from typing import Any
 
 from cvxlimit.errors import InputError
-from cvxlimit.io.geometry import Imported, export, import_geometry, read_bodies
+from cvxlimit.io.geometry.export import export
+from cvxlimit.io.geometry.importing import Imported, import_geometry, read_bodies
 from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
 from cvxlimit.io.scenes import SCENE, read_scene, scene_from_dict, scene_to_dict, write_scene
 

@@ -21,12 +21,6 @@ def read_document(path: Path) -> object:
 
     NaN and Infinity, which are not JSON, come out as floats, so that the check of the field
     they stand in refuses them by name, like 1e400.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is empty, too large, nested too deeply, not UTF-8 or not
-        JSON, or gives a key twice.
     """
     return parsed(read_bytes(path))
 
@@ -50,13 +44,6 @@ def parsed(data: bytes) -> object:
 
 
 def encoded(document: Mapping[str, object]) -> bytes:
-    """A JSON object as it goes to disk, UTF-8.
-
-    Raises
-    ------
-    InputError
-        If the document is not JSON (an infinite number).
-    """
     try:
         return laid_out(document).encode("utf-8")
     except ValueError as error:

@@ -20,17 +20,10 @@ analysis squares moments; beyond this they would overflow. No units need more.""
 ANY_FINITE = sys.float_info.max
 """Limit for numbers of a result: any finite double."""
 
-_LONGEST_MESSAGE = 500
-_LONGEST_GUESS = 40
-
-_MOST_DIGITS = 60
-
 
 class _Short(reprlib.Repr):
     def repr_int(self, x: int, level: int) -> str:
-        if abs(x) < 10**_MOST_DIGITS:
-            return repr(x)
-        return f"a whole number of more than {_MOST_DIGITS} digits"
+        return repr(x) if abs(x) < 10**60 else "a whole number of more than 60 digits"
 
 
 _SHORT = _Short()
@@ -43,9 +36,8 @@ def shown(value: object) -> str:
 
 
 def one_line(text: str) -> str:
-    if len(text) > _LONGEST_MESSAGE:
-        half = _LONGEST_MESSAGE // 2
-        text = f"{text[:half]} ... {text[-half:]}"
+    if len(text) > 500:
+        text = f"{text[:250]} ... {text[-250:]}"
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
@@ -77,7 +69,7 @@ def fields(
 
 
 def _advice(key: object, known: Collection[str]) -> str:
-    if isinstance(key, str) and len(key) <= _LONGEST_GUESS:
+    if isinstance(key, str) and len(key) <= 40:
         close = difflib.get_close_matches(key.lower(), known, n=1)
         if close:
             return f"did you mean {close[0]!r}?"

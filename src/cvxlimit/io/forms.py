@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from cvxlimit.io.fields import (
     whole,
 )
 
+T = TypeVar("T")
 Step = Callable[[Any, str, str], Any]
 
 
@@ -39,13 +40,8 @@ Step = Callable[[Any, str, str], Any]
 class Form:
     """How a value stands in a JSON document.
 
-    Attributes
-    ----------
-    read, write : callable
-        From JSON and to it, given the value, where it stands ("start of entry 0 of ties") and in
-        what ("entry 0 of ties"), for refusals.
-    schema : mapping
-        The same in JSON Schema.
+    ``read`` and ``write`` are given the value, where it stands ("start of entry 0 of ties") and in
+    what ("entry 0 of ties"), for refusals; ``schema`` says the same in JSON Schema.
     """
 
     read: Step
@@ -171,13 +167,10 @@ def record(
 
     ``prefix`` leads what ``made`` says; entries of the ``header`` are somebody else's.
     """
-    defaults = {each.name: _default(each) for each in dataclasses.fields(kind)}
-    needed, optional = list[str](), list[str]()
-    for key, each in keys.items():
-        has_none = defaults.get(key, MISSING) is MISSING
-        (needed if (has_none if each.is_needed is None else each.is_needed) else optional).append(
-            key
-        )
+    defaults = _defaults(kind)
+    stated = {key: each.is_needed for key, each in keys.items() if each.is_needed is not None}
+    needed = [key for key in keys if stated.get(key, key not in defaults)]
+    optional = [key for key in keys if key not in needed]
 
     def read(value: object, where: str, _: str) -> Any:
         entry, given = fields(value, where, (*header, *needed), optional), dict[str, Any]()
@@ -185,7 +178,7 @@ def record(
             if key in entry:
                 found = each.form.read(entry[key], each.where.format(key=key, owner=where), where)
                 given |= found if each.is_several else {key: found}
-            elif defaults.get(key) is MISSING and not each.is_several:
+            elif key not in defaults and not each.is_several:
                 given[key] = None
         with refusals(prefix.format(where=where)):
             return (made or kind)(**given)
@@ -194,8 +187,7 @@ def record(
         result: JsonObject = {}
         for key, each in keys.items():
             found = value if each.is_several else getattr(value, key)
-            default = None if defaults.get(key) is MISSING else defaults.get(key)
-            if key in needed or each.is_written or found != default:
+            if key in needed or each.is_written or found != defaults.get(key):
                 entry = each.form.write(found, each.where.format(key=key, owner=where), where)
                 if entry is not None or not each.is_several:
                     result[key] = entry
@@ -210,36 +202,42 @@ def record(
     return Form(read, write, schema)
 
 
-def _default(field: dataclasses.Field[Any]) -> Any:
-    return field.default if field.default_factory is MISSING else field.default_factory()
+def _defaults(kind: type) -> dict[str, Any]:
+    result = {}
+    for each in dataclasses.fields(kind):
+        if each.default_factory is not MISSING:
+            result[each.name] = each.default_factory()
+        elif each.default is not MISSING:
+            result[each.name] = each.default
+    return result
 
 
 HEADER = ("format", "version")
 
 
 @dataclass(frozen=True)
-class Document:
+class Document(Generic[T]):
     """A record in a file of its own, with a header that says what it is: scene or result."""
 
     kind: str
     form: Form
 
-    def from_dict(self, document: Any) -> Any:
+    def from_dict(self, document: Any) -> T:
         with refusals():
             check_header(document, self.kind)
             entries = {key: x for key, x in document.items() if key != "$schema"}
             return self.form.read(entries, f"the {self.kind}", "")
 
-    def to_dict(self, value: Any) -> JsonObject:
+    def to_dict(self, value: T) -> JsonObject:
         with refusals():
             header = {"format": f"cvxlimit-{self.kind}", "version": 1}
             return header | self.form.write(value, f"the {self.kind}", "")
 
-    def read(self, path: Path) -> Any:
+    def read(self, path: Path) -> T:
         with refusals(file_prefix(path)):
             return self.from_dict(read_document(path))
 
-    def write(self, value: Any, path: Path) -> None:
+    def write(self, value: T, path: Path) -> None:
         with refusals(file_prefix(path)):
             data = encoded(self.to_dict(value))
         write_file(path, data)

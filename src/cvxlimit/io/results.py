@@ -92,9 +92,6 @@ ITERATE = record(
     },
 )
 
-NOT_WRITTEN: dict[str, Any] = {"forces": np.zeros((0, 6)), "mechanism": np.zeros((0, 6))}
-"""Of a member: those of the lowest are the result's own."""
-
 MEMBER = record(
     Member,
     {"start": Key(TEXT), "iterations": Key(WHOLE)}
@@ -102,7 +99,8 @@ MEMBER = record(
         name: Key(FIGURE)
         for name in ("load_factor", "equilibrium", "yield_excess", "flow", "complementarity")
     },
-    lambda **given: Member(**given, **NOT_WRITTEN),
+    # forces and mechanism are those of the lowest only, which are the result's own
+    lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
 )
 
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -128,7 +126,7 @@ def _solution(lower: float, upper: float, **given: Any) -> Solution:
     return Solution(bracket=Bracket(lower, upper, **basis), **given)
 
 
-RESULT = Document(
+RESULT: Document[Solution] = Document(
     "result",
     record(
         Solution,
@@ -184,23 +182,16 @@ def read_result(path: Path) -> Solution:
     ...     read_result(file).upper
     inf
     """
-    solution: Solution = RESULT.read(path)
-    return solution
+    return RESULT.read(path)
 
 
 def write_result(solution: Solution, path: Path) -> None:
-    """Write a result file that :func:`read_result` reads back without loss.
-
-    The file is complete or untouched: a temporary file beside it is renamed at the end.
+    """Write a result file, complete or not at all, that :func:`read_result` reads without loss.
 
     Raises
     ------
     InputError
-        If forces or mechanism are not finite, or the file cannot be written.
-
-    Example
-    -------
-    See :func:`read_result`.
+        As for :func:`result_to_dict`, or if the file cannot be written.
     """
     RESULT.write(_checked(solution), path)
 
@@ -208,12 +199,10 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    The keys are those of the format, always all of them, plus ``note``, ``versions``,
-    ``model`` (the reductions that were used) and ``bracket`` (which bounds are proved, and by what
-    the width of one around zero is measured) when there are any.
-    A missing bound (``lower`` -inf, ``upper`` inf) becomes None; any other number that is not
-    finite becomes the text "nan", "inf" or "-inf", since JSON has no such numbers. In the
-    history, fields that do not apply are left out.
+    Keys are the fields of :class:`~cvxlimit.solution.Solution`; ``bracket`` says which bounds are
+    proved, and by what the width of one around zero is measured. A missing bound becomes None; any
+    other number that is not finite the text "nan", "inf" or "-inf". In the history, fields that do
+    not apply are left out.
 
     Raises
     ------
@@ -249,8 +238,7 @@ def result_from_dict(document: object) -> Solution:
     cvxlimit.errors.InputError: format must be 'cvxlimit-result', got 'cvxlimit-scene'; \
 this is not a result file
     """
-    solution: Solution = RESULT.from_dict(document)
-    return solution
+    return RESULT.from_dict(document)
 
 
 def _checked(solution: Any) -> Any:

@@ -171,14 +171,20 @@ def _write_contacts(scene: Scene, _: str, where: str) -> list[JsonObject] | None
     return list(entries.values()) or None
 
 
-CONTACT_SCHEMA = {
-    "type": "object",
-    "properties": {"between": PAIR.schema} | {what: form.schema for what, form in VALUES.items()},
-    "required": ["between"],
-    "minProperties": 2,
-    "additionalProperties": False,
-}
-CONTACTS = Form(_read_contacts, _write_contacts, {"type": "array", "items": CONTACT_SCHEMA})
+CONTACTS = Form(
+    _read_contacts,
+    _write_contacts,
+    {
+        "type": "array",
+        "items": {
+            "type": "object",
+            "properties": {"between": PAIR.schema, **{k: v.schema for k, v in VALUES.items()}},
+            "required": ["between"],
+            "minProperties": 2,
+            "additionalProperties": False,
+        },
+    },
+)
 
 POINT_FORCE = record(
     PointForce,
@@ -222,7 +228,7 @@ def _scene(
     return Scene(made, joint_tolerance=joint_tolerance, **given)
 
 
-SCENE = Document(
+SCENE: Document[Scene] = Document(
     "scene",
     record(
         Scene,
@@ -250,11 +256,7 @@ def read_scene(path: Path) -> Scene:
     :class:`~cvxlimit.scene.Scene`. Everything else must be there: friction and both loads are
     never guessed (``"dead": {}`` states that there is no dead load).
 
-    The keys of a load, all optional, add up: ``gravity`` and ``acceleration`` (3,) in multiples of
-    each free block's weight; ``forces`` {id: (6,)} at centroids; ``weights`` {id: (3,)} in
-    multiples of the weight of selected blocks; ``points``, a list of {"block", "at" (3,),
-    "force" (3,)}; ``pressures``, a list of {"block", "normal" (3,), "pressure"} on the faces that
-    look along ``normal``. See :class:`~cvxlimit.loads.Load`.
+    The keys of a load are the fields of :class:`~cvxlimit.loads.Load`, all optional.
 
     Parameters
     ----------
@@ -279,24 +281,16 @@ def read_scene(path: Path) -> Scene:
     ...     read_scene(file).total_weight
     80.0
     """
-    scene: Scene = SCENE.read(path)
-    return scene
+    return SCENE.read(path)
 
 
 def write_scene(scene: Scene, path: Path) -> None:
-    """Write a scene file that :func:`read_scene` reads back without loss.
-
-    The file is complete or untouched: a temporary file beside it is renamed at the end.
+    """Write a scene file, complete or not at all, that :func:`read_scene` reads without loss.
 
     Raises
     ------
     InputError
-        If a number or text of the scene has no place in the format (see
-        :func:`scene_to_dict`), or the file cannot be written.
-
-    Example
-    -------
-    See :func:`read_scene`.
+        As for :func:`scene_to_dict`, or if the file cannot be written.
     """
     check_scene(scene)
     SCENE.write(scene, path)
@@ -339,5 +333,4 @@ def scene_from_dict(document: object) -> Scene:
     Traceback (most recent call last):
     cvxlimit.errors.InputError: the scene has an unknown key 'blocs'; did you mean 'blocks'?
     """
-    scene: Scene = SCENE.from_dict(document)
-    return scene
+    return SCENE.from_dict(document)

@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-_POINTS = 201
-"""Demands of a curve where none are given."""
-
-
 @dataclass(frozen=True, eq=False)
 class Fragility:
     """Probability that the load factor is below a demand, with a band that holds it.
@@ -166,7 +162,7 @@ def fragility(
 def _demands(demand: ArrayLike | None, finite: FloatArray) -> FloatArray:
     if demand is None:
         margin = 0.1 * float(np.ptp(finite)) or 0.1 * float(np.abs(finite).max())
-        return np.linspace(max(finite.min() - margin, 0.0), finite.max() + margin, _POINTS)
+        return np.linspace(max(finite.min() - margin, 0.0), finite.max() + margin, 201)
     given = np.atleast_1d(np.asarray(demand, dtype=float))
     if given.ndim != 1 or not np.isfinite(given).all():
         raise InputError(f"demand must be finite load factors, got {demand!r:.60}")

@@ -57,13 +57,6 @@ _CHECKS: dict[str, Callable[[Any], object]] = {
 }
 """What refuses the name of an option's value that does not exist."""
 
-_STRUCTURES = 4
-"""Geometries whose mechanics are kept: parameters that change the geometry come in random order,
-and that of 1,000 contacts takes 20 MB."""
-
-_STUDIES = 2
-"""Studies that a worker keeps: this one, and one that overlaps with it."""
-
 
 class Structures:
     """Contacts and mechanics of the geometries seen last."""
@@ -83,7 +76,8 @@ class Structures:
         if known is None:
             made = replace(Assemblage.of(scene), repeats=Repeats())
             self._known[scene.geometry] = made
-            if len(self._known) > _STRUCTURES:
+            # Parameters that change the geometry come in random order; 1,000 contacts take 20 MB.
+            if len(self._known) > 4:
                 self._known.popitem(last=False)
             return made
         self._known.move_to_end(scene.geometry)
@@ -218,14 +212,11 @@ _kept = _Kept()
 
 
 def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Rows of some variations, in whatever process this is called; ``name`` is the study's.
-
-    The study is unpacked once per thread, which keeps the mechanics of its structures.
-    """
+    """Rows of some variations; the study of that ``name`` is unpacked once per thread."""
     seen = _kept.studies
     if name not in seen:
         seen[name] = pickle.loads(study), Structures()
-        if len(seen) > _STUDIES:
+        if len(seen) > 2:  # this one, and one that overlaps with it
             seen.popitem(last=False)
     found, known = seen[name]
     with threadpool_limits(1):

@@ -24,9 +24,6 @@ KEY = "variation"
 _ABOUT, _OLD_ABOUT = "_sweep.json", "sweep.json"
 """What the sweep is of; readers of Parquet folders leave out names that begin with _."""
 
-_SECONDS = 1.0
-"""Rows wait this long at most before they are written: a file takes 5 ms."""
-
 
 def key_of(variation: Mapping[str, Any]) -> str:
     try:
@@ -80,7 +77,7 @@ class Store:
 
     def add(self, row: Mapping[str, Any]) -> None:
         self._waiting.append(row)
-        if time.monotonic() - self._written > _SECONDS:
+        if time.monotonic() - self._written > 1.0:  # a file takes 5 ms
             self.flush()
 
     def flush(self) -> None:

@@ -34,15 +34,6 @@ if TYPE_CHECKING:
 
 Keyed = tuple[str, Row]
 
-_TASKS = 100
-"""Tasks into which a sweep is cut at least: variations of small scenes go together, so that what a
-task costs by itself (1 ms in a process pool, some 5 ms on a cluster) does not count."""
-
-_LARGEST_TASK = 20
-_IN_FLIGHT = 256
-"""Tasks that are under way or waiting for a worker: enough for a large cluster, and few enough for
-the memory of whoever hands them out."""
-
 
 def sweep(
     scenes: Callable[..., Scene] | Scene,
@@ -186,7 +177,7 @@ def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Ke
             for names in waiting:
                 task = pool.submit(work, token, blob, [todo[name] for name in names])
                 running[task] = names
-                if len(running) >= _IN_FLIGHT:
+                if len(running) >= 256:  # a large cluster's workers, or the memory here
                     break
             if not running:
                 return
@@ -204,7 +195,8 @@ def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Ke
 
 
 def _tasks(names: Sequence[str]) -> list[Sequence[str]]:
-    size = min(max(1, len(names) // _TASKS), _LARGEST_TASK)
+    """Several go together: a task costs 1 ms in a process pool, some 5 ms on a cluster."""
+    size = min(max(1, len(names) // 100), 20)
     return [names[i : i + size] for i in range(0, len(names), size)]
 
 

@@ -19,27 +19,12 @@ SAME_ANGLE = 1e-6
 precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
 
 
-_FEW = 64
-"""Faces up to which plain Python is faster than arrays: half of an import's time of a wall."""
-
-
 @dataclass(frozen=True, eq=False)
 class Body:
     """One solid of a geometry file, as given: nothing checked, nothing repaired.
 
-    Attributes
-    ----------
-    name : str
-        Its name in the file; empty if it has none.
-    vertices : (k, 3) array
-    faces : sequence of sequences of int
-        Vertex indices of each polygon, from 0.
-    is_support : bool or None
-        As the file marks it; None where the file marks none.
-    density : float or None
-        As the file states it, in the file's units.
-    is_box : bool
-        True where ``vertices`` (2, 3) are the opposite corners of an axis-aligned box.
+    The name is empty, support mark and density are None where the file has none. A box has two
+    ``vertices``, its opposite corners, and no faces.
     """
 
     name: str
@@ -105,7 +90,7 @@ def separated(body: Body) -> list[Body]:
 
 def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
     """True if every edge has two faces and all hang together: nearly always, and quickly told."""
-    if len(faces) > _FEW:
+    if len(faces) > 64:  # up to there plain Python is faster than arrays
         return False
     at: dict[tuple[int, int], list[int]] = defaultdict(list)
     for number, face in enumerate(faces):

@@ -28,14 +28,6 @@ def is_compas(document: object) -> bool:
 
 
 def read_compas(document: object) -> list[Body]:
-    """The blocks of an assembly or block model, named by their node; supports and densities
-    where the file has them.
-
-    Raises
-    ------
-    InputError
-        If it holds no blocks, or a block is not a mesh.
-    """
     content = _content(document)
     if "elements" in content:
         return list(_of_model(content))

@@ -88,13 +88,6 @@ def obj_text(scene: Scene) -> str:
 
 
 def contacts_table(scene: Scene, solution: Solution | None = None) -> str:
-    """The contacts as CSV, one row each; see :func:`export`.
-
-    Raises
-    ------
-    InputError
-        If the solution's forces are not those of the scene's contacts.
-    """
     length, force = scene.units.length, scene.units.force
     c = scene.contacts
     columns: dict[str, list[object]] = {

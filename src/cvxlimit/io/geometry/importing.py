@@ -42,9 +42,6 @@ AXES = ("x", "y", "z")
 _IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
 """Companions of geometry files, silently left alone in a folder."""
 
-MOST_FILES = 100_000
-"""Files in a folder; more is a mistake."""
-
 
 @dataclass(frozen=True, eq=False)
 class Imported:
@@ -162,10 +159,7 @@ def import_geometry(
 
 
 def sketch(error: GeometryError) -> Scene | None:
-    """The body that ``error`` refuses, as a scene to draw: unchecked, of no use for anything else.
-
-    None if the error does not come from a body of an import, or nothing of it can be drawn.
-    """
+    """The body that ``error`` refuses, as an unchecked scene to draw; None if there is none."""
     body = error.body
     if not isinstance(body, Body) or not (
         faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
@@ -233,7 +227,7 @@ def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
             continue
         visible = [p for p in path.iterdir() if not p.name.startswith(".")]
         inside = sorted(visible, key=lambda p: natural(p.name))
-        if len(inside) > MOST_FILES:
+        if len(inside) > 100_000:  # more is a mistake
             raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
         known = [p for p in inside if p.suffix.lower() in READERS]
         strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]

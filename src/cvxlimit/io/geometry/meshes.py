@@ -26,14 +26,6 @@ from cvxlimit.io.geometry.bodies import Body, merged, natural
 
 MESHES = (".stl", ".ply", ".glb", ".gltf")
 
-_STL_HEADER, _STL_TRIANGLE = 84, 50
-"""Bytes of a binary STL before its triangles, and of each."""
-
-_GLB_HEADER = 20
-"""Bytes of a GLB before the text that says what is in it."""
-
-_GLB_TEXT = 0x4E4F534A
-
 _QUIET = logging.NullHandler()
 
 _MADE_UP = re.compile(r"geometry_\d+")
@@ -41,17 +33,7 @@ _MADE_UP = re.compile(r"geometry_\d+")
 
 
 def read_mesh(path: Path) -> list[Body]:
-    """The meshes of a file, one body for each solid, instance or mesh in it; names where it has.
-
-    Vertices with equal coordinates are one: STL and glTF store every corner by itself.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read as what its suffix says.
-    ModelError
-        If trimesh is not installed.
-    """
+    """The meshes of a file, one body for each solid, instance or mesh in it; names where it has."""
     what = f"{path.suffix} files (.obj, .json and .csv work without)"
     trimesh = needed("trimesh", "mesh", what)
     # It logs tracebacks of what it gets over, which would go to stderr where nobody listens.
@@ -97,13 +79,13 @@ def _check_stl(data: bytes) -> None:
         if b"endsolid" not in data[-2000:]:
             raise InputError("the text STL has no 'endsolid' at its end: it is cut off")
         return
-    if len(data) < _STL_HEADER:
+    if len(data) < 84:
         raise InputError(f"too short for an STL: {len(data)} bytes")
-    count = struct.unpack_from("<I", data, 80)[0]
-    if len(data) != _STL_HEADER + count * _STL_TRIANGLE:
+    triangles = struct.unpack_from("<I", data, 80)[0]
+    if len(data) != 84 + 50 * triangles:
         raise InputError(
-            f"the binary STL says it has {count} triangles, which take "
-            f"{_STL_HEADER + count * _STL_TRIANGLE} bytes, but it has {len(data)}"
+            f"the binary STL says it has {triangles} triangles, which take {84 + 50 * triangles} "
+            f"bytes, but it has {len(data)}"
         )
 
 
@@ -135,12 +117,13 @@ def _check_gltf(data: bytes, kind: str) -> None:
 
 
 def _gltf_text(data: bytes) -> bytes:
-    if len(data) < _GLB_HEADER or data[:4] != b"glTF":
+    header = 20  # bytes before the text that says what is in it
+    if len(data) < header or data[:4] != b"glTF":
         raise InputError("the file does not begin like a GLB")
-    total, length, kind = struct.unpack_from("<III", data, 8)
-    if kind != _GLB_TEXT or total > len(data) or length > len(data) - _GLB_HEADER:
+    total, length, kind = struct.unpack_from("<II4s", data, 8)
+    if kind != b"JSON" or total > len(data) or length > len(data) - header:
         raise InputError(f"the GLB is cut off: it says {total} bytes and has {len(data)}")
-    return data[_GLB_HEADER : _GLB_HEADER + length]
+    return data[header : header + length]
 
 
 def _list(document: Mapping[str, Any], key: str) -> list[Any]:

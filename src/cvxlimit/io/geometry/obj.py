@@ -32,13 +32,7 @@ class _Part:
 
 
 def read_obj(text: str) -> list[Body]:
-    """The objects of an OBJ file; its groups where it has no more than one object.
-
-    Raises
-    ------
-    InputError
-        If a line is no OBJ: the number of the line and what it says.
-    """
+    """The objects of an OBJ file; its groups where it has no more than one object."""
     vertices: list[list[float]] = []
     parts = [_Part(0, "", "")]
     for number, line in _lines(text):

@@ -15,21 +15,10 @@ from cvxlimit.io.geometry.bodies import Body
 CORNERS = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
 OPTIONAL = ("density", "support")
 
-_YES = {"1", "yes", "true", "y", "x"}
-_NO = {"0", "no", "false", "n", ""}
-
 
 def read_table(text: str) -> list[Body]:
-    """Boxes from columns ``id, xmin, ymin, zmin, xmax, ymax, zmax`` and, if given, ``density``
-    and ``support`` (yes or no); in any order, named in the first row.
+    """Boxes by the names of columns in the first row.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, unknown or named twice, or a cell is not what its column says.
-
-    Example
-    -------
     >>> rows = "id,xmin,ymin,zmin,xmax,ymax,zmax,support\\nground,-1,-1,-1,2,2,0,yes\\n"
     >>> read_table(rows)[0].is_support
     True
@@ -86,9 +75,9 @@ def _box(cells: dict[str, str], line: int) -> Body:
     support = None
     if "support" in cells:
         answer = cells["support"].lower()
-        if answer not in _YES | _NO:
+        support = answer in ("1", "yes", "true", "y", "x")
+        if not support and answer not in ("0", "no", "false", "n", ""):
             raise InputError(f"support of {where} must be yes or no, got {shown(answer)}")
-        support = answer in _YES
     density = cells.get("density", "")
     stated = _number(density, f"density of {where}") if density else None
     return Body(name, corners.reshape(2, 3), (), support, stated, is_box=True)
