@@ -40,6 +40,7 @@ exclude_patterns = [
 html_theme = "furo"
 html_title = f"cvxlimit {version}"
 html_static_path = ["_static"]
+html_favicon = "_static/logo.svg"
 html_extra_path = ["_made/site"]  # pages to turn, made beside this file
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"

@@ -14,13 +14,13 @@ from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
 
 CARD = """:::{{grid-item-card}} {name}
-[![{name}, as it falls](/_made/pictures/{name}.png)](../live/{name}.html)
+![{name}, as it falls](/_made/pictures/{name}.png)
 
 {said}
 
-Load factor **{factor}**, {status}; {blocks} blocks, {contacts} contacts, {seconds:.1f} s.
+Load factor **{factor}**, {status}; free blocks: {blocks}, contacts: {contacts}; {seconds:.1f} s of CPU.
 
-`solve(builtin_scene("{name}"))`
+`solve(builtin_scene("{name}"))`, <a href="live/{name}.html">turn it and let it fall</a>
 :::"""
 
 
