@@ -18,7 +18,7 @@ CARD = """:::{{grid-item-card}} {name}
 
 {said}
 
-Load factor **{factor}**, {status}; free blocks: {blocks}, contacts: {contacts}; {seconds:.1f} s of CPU.
+Load factor **{factor}**, {status}, in {seconds:.1f} s of CPU. {blocks} free blocks, {contacts} contacts.
 
 `solve(builtin_scene("{name}"))`, <a href="live/{name}.html">turn it and let it fall</a>
 :::"""
