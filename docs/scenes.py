@@ -18,7 +18,8 @@ CARD = """:::{{grid-item-card}} {name}
 
 {said}
 
-Load factor **{factor}**, {status}, in {seconds:.1f} s of CPU. {blocks} free blocks, {contacts} contacts.
+Load factor **{factor}**, {status}, in {seconds:.1f} s of CPU. Free blocks: {blocks};
+contacts: {contacts}.
 
 `solve(builtin_scene("{name}"))`, <a href="live/{name}.html">turn it and let it fall</a>
 :::"""
