@@ -103,7 +103,9 @@ def _polygon(pair: int, parts: Sequence[FloatArray]) -> Outlines:
 
 
 def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
-    """All pieces in parts wider than ``least``, then those of each narrower part."""
+    """All pieces in parts wider than ``least``, then those of each narrower part. A narrow strip
+    that is joined to a wider part stays: it is the blocks' own shape, which is given and rigid, not
+    a few hairs' breadth by which two of them happen to reach over each other."""
     if len(pieces) == 1:
         return [pieces]
     shapes = shapely.polygons([shapely.linearrings(piece) for piece in pieces])
