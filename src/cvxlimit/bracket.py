@@ -75,7 +75,7 @@ class Bracket:
     def unit(self) -> float:
         """What widths are relative to: the larger bound, or :attr:`least` where zero is inside, or
         outside by no more than the residual of equilibrium that counts as rounding."""
-        finite = [abs(x) for x in (self.lower, self.upper) if np.isfinite(x)]
+        finite = filter(np.isfinite, (abs(self.lower), abs(self.upper)))
         least = 0.0 if self.lower > _NOTHING * self.least else self.least
         return max([*finite, least, 1e-300])
 

@@ -268,5 +268,6 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             corner_xy=self.corner_xy * length,
             sides=self.sides * length,
             area=self.area * length**2,
-            pieces={j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
+            pieces=self.pieces
+            and {j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -163,7 +164,8 @@ class Inquiry:
         best = run.best.raised(found.lower, found.lower_is_proved, state.load_factor, state.forces)
         run.best = best.lowered(found.upper, found.upper_is_proved, state.mechanism)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
-        run.note(state, settings, **{name: known(getattr(found, name)) for name in figures})
+        values = map(known, attrgetter(*figures)(found))
+        run.note(state, settings, **dict(zip(figures, values, strict=True)))
         return state
 
     def _is_new(self, question: str) -> bool:

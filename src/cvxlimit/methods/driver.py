@@ -252,6 +252,8 @@ class Run:
         outcome, factor = state.outcome, state.load_factor
         seconds = outcome.compile_seconds + outcome.solve_seconds
         self.history.append(Iterate(factor, seconds, str(solver), outcome.status, **figures))
+        if self.progress is None:
+            return
         has_bracket = self.best.bracket.has_any
         found = outcome.status if factor is None else f"load factor {rounded(factor)}"
         inside = f"load factor in {self.best.bracket}" if has_bracket else found

@@ -146,8 +146,11 @@ def chosen(
 
 
 def _with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
-    given = {name: value for name, value in settings.items() if value is not None}
-    for name, value in given.items():
+    given = dict[str, Any]()
+    for name, value in settings.items():
+        if value is None:
+            continue
+        given[name] = value
         if not hasattr(method, name):
             has = [other for other, row in TABLE.items() if hasattr(row.method, name)]
             raise ModelError(

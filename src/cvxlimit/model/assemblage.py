@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
@@ -132,21 +132,17 @@ class Balance:
     @cached_property
     def is_supported(self) -> bool:
         """True when every block is linked to a support through contacts."""
-        count, (a, b) = self._ends
-        ends = np.where(a < 0, count, a), np.where(b < 0, count, b)
-        graph = sp.coo_array((np.ones(len(a)), ends), (count + 1, count + 1))
-        return int(connected_components(graph, directed=False)[0]) == 1
-
-    @property
-    def _ends(self) -> tuple[int, tuple[IntArray, IntArray]]:
-        """Number of free blocks, and those at both sides of every contact, -1 for supports."""
         contacts, number = self.statics.contacts, self.statics.row_of_block
-        return int(number.max()) + 1, (number[contacts.a], number[contacts.b])
+        count = int(number.max()) + 2  # all supports are one, the last
+        ends = number[contacts.a] % count, number[contacts.b] % count
+        graph = sp.coo_array((np.ones(len(contacts)), ends), (count, count))
+        return int(connected_components(graph, directed=False)[0]) == 1
 
     @cached_property
     def solve(self) -> Solve:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
-        count, (a, b) = self._ends
+        contacts, number = self.statics.contacts, self.statics.row_of_block
+        count, a, b = int(number.max()) + 1, number[contacts.a], number[contacts.b]
         free = (a >= 0) & (b >= 0)
         ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
         graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))

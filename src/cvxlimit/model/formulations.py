@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import cvxpy as cp
@@ -166,11 +167,12 @@ class ForceModel:
             for condition in stated(surface, self.contacts, names)
         ]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
-        sizes = {part.name: len(part.contact) for part in self.parts if part.name not in COLUMN}
         for _, condition, _ in written:
             rows = len(self.contacts if condition.contact is None else condition.contact)
-            for name in (name for form in condition.forms() for name in form):
-                if (size := sizes.get(name, rows)) != rows:
+            for name in chain.from_iterable(condition.forms()):
+                where = self.start.get(name)
+                size = rows if where is None or name in COLUMN else where.stop - where.start
+                if size != rows:
                     raise ModelError(
                         f"a condition on {name!r} has {rows} rows where {name!r} has {size} "
                         "entries: give the condition the contact of each entry, or, if a force "
@@ -389,8 +391,10 @@ class ForceVariables:
 
     def values(self) -> FloatArray:
         """Forces (n, 6) of the present solution, scaled."""
-        total = sum(matrix @ np.asarray(v.value).ravel(order="F") for v, matrix in self.maps)
-        return np.asarray(total).reshape(-1, len(COMPONENTS))
+        total = np.zeros(self.maps[0][1].shape[0])
+        for v, matrix in self.maps:
+            total += matrix @ np.asarray(v.value).ravel(order="F")
+        return total.reshape(-1, len(COMPONENTS))
 
 
 def _component(

@@ -136,15 +136,14 @@ class StaticProblem:
         matrix, loads = scaled.matrix, np.abs(scaled.dead) + np.abs(scaled.live)
         if rates is not None:
             matrix, load, loads = (rates @ matrix).tocsr(), rates @ load, abs(rates) @ loads
-        blocks = [(matrix @ meaning).tocsr() for _, meaning in forces.maps]
-        size = sum((abs(block).sum(axis=1) for block in blocks), start=np.zeros(len(loads)))
+        meanings = [meaning for _, meaning in forces.maps]
+        self._matrix = (matrix @ sp.hstack(meanings, format="csr")).tocsr()
+        size = np.asarray(abs(self._matrix).sum(axis=1)).ravel()
         self._rows = np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
         if len(self._rows) < len(size):
-            blocks, load = [block[self._rows] for block in blocks], load[self._rows]
-        self._matrices, total = blocks, load
-        for block, (v, _) in zip(blocks, forces.maps, strict=True):
-            total = block @ (v if v.ndim == 1 else cp.vec(v, order="F")) + total
-        self.equilibrium = total == 0.0
+            self._matrix, load = self._matrix[self._rows], load[self._rows]
+        variables = [v if v.ndim == 1 else cp.vec(v, order="F") for v, _ in forces.maps]
+        self.equilibrium = self._matrix @ cp.hstack(variables) + load == 0.0
         constraints = [self.equilibrium, *forces.constraints, *limits, *terms.limits]
         self.problem = cp.Problem(cp.Maximize(terms.goal), constraints)
 
@@ -155,7 +154,7 @@ class StaticProblem:
     @cached_property
     def shape(self) -> Shape:
         """Size and structure, which decide about solvers."""
-        return Shape.of(sp.hstack(self._matrices, format="csr"), self.problem)
+        return Shape.of(self._matrix, self.problem)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""

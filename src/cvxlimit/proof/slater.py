@@ -121,8 +121,8 @@ class Strength:
     def _unresisted(self) -> NDArray[np.bool_]:
         found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
         for (condition, _), void in zip(self.conditions, self.is_void, strict=True):
-            names = {name for norm in condition.norms for row in norm.rows for name in row}
-            for name in names.intersection(COLUMN):
+            names = [name for norm in condition.norms for row in norm.rows for name in row]
+            for name in COLUMN.keys() & names:
                 found[condition.rows(len(found))[void], COLUMN[name]] = True
         return found
 
@@ -294,7 +294,8 @@ class Witnesses:
     def _find_dead_state(self, compression: FloatArray, iterations: int) -> FloatArray | None:
         z = self._carried(np.zeros(len(self._balance.weights)))
         for _ in range(iterations):
-            if self._is_inside(z, 0.1 * compression):
+            is_pressed = (z[self._balance.model.nonneg] >= 0.1 * compression).all()
+            if is_pressed and all(y.max() < 0.0 for y, _ in self._excess(z)):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
                 forces, length = self._balance.model.forces(z), self.statics.contacts.typical_size
                 if all(y.max() < 0.0 for y in self.strength.excess(forces)):
@@ -307,10 +308,6 @@ class Witnesses:
     def _carried(self, z: FloatArray) -> FloatArray:
         forces = self._balance.model.forces(z)
         return z + self._balance.change(self.statics.residual(forces, 0.0).ravel())
-
-    def _is_inside(self, z: FloatArray, compression: FloatArray) -> bool:
-        is_pressed = not (z[self._balance.model.nonneg] < compression).any()
-        return is_pressed and all(y.max() < 0.0 for y, _ in self._excess(z))
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model

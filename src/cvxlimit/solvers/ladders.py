@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import cvxpy as cp
 import numpy as np
@@ -78,12 +79,9 @@ def default_ladder(is_conic: bool = True) -> Ladder:
             "CLARABEL", 1e-12, "CLARABEL unequilibrated", iterations=500, equilibrate_enable=False
         ),
     ]  # fmt: skip
-    others = (
-        row.name
-        for row in SOLVERS.values()
-        if row.is_tried and row.name in installed() and (row.has_cones or not is_conic)
-    )
-    return (*rungs, *map(settings_for, others))
+    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
+    rungs += [settings_for(row.name) for row in others if row.has_cones or not is_conic]
+    return tuple(rungs)
 
 
 def ladder_of(
@@ -214,9 +212,9 @@ class Shape:
         front = float((np.arange(len(order)) - first).mean())
         rows = [c for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg))]
         rows += [v for v in problem.variables() if v.attributes["nonneg"]]
-        cones = sum(c.num_cones() for c in problem.constraints if isinstance(c, cp.SOC))
-        variables = sum(v.size for v in problem.variables())
-        return cls(variables, len(order), front, cones, sum(each.size for each in rows))
+        cones = sum([c.num_cones() for c in problem.constraints if isinstance(c, cp.SOC)])
+        sizes = [sum(map(attrgetter("size"), found)) for found in (problem.variables(), rows)]
+        return cls(sizes[0], len(order), front, cones, sizes[1])
 
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:

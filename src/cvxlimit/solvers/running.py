@@ -71,15 +71,17 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
         # Only some solvers start from what CVXPY kept of the run before: its interface to QOCO 0.3
         # then returned the solution for the Parameters of that run.
         solve = partial(chain.solve_via_data, problem, data, row.starts_warm, False, options)
-        return solve, lambda raw: unpacked(chain.invert(raw, inverse))
+        return solve, partial(_unpacked, problem, chain, inverse)
 
-    def unpacked(solution: Solution) -> Solution:
-        if solution.status not in ERROR:
-            problem.unpack(solution)
-        return solution
-
-    has_cones = any(isinstance(constraint, cp.SOC) for constraint in problem.constraints)
+    has_cones = cp.SOC in map(type, problem.constraints)
     return attempted(settings, has_cones, compiled)[0]
+
+
+def _unpacked(problem: cp.Problem, chain: Any, inverse: Any, raw: Any) -> Solution:
+    solution = chain.invert(raw, inverse)
+    if solution.status not in ERROR:
+        problem.unpack(solution)
+    return solution
 
 
 def attempted(

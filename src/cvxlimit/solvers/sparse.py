@@ -135,7 +135,7 @@ def nested_dissection(graph: sp.csr_array) -> IntArray:
             order.append(nodes)
         else:
             parts = _Dissection(graph[nodes][:, nodes]).split(np.arange(len(nodes)))
-            order += [nodes[part] for part in parts]
+            order.append(nodes[np.concatenate(parts)])
     return np.concatenate(order)
 
 
@@ -143,8 +143,13 @@ class _Dissection:
     """Recursive bisection of one connected graph."""
 
     def __init__(self, graph: sp.csr_array) -> None:
+        """Distances (n, k) from landmarks that are far from each other, and their differences."""
         self.graph = graph
-        self.places = _coordinates(graph)
+        distances = [_distances(graph, int(np.argmax(_distances(graph, 0))))]
+        for _ in range(_LANDMARKS - 1):
+            distances.append(_distances(graph, int(np.argmax(np.min(distances, axis=0)))))
+        places = np.stack(distances, axis=1)
+        self.places = np.concatenate([places, places[:, :-1] - places[:, 1:]], axis=1)
         self.is_beyond = np.zeros((graph.shape[0], 2 * self.places.shape[1]))
 
     def split(self, nodes: IntArray) -> list[IntArray]:
@@ -166,15 +171,6 @@ class _Dissection:
         is_near, is_boundary = near[:, best], boundary[:, best]
         within, beyond = nodes[is_near & ~is_boundary], nodes[~is_near]
         return [*self.split(within), *self.split(beyond), nodes[is_boundary]]
-
-
-def _coordinates(graph: sp.csr_array) -> FloatArray:
-    """Distances (n, k) from landmarks that are far from each other, and their differences."""
-    distances = [_distances(graph, int(np.argmax(_distances(graph, 0))))]
-    for _ in range(_LANDMARKS - 1):
-        distances.append(_distances(graph, int(np.argmax(np.min(distances, axis=0)))))
-    places = np.stack(distances, axis=1)
-    return np.concatenate([places, places[:, :-1] - places[:, 1:]], axis=1)
 
 
 def _distances(graph: sp.csr_array, start: int) -> FloatArray:

@@ -205,7 +205,8 @@ def versions(solvers: Iterable[str]) -> dict[str, str]:
     ['cvxlimit', 'cvxpy', 'blockwise', 'clarabel', 'highspy']
     """
     found = {}
-    for row in (SolverSettings(name).row for name in solvers):
+    for name in solvers:
+        row = SolverSettings(name).row
         distribution = row.distribution or row.name.lower()
         is_own = row.plug_in is not None and not row.distribution
         found[distribution] = __version__ if is_own else version_of(distribution)

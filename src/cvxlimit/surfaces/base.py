@@ -44,6 +44,8 @@ class Norm:
     @property
     def weighted_rows(self) -> list[LinearForm]:
         """The rows times the weight: the same norm without one."""
+        if self.is_plain:
+            return list(self.rows)
         return [{c: product(self.weight, k) for c, k in row.items()} for row in self.rows]
 
     @property
@@ -153,7 +155,8 @@ class Recession(YieldSurface):
 
 
 def has_constants(condition: Condition) -> bool:
-    return any(np.any(number(form.get(CONSTANT, 0.0)) != 0.0) for form in condition.forms())
+    constants = [number(form.get(CONSTANT, 0.0)) for form in condition.forms()]
+    return any(map(np.any, constants))
 
 
 def stated(
@@ -211,7 +214,7 @@ def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
 
 
 def columns(forces: FloatArray) -> dict[str, FloatArray]:
-    return {name: forces[:, column] for name, column in COLUMN.items()}
+    return dict(zip(COLUMN, forces.T, strict=True))
 
 
 def condition_excess(

@@ -128,8 +128,8 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
             f"{type(own[0]).__name__} is named 'rocking', which the formulation replaces by its "
             "own: give it another name and add Rocking()"
         )
-    implied = {(name, surface.cone) for surface in surfaces for name in surface.implies}
-    return tuple(s for s in surfaces if (s.name, s.cone) not in implied)
+    implied = [(name, surface.cone) for surface in surfaces for name in surface.implies]
+    return tuple([s for s in surfaces if (s.name, s.cone) not in implied])
 
 
 def surfaces_of(
