@@ -23,19 +23,9 @@ from cvxlimit.solvers.sparse import Solve, factorised, nested_dissection
 class Assemblage:
     """Blocks and contacts of a scene as equilibrium sees them, under its loads.
 
-    Everything that analyses share is here and computed once: problems, certificates and bounds
-    take an assemblage, and :meth:`under` gives the same under other loads than the scene's.
-
-    ``statics`` are in the scene's units, ``balance`` brings forces into equilibrium with the least
-    change, ``repeats`` (:class:`~cvxlimit.reductions.repeated.Repeats`) is what problems of scenes
-    like this one share, once compiled; None for a scene that is solved once.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> assemblage = Assemblage.of(builtin_scene("tuff-wall"))
-    >>> assemblage.statics.matrix.shape
-    (324, 876)
+    Everything that analyses share is computed once: ``statics`` in the scene's units, ``balance``,
+    which brings forces into equilibrium with the least change, and ``repeats``, what problems of
+    scenes like this one share (:class:`~cvxlimit.reductions.repeated.Repeats`), if there are any.
     """
 
     scene: Scene

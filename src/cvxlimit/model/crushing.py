@@ -1,12 +1,8 @@
-"""Limited compressive strength: joints that crush under a plastic field of pressures.
+"""Limited compressive strength: joints that crush under a plastic field of pressures 0 <= p <= f.
 
-Two models. Uniform stress f on the effective rectangle (Eq. 26), centred on the pressure centre,
-
-    N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N),
-
-is convex, and made of rotated cones. A plastic field of pressures 0 <= p <= f, for any polygon, is
-a larger set. Pressures constant on cells are inside it, pressures lumped at the cells' corners
-outside.
+The field is a larger set than uniform stress on the effective rectangle (Eq. 26), N <= f (l1 - 2
+abs(M2) / N) (l2 - 2 abs(M1) / N), which is convex and made of rotated cones. Pressures constant on
+cells are inside it, pressures lumped at the cells' corners outside.
 """
 
 from __future__ import annotations
@@ -25,13 +21,11 @@ from cvxlimit.model.points import Placing, at_centroids
 class PlasticField:
     """Formulation whose weak contacts carry a field of pressures between 0 and f.
 
-    ``formulation`` describes everything else; its compressions at corners are replaced.
-    ``placing`` is :func:`~cvxlimit.model.points.at_centroids` (pressures constant on cells: safe
-    side) or :func:`~cvxlimit.model.points.at_corners` (lumped at the cells' corners: unsafe side);
-    there are so many ``divisions`` across a contact.
+    ``formulation`` describes everything else; its compressions at corners are replaced. ``placing``
+    is :func:`~cvxlimit.model.points.at_centroids` (safe side) or
+    :func:`~cvxlimit.model.points.at_corners` (unsafe side); ``divisions`` are cells across a
+    contact.
 
-    Example
-    -------
     >>> from cvxlimit import builtin_scene, solve
     >>> from cvxlimit.model.formulations import corner_compressions
     >>> scene = builtin_scene("single-block").with_strength(compressive=50.0)

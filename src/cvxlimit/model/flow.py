@@ -129,11 +129,8 @@ class SymbolicFlow:
 class FlowRule(StrengthRows):
     """The flow rule of several surfaces, in the internal forces of a model.
 
-    Parameters
-    ----------
-    surfaces : sequence of YieldSurface
-    model : ForceModel or Contacts
-        Contacts stand for corner compressions, in which rocking is opening at corners.
+    Contacts in place of a model stand for corner compressions, in which rocking is opening at
+    corners.
     """
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
@@ -189,10 +186,8 @@ class FlowRule(StrengthRows):
         return SymbolicFlow(limits, lost, multipliers, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Of relative rates (n, 6), with as little dissipation as the missing opening allows.
-
-        Exact when the conditions determine the flow uniquely, and otherwise an upper bound, from
-        the best decomposition found.
+        """Of relative rates (n, 6), with as little dissipation as the missing opening allows: exact
+        where the conditions determine the flow uniquely, otherwise an upper bound.
         """
         inner = np.asarray(self.model.meaning.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, True))

@@ -55,11 +55,6 @@ class Part:
     contact : (k,) int array
     nonneg : bool
         True for compressions.
-
-    Example
-    -------
-    >>> Part("MT", {"MT": 1}, np.arange(3)).is_moment
-    True
     """
 
     name: str
@@ -90,16 +85,12 @@ class ForceModel:
     ----------
     contacts : Contacts
     parts : sequence of Part
-        Contact forces are the sum of what they give.
+        Contact forces are the sum of what they give; ``start`` says where each stands in s.
     conditions : sequence of Condition
         Strength that the formulation states itself, on its parts' names or on components; both
-        sides forces in the user's units. It is certified like that of surfaces.
+        sides forces in the user's units. ``cone`` is for their norms.
     holds : frozenset of str
         Names of surfaces whose conditions its forces satisfy by construction.
-    cone : Cone
-        For norms in ``conditions``.
-    start : mapping of str to slice
-        Where each part stands in s.
     nonneg, is_moment : (p,) array of bool, contact : (p,) int array
         Of every internal force.
 
@@ -213,20 +204,12 @@ def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
     """What a formulation makes of contacts, with the compressive strength of those that have one.
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
-    Formulations with an attribute ``sees_to_strength``, as
-    :class:`~cvxlimit.model.crushing.PlasticField` has it, state that themselves.
+    Formulations with an attribute ``sees_to_strength`` state that themselves.
 
     Raises
     ------
     ModelError
         If that is no :class:`ForceModel`.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> contacts = builtin_scene("single-block").with_strength(compressive=50.0).contacts
-    >>> list(model_of(corner_compressions, contacts).start)
-    ['n', 'V1', 'V2', 'MT', 'z', 's']
     """
     model = formulation(contacts) if callable(formulation) else formulation
     if not isinstance(model, ForceModel):
@@ -363,8 +346,7 @@ class ForceVariables:
     maps : list of (variable (k,) or (k, 2), sparse (6 n, size))
         The force vector of Eq. 7 is the sum of ``matrix @ vec(variable)`` (column order).
     components : mapping of component or part to expression
-        Forces and moments over the force unit, so that conditions in the user's units bound them;
-        and :data:`CONSTANT`, the user's unit of force over it.
+        Forces and moments over the force unit, and :data:`CONSTANT`, the user's unit over it.
     constraints : list
         What the variables need besides.
     """

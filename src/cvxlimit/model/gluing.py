@@ -21,12 +21,11 @@ from cvxlimit.model.statics import DOF, Statics
 def glued(
     assemblage: Assemblage, mechanism: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray, IntArray] | None:
-    """The assemblage with blocks glued that a mechanism (free, 6) hardly moves apart.
+    """The assemblage with blocks glued where a mechanism (free, 6) moves them apart by less than
+    ``share`` of the largest rate; what is glued to a support is fixed.
 
-    Blocks are glued where all relative rates of a contact are below ``share`` of the largest rate;
-    what is glued to a support is fixed. Also returns rates (bodies, 6), those of the first block of
-    each body, and which contacts (k,) are left. None if nothing is glued, or everything to the
-    supports, and for scenes with ties or guides, which are no contacts between two free bodies.
+    Also the rates (bodies, 6) of the first block of each body, and which contacts (k,) are left.
+    None if nothing is glued, or all to the supports, and with ties or guides: they are no contacts.
     """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
@@ -52,11 +51,10 @@ def glued(
 def without_idle(
     assemblage: Assemblage, forces: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray] | None:
-    """The assemblage without contacts that carry nothing, and the forces (n, 6) of the others.
-
-    Contacts are left out whose forces are below ``share`` of the largest, and blocks with them that
-    no contact touches any more. None if no contact is left out, if some blocks then lack any
-    support, as one that bears a load would, and for scenes with ties or guides.
+    """The assemblage without contacts whose forces (n, 6) are below ``share`` of the largest, and
+    without blocks that none touches any more; and the forces of the others. None if no contact is
+    left out, if some blocks then lack any support, as one that bears a load would, and with ties or
+    guides.
     """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:

@@ -1,12 +1,8 @@
 """Mortar that bears tension: Mohr-Coulomb with a tension cut-off, for any polygon.
 
-Pressures p >= -t are pressures p + t >= 0, and a uniform tension t over the contact is a force
-t A through its centroid without moments. So contacts with
-
-    p >= -t,   abs(slip stress) <= c + mu p
-
-are dry ones, with N + t A in place of N and cohesion c - mu t, under a dead load that also pulls
-both blocks of every contact together with t A. No surface, formulation or proof has to know.
+Pressures p >= -t with abs(slip stress) <= c + mu p are pressures p + t >= 0 and a uniform tension
+t, a force t A through the centroid. So such contacts are dry ones, with N + t A in place of N and
+cohesion c - mu t, under a dead load that also pulls both blocks together with t A.
 """
 
 from __future__ import annotations
@@ -27,19 +23,14 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Mortar:
-    """A scene without tension that stands for one with, and what its normal forces hide.
+    """A scene without tension that stands for one with, and what its normal forces hide: N of the
+    original scene is N of ``scene`` less ``pull`` (n,).
 
-    N of the original scene is N of ``scene``, which has no tensile strength, less ``pull`` (n,).
-
-    Example
-    -------
     >>> from cvxlimit import builtin_scene
     >>> scene = builtin_scene("single-block").with_cohesion(1.0).with_strength(tensile=0.5)
     >>> mortar = Mortar.of(scene)
     >>> (mortar.pull / scene.contacts.area).round(6).tolist()
     [0.5]
-    >>> mortar.scene.contacts.tensile_strength.tolist()
-    [0.0]
     """
 
     scene: Scene

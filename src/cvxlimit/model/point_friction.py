@@ -1,10 +1,8 @@
 """Friction at points of the contact, each with its share of a uniform pressure.
 
-A contact pressed uniformly resists slip everywhere. With Coulomb's law at the centroids of cells,
-each pressed by the cell's share of N, the contact is weaker than that, and with shares at the
-cells' corners stronger: the mean of a convex function over a cell is no less than its value at the
-centroid, and no more than the mean over the corners. Both errors fall with the square of the
-cells' size. One corner each is what vertex forces are.
+With Coulomb's law at the centroids of cells the contact is weaker than one that resists slip
+everywhere, and with shares at the cells' corners stronger: the mean of a convex function over a
+cell lies between. Both errors fall with the square of the cells' size.
 """
 
 from __future__ import annotations
@@ -27,13 +25,9 @@ __all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners"]
 
 @dataclass(frozen=True, eq=False)
 class PointFriction:
-    """Formulation with friction at points, ``divisions`` of them across a contact.
+    """Formulation with friction at points: ``placing`` is :func:`at_centroids` (safe side) or
+    :func:`at_corners` (unsafe side); cells have about 1 / ``divisions`` of the contact's size.
 
-    ``placing`` is :func:`at_centroids` (safe side) or :func:`at_corners` (unsafe side); cells have
-    about 1 / ``divisions`` of the contact's size.
-
-    Example
-    -------
     >>> from cvxlimit import builtin_scene, solve
     >>> from cvxlimit.surfaces import Rocking
     >>> scene = builtin_scene("single-block")
@@ -66,12 +60,9 @@ class PointFriction:
 
 
 class ExactFlow:
-    """The exact flow rule of contacts pressed uniformly, for certificates of upper bounds.
-
-    Has the methods of :class:`~cvxlimit.model.flow.FlowRule` that certificates use: the missing
-    opening is mu times the mean slip, less the opening at the corner where it is least. Nothing
-    is approximated, so a certificate with it bounds the load factor of the exact limit surface,
-    whatever problem the mechanism came from.
+    """The exact flow rule of contacts pressed uniformly, for certificates of upper bounds: the
+    missing opening is mu times the mean slip, less the opening at the corner where it is least.
+    Whatever problem a mechanism came from, its bound is one of the exact limit surface.
     """
 
     def __init__(self, contacts: Contacts) -> None:

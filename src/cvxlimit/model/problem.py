@@ -71,10 +71,9 @@ class LargestFactor:
 class LargestSelfStress:
     """Sum of all compressions without any load, none above one: whether blocks hold each other.
 
-    The value is 0 if there is no self-stress; the duals of equilibrium then open every contact by
-    at least 1 more than the flow rule asks for (a theorem of the alternative: by virtual power,
-    forces that balance themselves do no work on any rates, but positive work where every contact
-    opens). Where the value is positive, duals mean nothing.
+    If the value is 0, the duals of equilibrium open every contact by at least 1 more than the flow
+    rule asks for: forces that balance themselves do no work on any rates, but positive work where
+    every contact opens. If it is positive, duals mean nothing.
     """
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
@@ -85,11 +84,9 @@ class LargestSelfStress:
 
 @dataclass(frozen=True)
 class LeastForces:
-    """The load factor, less ``weight`` times the squared norm of all forces: one state is the best.
-
-    Optimal forces are as a rule not unique, and which of them a solver returns depends on rounding.
-    The norm is the root of the sum of V1² + V2² + N² and the squares of the moments over the unit
-    of length, all in units of the total load, so it does not depend on the contacts' axes.
+    """The load factor, less ``weight`` times the squared norm of all forces: one state is the best,
+    where a solver's choice depends on rounding. V1, V2 and N count in units of the total load,
+    moments over the unit of length besides, so the norm does not depend on the contacts' axes.
     """
 
     weight: float
@@ -105,13 +102,10 @@ class LeastForces:
 class StaticProblem:
     """max goal  subject to  A x + f_D + alpha f_L = 0  and what bounds the forces x.
 
-    The one static problem: duals of equilibrium are the mechanism. Compiled once; Parameters in
-    its limits may change between solves. Rows of equilibrium without forces and loads are left
-    out, as those across the plane of a planar formulation.
-
-    ``limits`` bound the forces. ``rates`` (r, 6 free blocks) are the ways in which blocks may move,
-    one per row: equilibrium is asked for along these only, and mechanisms are made of them; None is
-    all ways.
+    The one static problem: duals of equilibrium are the mechanism. Compiled once; Parameters in its
+    limits may change between solves. Equilibrium is asked for along ``rates`` (r, 6 free blocks),
+    ways in which blocks may move, one per row; None is all. Rows without forces and loads are left
+    out.
     """
 
     still: FloatArray | None = None
@@ -184,22 +178,12 @@ class StaticProblem:
 class Reduction:
     """A transformation of the limit problem into a smaller one, and the way back.
 
-    Fewer contacts whose forces are unknown, fewer ways to move: both are linear maps into the full
-    scene. Forces and mechanism come back as those of the full scene, and the certificate is
-    computed from these alone, so a reduction that is not valid shows as a bracket that stays open.
-
-    ``names`` say what was reduced, in order: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
-    the full model. Unknown are the forces of ``contacts``, k of them, described by ``formulation``;
-    ``forces`` (6 n, 6 k) is what they make of the forces of all, None where they are all. ``rates``
-    are the ways in which ``blocks`` free blocks move. Contacts that are left out have the forces
-    ``still`` (n, 6) at every load factor.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> full = Reduction.none(Statics.of(builtin_scene("arch")))
-    >>> full.names, full.degrees_of_freedom
-    ((), 120)
+    Forces and mechanism come back as those of the full scene, and the certificate is computed from
+    these alone, so a reduction that is not valid shows as a bracket that stays open. ``names`` say
+    what was reduced: ``"parts"``, ``"symmetry"``, ``"planar"``. Unknown are the forces of
+    ``contacts``, k of them, described by ``formulation``; ``forces`` (6 n, 6 k) is what they make
+    of the forces of all, None where they are all. ``rates`` are the ways in which ``blocks`` free
+    blocks move. Contacts that are left out have the forces ``still`` (n, 6) at every load factor.
     """
 
     names: tuple[str, ...]
@@ -222,21 +206,20 @@ class Reduction:
 
 
 class LimitProblem(StaticProblem):
-    """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact.
+    """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact j.
 
     Parameters
     ----------
     scene : Scene or Assemblage
     surfaces : sequence of YieldSurface
-        Their intersection is K. Rocking must be one of them; surfaces implied by another are
-        not written.
+        Their intersection is K. Rocking must be one of them; those implied by another are not
+        written.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     objective : Objective or None
         None is the load factor.
     reduction : Reduction or None
-        A smaller model, with a formulation of its own; forces and mechanisms are those of the full
-        one all the same.
+        A smaller model, with a formulation of its own.
 
     Attributes
     ----------

@@ -32,8 +32,8 @@ def equilibrium_matrix(
 ) -> sp.csr_array:
     """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for contact forces x and loads f.
 
-    ``centroids`` (blocks, 3) of all blocks; ``row_of_block`` (blocks,) numbers the free ones
-    from 0 and is -1 for supports. Contact forces act on block b, their opposites on block a.
+    Contact forces act on block b, their opposites on a. ``row_of_block`` numbers free blocks from
+    0.
     """
     free, n = int(row_of_block.max()) + 1, len(contacts)
     block, columns = np.append(contacts.b, contacts.a), np.tile(np.arange(n), 2)
@@ -123,10 +123,8 @@ class Statics:
         return block_sizes(total.reshape(-1, DOF), length)
 
     def rate_of_the_lightest(self, length: float) -> float:
-        """Rate at which the free block with the least live load alone has live power 1.
-
-        A mechanism found by rounding may not move that block at all, where the exact one moves
-        nothing else: then its own rates say nothing about those that are possible.
+        """Rate at which the free block with the least live load alone has live power 1: a mechanism
+        found by rounding may not move that block at all, where the exact one moves nothing else.
         """
         size = block_sizes(self.live.reshape(-1, DOF), length)
         return float(1.0 / size[size > 0.0].min(initial=np.inf))
@@ -145,16 +143,14 @@ def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Units inside the solver, and the way back: everything that scales does it here.
+    """Units inside the solver, in the user's, and the way back: everything that scales does it
+    here.
 
-    The force unit is the total dead load, not a block's weight: with the mean weight as unit,
-    solvers returned load factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at
-    "optimal" status, small residuals and no duality gap. The live load has its own unit, so
-    that the scaled load factor does not depend on how the user normalised it.
-
-    ``force``, ``length`` and ``live`` are one unit of the scaled problem in the user's units;
-    ``ratio`` is the dead load of the blocks that carry live load, over the live load: a natural
-    size of load factors. With all blocks' dead load, a pebble beside a boulder had a huge one.
+    The force unit is the total dead load, not a block's weight: with the mean weight, solvers
+    returned load factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at "optimal" status
+    and without a duality gap. The live load has a unit of its own, however the user normalised it.
+    ``ratio``, dead load of the blocks that carry live load over the live load, is a natural size of
+    load factors.
     """
 
     force: float

@@ -1,9 +1,7 @@
 """How much model a scene gets: which reductions are valid, and what they make of it together.
 
-Planar scenes and those with a mirror plane have modules of their own. Besides, supports part a
-scene: blocks that are linked through contacts with free blocks only stand or fall together,
-whatever the others do. A part without live load carries its dead load at every load factor in the
-same way; it must stand, and that is all. One without any load needs no forces.
+Supports part a scene: blocks that are linked through contacts with free blocks only stand or fall
+together. A part without live load carries its dead load at every load factor in the same way.
 """
 
 from __future__ import annotations
@@ -40,12 +38,9 @@ above rounding, which :func:`find_plane` judges."""
 class Reductions:
     """What is valid for a scene under given surfaces.
 
-    ``assemblage`` and ``formulation`` are those of the full scene; forces of a planar one are
-    balanced within its plane. ``loaded`` (free blocks,) are blocks in parts with live load, None if
-    all are.
+    Forces of a planar one are balanced within its plane. ``loaded`` (free blocks,) are blocks in
+    parts with live load, None if all are.
 
-    Example
-    -------
     >>> from cvxlimit import builtin_scene
     >>> from cvxlimit.surfaces.coulomb import surfaces_of
     >>> for name in ("arch", "dome", "tuff-wall"):
@@ -71,12 +66,10 @@ class Reductions:
         formulation: Formulation = corner_compressions,
         model: str = "auto",
     ) -> Reductions:
-        """All that are valid and pay, or all that are valid for ``model="least"``.
-
-        None for ``model="full"``, and for formulations of one's own.
-
-        None either for stone that crushes, whose conditions are on internal forces of its own, for
-        guided blocks and for ties, which need not lie in the plane or the mirror.
+        """All that are valid and pay, or all that are valid for ``model="least"``; none for
+        ``"full"``, for formulations of one's own, for stone that crushes, whose conditions are on
+        internal forces of its own, and for guided blocks and ties, which need not lie in the plane
+        or the mirror.
         """
         crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
         is_free = assemblage.statics.guide is None and not assemblage.scene.ties

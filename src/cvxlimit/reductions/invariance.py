@@ -1,8 +1,7 @@
-"""Whether the strength of contacts is indifferent to a reflection: what symmetry rests on.
+"""Whether strength and loads are indifferent to a reflection: what symmetry rests on.
 
-Strength is a convex set. If a reflection carries the admissible forces of every contact into those
-of its partner, then with any solution of the static problem its mirror image is one, and so is
-their mean, at the same load factor: forces that are their own mirror image are enough.
+If a reflection carries the admissible forces of every contact into those of its partner, then with
+any solution its mirror image is one, and so, by convexity, is their mean.
 """
 
 from __future__ import annotations
@@ -30,18 +29,8 @@ def is_invariant(
     """True if admissible forces x of contact j give admissible forces Q_j x of its partner.
 
     ``carried`` (n, 6, 6) are Q_j. Rocking is left out: it is a matter of the contacts' corners.
-    False also where it cannot be told: conditions with rows of their own, coefficients in
-    Parameters, cones that are not known.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.coulomb import surfaces_of
-    >>> contacts, turned = builtin_scene("stack").contacts, np.eye(6)
-    >>> turned[:2, :2] = [[0.8, 0.6], [-0.6, 0.8]]
-    >>> each, Q = np.arange(len(contacts)), np.tile(turned, (len(contacts), 1, 1))
-    >>> [is_invariant(surfaces_of(name)[0], contacts, each, Q) for name in ("conic", "octagon")]
-    [True, False]
+    False also for conditions with rows of their own, coefficients in Parameters, cones that are not
+    known.
     """
     return all(
         _carries(condition, surface.cone, contacts, partner, carried)

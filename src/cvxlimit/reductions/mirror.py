@@ -1,15 +1,9 @@
 """Scenes with a mirror plane: half the model.
 
-Let a reflection carry blocks, contacts, supports, their strength and both loads into each other.
-Then the mirror image of forces in equilibrium is in equilibrium at the same load factor, and so is
-the mean of both; strength is convex, so the mean is admissible. An optimum that is its own mirror
-image therefore exists, and one half of the contacts says it all; contacts that are their own
-partners carry the symmetric part of their forces. By duality some optimal mechanism is symmetric as
-well: blocks move like their partners, and blocks on the plane in it and about its normal.
-
-None of this holds with interaction: Eq. 30 is not convex, and the mean of two admissible states
-need not be admissible. What holds there of its convex problems is said in
-:mod:`cvxlimit.methods.interaction.readings.halves`.
+Let a reflection carry blocks, contacts, strength and loads into each other. Then some optimum is
+its own mirror image, and one half of the contacts says it all; contacts that are their own partners
+carry the symmetric part of their forces, and blocks move like their partners. None of this holds
+with interaction; what does is in :mod:`cvxlimit.methods.interaction.readings.halves`.
 """
 
 from __future__ import annotations
@@ -86,14 +80,6 @@ def find_mirror(
     """A mirror plane of a scene under given surfaces, or None.
 
     ``across`` is the normal of a planar scene's plane, which is a mirror plane that halves nothing.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.coulomb import surfaces_of
-    >>> found = find_mirror(Statics.of(builtin_scene("dome")), surfaces_of("conic")[0])
-    >>> np.abs(found.normal.round(9)).tolist()
-    [0.0, 1.0, 0.0]
     """
     free = statics.centroids[statics.row_of_block >= 0]
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())

@@ -1,24 +1,14 @@
 """Planar scenes: three degrees of freedom per block, three forces per contact.
 
-A scene is planar when there is a plane in which everything happens:
-
-1. normals of contacts, dead and live forces lie in it, load moments are about its normal y;
-2. centroids of free blocks and centres of contacts are on one such plane;
-3. there each contact reaches as far along d = y x n as anywhere;
-4. reflection in the plane carries the admissible forces of every contact into themselves.
-
-Then with any forces in equilibrium their mirror image is in equilibrium too, and so is the mean of
-both, at the same load factor. By 4 and convexity the mean is admissible; its pressure centre is on
-the plane, by 3 inside the contact. So nothing is lost with forces in the plane alone: one
-compression at each of the contact's two ends there, and the shear V along d, for which
-
-    abs(V) gauge(d) <= mu N + c A
-
-are two rows, without torsion and cones. Blocks move in the plane and turn about y: equilibrium
-needs no more. Those motions open whole edges of contacts alike and do not twist them, so they
-satisfy the flow rule of the full scene. Facets are indifferent to the reflection where d is along a
-facet's normal or through its corner: the octagon on rectangles, for example. Elsewhere the scene
-is not planar: there facets let shear across the plane pay.
+A scene is planar when (1) normals, dead and live forces lie in a plane and load moments are about
+its normal y, (2) centroids and centres of contacts are on one such plane, (3) there each contact
+reaches as far along d = y x n as anywhere, and (4) reflection carries admissible forces of every
+contact into themselves. Then the mean of forces and their mirror image is admissible, its pressure
+centre on the plane and inside. So one compression at each of the contact's two ends there suffices,
+and the shear V along d, for which abs(V) gauge(d) <= mu N + c A are two rows. Blocks move in the
+plane and turn about y, which opens edges of contacts alike and twists none, so that the flow rule
+of the full scene holds. Facets are indifferent where d is along a normal or through a corner of
+theirs.
 """
 
 from __future__ import annotations
@@ -176,18 +166,7 @@ class Plane:
 
 
 def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
-    """The plane of a scene under given surfaces, or None if it is not planar to rounding.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.coulomb import surfaces_of
-    >>> found = find_plane(Statics.of(builtin_scene("arch")), surfaces_of("conic")[0])
-    >>> np.abs(found.normal.round(9)).tolist()
-    [0.0, 1.0, 0.0]
-    >>> find_plane(Statics.of(builtin_scene("dome")), surfaces_of("conic")[0]) is None
-    True
-    """
+    """The plane of a scene under given surfaces, or None if it is not planar to rounding."""
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
     for normal in _candidates(statics):
         if _is_flat(statics, normal, size):

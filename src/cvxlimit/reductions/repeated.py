@@ -96,12 +96,8 @@ class RepeatedProblem(LimitProblem):
 
 
 class Repeats:
-    """What problems of one geometry share: compiled problems, and reference states of proofs.
-
-    Attributes
-    ----------
-    states : dict
-        Of :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are for.
+    """What problems of one geometry share: compiled problems, and ``states`` of
+    :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are for.
     """
 
     def __init__(self) -> None:

@@ -93,11 +93,6 @@ def ladder_of(
     ------
     ModelError
         For names of solvers that CVXPY does not find, and what is no name at all.
-
-    Example
-    -------
-    >>> [str(rung) for rung in ladder_of(["CLARABEL", settings_for("SCS", 1e-6, "SCS loose")])]
-    ['CLARABEL', 'SCS loose']
     """
     given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
     if not isinstance(given, Sequence) or not given:
@@ -119,13 +114,7 @@ def ladder_of(
 
 
 def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
-    """Clarabel at each of some tolerances, for loops that compare one solve with the next.
-
-    Example
-    -------
-    >>> [str(rung) for rung in clarabel_at(1e-10, 1e-8)]
-    ['CLARABEL 1e-10', 'CLARABEL 1e-08']
-    """
+    """Clarabel at each of some tolerances, for loops that compare one solve with the next."""
     return tuple(
         settings_for("CLARABEL", asked, f"CLARABEL {asked:g}", iterations=iterations)
         for asked in tolerances
@@ -133,19 +122,15 @@ def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
 
 
 def iterate_ladder() -> Ladder:
-    """The ladder for iterations that feed on the forces of their last solve.
-
-    Clarabel comes first, whatever else is installed: which of many possible forces a solver picks
-    depends on the solver, and at tighter tolerances on rounding.
+    """The ladder for iterations that feed on the forces of their last solve: Clarabel first,
+    whatever else is installed, for which of many possible forces are picked depends on the solver.
     """
     return (settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
 
 
 def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
-    """The ladder for one of many problems whose answers are checked outside the solver.
-
-    Every rung has a budget of iterations, and there are no first-order methods, which keep one
-    problem busy for minutes.
+    """The ladder for one of many problems whose answers are checked outside the solver: a budget of
+    iterations, and no first-order methods, which keep one problem busy for minutes.
     """
     most = NUMBERS.leading_iterations
     clarabel = clarabel_at(tolerance, iterations=most)
@@ -220,22 +205,10 @@ class Shape:
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
     """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
-    The blockwise solver comes first where it was measured to be faster. Elsewhere QOCO does, if it
-    is installed; the blockwise solver is third there.
-
-    Parameters
-    ----------
-    shape : Shape
-    tolerance : float
-        Width of the bracket that is asked for. Below 1e-6 QOCO would often run in vain with cones.
-    is_repeated : bool
-        True for one of many problems of one scene: QOCO starts no tighter than it has to.
-
-    Example
-    -------
-    >>> arch = Shape(variables=140, equations=120, front=12.0, cones=20)
-    >>> "CLARABEL" in [str(rung) for rung in limit_ladder(arch)[:3]]
-    True
+    The blockwise solver comes first where it was measured to be faster, third elsewhere; there QOCO
+    leads, if it is installed. ``tolerance`` is the width of the bracket that is asked for: with
+    cones QOCO would often run in vain below 1e-6. Of many problems of one scene it starts no
+    tighter than it has to.
     """
     first, *others = default_ladder(shape.cones > 0)
     own, kind = settings_for("BLOCKWISE"), shape.kind

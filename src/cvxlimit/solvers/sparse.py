@@ -120,9 +120,9 @@ def best_backend() -> str:
 def nested_dissection(graph: sp.csr_array) -> IntArray:
     """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in.
 
-    The graph is cut in two along a level of one of a few coordinates, the separator comes last,
-    and each part is treated alike. Coordinates are distances, counted in edges, from a few nodes
-    far apart: those follow a wall around corners, which places in space do not.
+    The graph is cut in two along a level of one of a few coordinates, the separator comes last, and
+    each part is treated alike. Coordinates are distances, counted in edges, from nodes far apart:
+    they follow a wall around corners.
     """
     n = graph.shape[0]
     graph = sp.csr_array((np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))

@@ -1,9 +1,4 @@
-"""The table of solvers: one row each, with all that this package knows about it.
-
-To add one that CVXPY knows, write a row (without one it runs with its own default settings). For
-one that CVXPY does not know, its class stands in the row besides; a user's own class may be put on
-a ladder as it is.
-"""
+"""The table of solvers: one row each, with all that this package knows about it."""
 
 from __future__ import annotations
 
@@ -121,12 +116,9 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """A solver by CVXPY's name, its options, and a label for the history.
+    """A solver by CVXPY's name, its options, a label for the history, and its interface, where
+    neither CVXPY nor this package knows it by that name.
 
-    ``plug_in`` is the interface of a solver that neither CVXPY nor this package knows by that name.
-
-    Example
-    -------
     >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
     'CLARABEL'
     """
@@ -196,10 +188,8 @@ def able(with_cones: bool = False) -> list[str]:
 
 
 def versions(solvers: Iterable[str]) -> dict[str, str]:
-    """Versions by distribution: cvxlimit, CVXPY, and solvers by their names.
-
-    What this package brings itself has its version; what is not installed as a distribution is
-    ``"unknown"``.
+    """Versions by distribution: cvxlimit, CVXPY, and solvers by their names; ``"unknown"`` for what
+    is not installed as a distribution.
 
     >>> list(versions(["HIGHS", "CLARABEL", "BLOCKWISE"]))
     ['cvxlimit', 'cvxpy', 'blockwise', 'clarabel', 'highspy']

@@ -1,8 +1,7 @@
 """Products of the non-negative orthant and second-order cones, and Nesterov-Todd scaling.
 
-Vectors are flat: the orthant first, then slabs of k equal cones of size d, component by component
-(d, k), so that all operations run along contiguous memory. Formulas: L. Vandenberghe, The CVXOPT
-linear and quadratic cone program solvers, 2010, sections 2 and 4.
+Vectors are flat: the orthant, then slabs of k equal cones of size d, component by component (d, k).
+Formulas: L. Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010, 2 and 4.
 """
 
 from __future__ import annotations
@@ -15,15 +14,10 @@ from cvxlimit.arrays import FloatArray
 
 
 class Cones:
-    """R+^l x SOC x ... x SOC.
+    """R+^orthant x SOC x ... x SOC; ``slabs`` are sizes d and numbers k of cones norm(v) <= t. The
+    identity e has e o u = u, and the degree is e' e.
 
-    ``slabs`` are sizes d and numbers k of second-order cones {(t, v): norm(v) <= t}; the identity e
-    has e o u = u, and the degree is e' e.
-
-    Example
-    -------
-    >>> cones = Cones(1, [(3, 1)])
-    >>> cones.margin(np.array([2.0, 5.0, 3.0, 4.0]))
+    >>> Cones(1, [(3, 1)]).margin(np.array([2.0, 5.0, 3.0, 4.0]))
     0.0
     """
 

@@ -1,8 +1,7 @@
-"""The Newton system of a cone program whose cone rows hang together in small blocks.
+"""The Newton system of a cone program whose cone rows hang together in small blocks: contacts.
 
-For a limit problem the blocks are the contacts: a contact's forces and their auxiliary variables
-meet other contacts in the equilibrium of blocks only. Eliminating them leaves a Schur complement
-with six rows per masonry block, far smaller than what a general solver factorises.
+A contact's forces and their auxiliary variables meet others in the equilibrium of blocks only.
+Eliminating them leaves a Schur complement with six rows per masonry block.
 """
 
 from __future__ import annotations
@@ -170,12 +169,9 @@ class NewtonSystem:
         return v[:n], v[n : n + p], v[n + p :]
 
     def solve(self, right: FloatArray, rounds: int = LIMITS.rounds) -> FloatArray:
-        """(x, y, z) by elimination, improved by conjugate residuals.
-
-        Rounding makes elimination wrong in a few directions. Iterative refinement takes those out
-        slowly, or stops early; generalised conjugate residuals (S. C. Eisenstat, H. C. Elman,
-        M. H. Schultz, Variational iterative methods for nonsymmetric systems of linear equations,
-        1983) do it in a few rounds.
+        """(x, y, z) by elimination, improved by generalised conjugate residuals (S. C. Eisenstat,
+        H. C. Elman, M. H. Schultz, 1983): rounding makes elimination wrong in a few directions,
+        which iterative refinement takes out slowly.
         """
         at = self._once(right)
         if not rounds:

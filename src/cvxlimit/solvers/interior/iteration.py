@@ -1,11 +1,8 @@
-"""Infeasible-start interior-point iteration for cone programs.
-
-    min c'x  subject to  E x = f,  G x + s = h,  s in K
+"""Infeasible-start interior point for  min c'x  subject to  E x = f,  G x + s = h,  s in K.
 
 Nesterov-Todd scaling; Mehrotra's predictor and corrector; further correctors after J. Gondzio,
-Multiple centrality corrections, 1996. Not the homogeneous embedding: after the first full step
-every iterate satisfies its equations exactly and is strictly inside the cones, so that it is a
-state with a reserve, and its bounds lose nothing but the gap.
+Multiple centrality corrections, 1996. After the first full step every iterate satisfies its
+equations exactly and is strictly inside the cones, so that its bounds lose nothing but the gap.
 """
 
 from __future__ import annotations
