@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.invariance import (
     are_loads_alike,
@@ -124,11 +124,14 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
         return None
     local = contacts.axes[partner] @ turn @ np.swapaxes(contacts.axes, 1, 2)
     side = local[:, 2, 2]
-    if (
-        np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE
-        or not _same_blocks(statics, blocks, partner, side > 0.0)
-        or not _same_corners(contacts, partner, local[:, :2, :2], near)
+    if np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE or not _same_blocks(
+        statics, blocks, partner, side > 0.0
     ):
+        return None
+    # corners of a contact have a place of their own along a fourth axis, far from those of others
+    corners, owner = contacts.corner_points, size * contacts.corner_contact
+    images = np.column_stack([corners @ turn + offset, size * partner[contacts.corner_contact]])
+    if _partners(np.column_stack([corners, owner]), images, near) is None:
         return None
     carried = np.zeros((len(contacts), DOF, DOF))
     carried[:, :3, :3] = np.sign(side)[:, None, None] * local
@@ -151,18 +154,3 @@ def _same_blocks(
     a, b = number[contacts.a], number[contacts.b]
     one, other = np.where(is_kept, image[a], image[b]), np.where(is_kept, image[b], image[a])
     return bool((a[partner] == one).all() and (b[partner] == other).all())
-
-
-def _same_corners(contacts: Contacts, partner: IntArray, turn: FloatArray, near: float) -> bool:
-    count = np.diff(contacts.corner_start)
-    if (count[partner] != count).any():
-        return False
-    for k in np.unique(count):
-        rows = np.flatnonzero(count == k)
-        own = contacts.corner_start[rows][:, None] + np.arange(k)
-        others = contacts.corner_start[partner[rows]][:, None] + np.arange(k)
-        images = np.einsum("nik,njk->nji", turn[rows], contacts.corner_xy[own])
-        apart = np.abs(images[:, :, None] - contacts.corner_xy[others][:, None]).max(axis=3)
-        if apart.min(axis=2).max() > near:
-            return False
-    return True

@@ -7,15 +7,14 @@ pay: compiling with Parameters takes longer. docs/evidence/models.md has figures
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
-from typing import Any, cast
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
 from cvxlimit.model.problem import LimitProblem, Reduction, Terms
@@ -44,19 +43,6 @@ class _Entries:
         self.parameter.value = load[self.at] if len(self.at) else np.zeros(1)
 
 
-class _Symbolic:
-    """Contacts whose friction is an expression in Parameters; all else is theirs."""
-
-    def __init__(self, contacts: Contacts, friction: cp.Expression) -> None:
-        self._contacts, self.friction = contacts, friction
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._contacts, name)
-
-    def __len__(self) -> int:
-        return len(self._contacts)
-
-
 class RepeatedProblem(LimitProblem):
     """The full model's limit problem, of whichever assemblage it was last given.
 
@@ -69,7 +55,8 @@ class RepeatedProblem(LimitProblem):
         self.friction = cp.Parameter(() if is_uniform else len(contacts), nonneg=True)
         self.loads = _Entries(scaled.dead), _Entries(scaled.live)
         friction = self.friction * np.ones(len(contacts)) if is_uniform else self.friction
-        symbolic = cast("Contacts", _Symbolic(contacts, friction))
+        symbolic = copy(contacts)
+        object.__setattr__(symbolic, "friction", friction)
         reduction = replace(Reduction.none(assemblage.statics), contacts=symbolic)
         super().__init__(assemblage, surfaces, objective=self, reduction=reduction)
         self.renew(assemblage)

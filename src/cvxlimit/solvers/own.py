@@ -93,17 +93,13 @@ class Blockwise(CLARABEL):
 
 def _checked(options: _Named) -> _Named:
     known = {"tolerance": 1e-11, "max_iter": 150, "backend": best_backend()}
-    for name in options:
-        if name not in known:
-            raise SolverError(
-                f"blockwise has no option {name!r}; its options are {', '.join(known)}"
-            )
-    chosen = {**known, **options}
-    if chosen["backend"] not in BACKENDS:
-        raise SolverError(
-            f"backend must be one of {', '.join(BACKENDS)}, got {chosen['backend']!r}"
-        )
-    return chosen
+    unknown, backend = [*options.keys() - known.keys()], options.get("backend", "superlu")
+    if unknown:
+        has = f"its options are {', '.join(known)}"
+        raise SolverError(f"blockwise has no option {unknown[0]!r}; {has}")
+    if backend not in BACKENDS:
+        raise SolverError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
+    return {**known, **options}
 
 
 class Rescaled(Blockwise):

@@ -260,74 +260,74 @@ class InteriorPoint:
     def _moved(self, at: Point, found: _Measure) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            direction, primal, dual = _Newton(self, at, found).best()
+            best = _Newton(self, at, found).best()
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
-        if not direction.is_finite:
+        if not best.change.is_finite:
             return None
+        primal, dual = best.primal, best.dual
         while max(primal, dual) > NUMBERS.shortest:
-            moved = at.moved(primal, dual, direction)
+            moved = at.moved(primal, dual, best.change)
             if self.cones.margin(moved.s) > 0.0 and self.cones.margin(moved.z) > 0.0:
                 return moved
             primal, dual = 0.8 * primal, 0.8 * dual
         return None
 
 
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    """The change of a point, the scaled W^-1 ds and W dz, and how far to go of both sides."""
+
+    change: Point
+    ds: FloatArray
+    dz: FloatArray
+    primal: float
+    dual: float
+
+    @property
+    def step(self) -> float:
+        return min(self.primal, self.dual)
+
+
 class _Newton:
     """Search directions from one iterate."""
 
     def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
-        self.program, self.at, self.found, self.cones = program, at, found, program.cones
+        self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
-        program.system.factorise(self.scaling)
+        self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
 
-    def direction(
-        self, aim: FloatArray, rounds: int = LIMITS.rounds
-    ) -> tuple[Point, tuple[FloatArray, FloatArray]]:
-        """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim.
-
-        With it the scaled W^-1 ds and W dz.
-        """
-        system, times = self.program.system, self.scaling.times
-        own, right = self.cones.quotient(aim, self.lam), self.found.missing.copy()
-        system.parts(right)[2][:] -= times(own)
-        x, y, z = system.parts(system.solve(right, rounds))
+    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> _Direction:
+        """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim."""
+        times, own = self.scaling.times, self.cones.quotient(aim, self.lam)
+        right = self.found.missing.copy()
+        self.system.parts(right)[2][:] -= times(own)
+        x, y, z = self.system.parts(self.system.solve(right, rounds))
         scaled_z = times(z)
-        scaled_s = own - scaled_z
-        return Point(x, y, z, times(scaled_s)), (scaled_s, scaled_z)
+        scaled = own - scaled_z, scaled_z
+        lengths = [min(1.0, NUMBERS.reach * self.cones.step(self.lam, d)) for d in scaled]
+        return _Direction(Point(x, y, z, times(scaled[0])), *scaled, *lengths)
 
-    def lengths(self, scaled: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
-        """Steps of primal and dual that go most of the way to the boundary, at most 1."""
-        primal, dual = (self.cones.step(self.lam, d) for d in scaled)
-        return min(1.0, NUMBERS.reach * primal), min(1.0, NUMBERS.reach * dual)
-
-    def best(self) -> tuple[Point, float, float]:
+    def best(self) -> _Direction:
         """Predictor, corrector and as many further correctors as pay."""
-        cones, e, lam = self.cones, self.cones.identity, self.lam
+        cones, lam, mu = self.cones, self.lam, self.found.mu
         squares = cones.product(lam, lam)
-        d, scaled = self.direction(-squares, 0)
-        primal, dual = self.lengths(scaled)
-        ahead = float((lam + primal * scaled[0]) @ (lam + dual * scaled[1])) / cones.degree
-        mu = self.found.mu
-        sigma = min(1.0, max(ahead / mu, 0.0)) ** 3
-        goal = max(sigma, 1e-8) * mu
-        aim = goal * e - squares - cones.product(*scaled)
-        d, scaled = self.direction(aim)
-        primal, dual = self.lengths(scaled)
+        best = self.direction(-squares, 0)
+        ahead = float((lam + best.primal * best.ds) @ (lam + best.dual * best.dz)) / cones.degree
+        goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, 1e-8) * mu
+        aim = goal * cones.identity - squares - cones.product(best.ds, best.dz)
+        best = self.direction(aim)
         for _ in range(NUMBERS.correctors):
-            step = min(primal, dual)
-            if step > NUMBERS.long_step:
+            if best.step > NUMBERS.long_step:
                 break
-            wider = min(1.0, step + NUMBERS.widen)
-            products = cones.product(lam + wider * scaled[0], lam + wider * scaled[1])
+            wider = min(1.0, best.step + NUMBERS.widen)
+            products = cones.product(lam + wider * best.ds, lam + wider * best.dz)
             inside = cones.clipped(products, NUMBERS.band * goal, goal / NUMBERS.band)
             aim = aim + np.maximum(inside - products, -goal / NUMBERS.band)
-            new, new_scaled = self.direction(aim)
-            lengths = self.lengths(new_scaled)
-            pays = min(lengths) >= step + NUMBERS.gain * NUMBERS.widen
-            if min(lengths) > step:
-                d, scaled, (primal, dual) = new, new_scaled, lengths
+            new = self.direction(aim)
+            pays = new.step >= best.step + NUMBERS.gain * NUMBERS.widen
+            best = new if new.step > best.step else best
             if not pays:
                 break
-        return d, primal, dual
+        return best
