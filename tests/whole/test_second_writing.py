@@ -88,9 +88,11 @@ def check_interaction(seed: int, reading: str) -> None:
     assert found <= solution.upper + SECOND * max(1.0, abs(solution.upper))
 
 
-@pytest.mark.exhaustive_cases("2-independent", "11-independent")
+@pytest.mark.exhaustive_cases(
+    "2-independent", "11-independent", "40137-independent", "40137-signed"
+)
 @pytest.mark.parametrize("reading", READINGS)
-@pytest.mark.parametrize("seed", [1, 2, 11])
+@pytest.mark.parametrize("seed", [1, 2, 11, 40137])
 def test_interaction(seed: int, reading: str) -> None:
     check_interaction(seed, reading)
 

@@ -308,7 +308,9 @@ class _Follower:
         for held, (value, more) in zip((4, 5), twists, strict=True):
             room, grows = now.local[:, held], change.local[:, held]
             inside += [(room + sign * value[:, 2], grows + sign * more[:, 2]) for sign in (-1, 1)]
-        shrinking = max(float(np.max(-more / value)) for value, more in inside)
+        with np.errstate(all="ignore"):  # on the boundary, to rounding, there is no room at all
+            shares = [-more / value for value, more in inside]
+        shrinking = max(float(np.nanmax(share, initial=0.0)) for share in shares)
         return 1.0 / max(shrinking, 1e-9) if np.isfinite(shrinking) else 0.0
 
     def _moved(self, at: FloatArray, step: FloatArray) -> FloatArray:
