@@ -21,6 +21,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.text import Text
 
+from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
@@ -85,6 +86,7 @@ for _name, _command, _epilog in (
         "solved, which are rows too.",
     ),
     ("export-problem", export_command, None),
+    ("domain", domain_command, None),
 ):  # fmt: skip
     app.command(_name, epilog=_epilog)(_command)
 

@@ -209,7 +209,7 @@ class Inquiry:
         """
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
-            return self.certifier.opened(best.mechanism), np.inf
+            return self.certifier.opened(best.mechanism).rates, np.inf
         self.asked.add("dead load")
         return self._dead_load_alone()
 

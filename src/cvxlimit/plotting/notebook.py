@@ -25,11 +25,11 @@ Rows = Iterator[tuple[str, str]]
 
 def scene_html(scene: Scene) -> str:
     refusal = refused(scene)
-    return _card(printable(scene.name), _scene_rows(scene, refusal), _image(scene, refusal=refusal))
+    return card(printable(scene.name), _scene_rows(scene, refusal), _image(scene, refusal=refusal))
 
 
 def solution_html(solution: Solution) -> str:
-    return _card(
+    return card(
         printable(solution.scene), _solution_rows(solution), _image(solution.solved_scene, solution)
     )
 
@@ -64,7 +64,7 @@ def _solution_rows(solution: Solution) -> Rows:
         yield "note", solution.note or solution.status.advice
 
 
-def _card(title: str, rows: Rows, image: bytes | None) -> str:
+def card(title: str, rows: Rows, image: bytes | None) -> str:
     """A table, and the picture on its left; texts from the scene are data, never markup."""
     cells = ""
     for name, value in rows:

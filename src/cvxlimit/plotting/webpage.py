@@ -104,10 +104,10 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
 def _filled(data: dict[str, Any]) -> Page:
     template = files("cvxlimit.plotting").joinpath("viewer.html").read_text(encoding="utf-8")
     before, after = template.split(PLACE)
-    return Page(before + _as_script_data(data) + after)
+    return Page(before + as_script_data(data) + after)
 
 
-def _as_script_data(data: dict[str, Any]) -> str:
+def as_script_data(data: dict[str, Any]) -> str:
     """JSON that cannot end the script element it stands in, whatever the texts are."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     for character in "<>&":

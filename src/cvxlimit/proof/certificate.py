@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,6 +104,20 @@ class Certificate(Bracket):
     yield_excess: float = np.nan
     flow_violation: float = np.nan
     missing_opening: float = np.nan
+
+
+class Opened(NamedTuple):
+    """A mechanism that the flow rule allows, or as near to it as is known.
+
+    ``rates`` (free blocks, 6) dissipate at most ``dissipation``. Of what was given, ``missing`` is
+    the opening that contacts lack in all, and ``violation`` the largest that one does.
+    """
+
+    rates: FloatArray
+    dissipation: float
+    is_allowed: bool
+    missing: float
+    violation: float
 
 
 class Certifier:
@@ -323,25 +338,31 @@ class Certifier:
         if not live > 0.0:
             return np.inf, False, np.nan, np.nan
         u = u / live
-        found = self.strength.flow.shortfall(self.statics.relative_rates(u))
-        missing = found.missing + self._rounding(u)
-        violation = max(float(missing.max()), 0.0) / largest
-        error = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
-        field, share = self._opening(missing)
-        if field is not None and _is_resisted(found.unresisted, u):
-            return *self._opened(u, field, share, found.dissipation), violation, error
-        bound = found.dissipation - float(self.statics.dead @ u.ravel())
+        opened = self.opened(u)
+        violation, error = opened.violation / largest, opened.missing
+        if opened.is_allowed:
+            return *self._bound(opened), violation, error
+        bound = opened.dissipation - float(self.statics.dead @ u.ravel())
         force = REFERENCE * max(self._total_load(bound), force)
         return bound + error * force, False, violation, error
 
-    def opened(self, mechanism: FloatArray) -> FloatArray:
+    def opened(self, mechanism: FloatArray) -> Opened:
         """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
 
         As it is where no field is known that opens every contact.
         """
         found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
-        field, share = self._opening(found.missing + self._rounding(mechanism))
-        return mechanism if field is None else mechanism + share * field
+        missing = found.missing + self._rounding(mechanism)
+        field, share = self._opening(missing)
+        is_allowed = field is not None and _is_resisted(found.unresisted, mechanism)
+        rates, dissipation = mechanism, found.dissipation
+        if field is not None and is_allowed:
+            rates = mechanism + share * field
+            if not self.strength.is_cone and share > 0.0:
+                opened = self.strength.flow.opened(self.statics.relative_rates(field))
+                dissipation += share * opened.dissipation
+        lacks = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
+        return Opened(rates, dissipation, is_allowed, lacks, max(float(missing.max()), 0.0))
 
     def _opening(self, missing: FloatArray) -> tuple[FloatArray | None, float]:
         """A field that opens every contact, and its share that makes up for what is missing."""
@@ -352,13 +373,8 @@ class Certifier:
         asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
         return field, float(np.max(missing[asks] / spare[asks], initial=0.0))
 
-    def _opened(
-        self, u: FloatArray, field: FloatArray, share: float, dissipation: float
-    ) -> tuple[float, bool]:
-        u = u + share * field
-        if not self.strength.is_cone and share > 0.0:
-            opened = self.strength.flow.opened(self.statics.relative_rates(field))
-            dissipation += share * opened.dissipation
+    def _bound(self, opened: Opened) -> tuple[float, bool]:
+        u, dissipation = opened.rates, opened.dissipation
         rates = np.abs(u).ravel()
         live = float(self.statics.live @ u.ravel())
         live_error, dead_error = (

@@ -191,7 +191,7 @@ class Study:
         return figures | dict(self.measure(solution) if self.measure else {})
 
 
-def packed(study: Study) -> bytes:
+def packed(study: object) -> bytes:
     pickler = needed("cloudpickle", "frames", "sweeps over processes")
     try:
         result: bytes = pickler.dumps(study)

@@ -130,7 +130,7 @@ def _fill(
 ) -> bool:
     todo = {name: row for name, row in variations.items() if name not in done}
     try:
-        for name, row in _solved(study, todo, executor):
+        for name, row in solved(study, todo, executor):
             done[name] = row
             if store is not None:
                 store.add({KEY: name, **todo[name], **row})
@@ -162,7 +162,8 @@ def _about(study: Study) -> dict[str, str]:
     return {"scene": scene, "options": re.sub(r" at 0x[0-9a-f]+", "", options)}
 
 
-def _solved(study: Study, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
+def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
+    """Rows by name as they come; a study is anything whose ``row`` answers a variation."""
     if executor is None:
         known = Structures()
         for name, variation in todo.items():

@@ -1,0 +1,214 @@
+"""Pictures of load domains: what is carried, what is ruled out, and the strip between them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib.resources import files
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.plotting.look import printable
+from cvxlimit.plotting.notebook import card
+from cvxlimit.plotting.registry import figures
+from cvxlimit.plotting.webpage import PLACE, Page, as_script_data
+
+_COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
+
+
+def draw_domain(
+    domains: Any,
+    path: str | os.PathLike[str] | None = None,
+    ax: Any = None,
+) -> Any:
+    """One load domain or several, nested: in the plane a figure, of three loads a page to turn.
+
+    Inside is dark, what half-spaces leave beyond it light; points are those that were solved for,
+    and hollow where a mirror plane made them. Where nothing holds between points, they stand alone.
+
+    Parameters
+    ----------
+    domains : LoadDomain or sequence of LoadDomain
+        Of the same loads.
+    path : path or None
+        With one, a file: ``.png``, ``.svg`` or ``.pdf``; ``.html`` for a page.
+    ax : matplotlib Axes or None
+        Where to draw in the plane; None makes a figure.
+
+    Raises
+    ------
+    InputError
+        For a suffix that does not go with it.
+    ModelError
+        If Matplotlib is not installed.
+    """
+    given = list(domains) if isinstance(domains, Sequence) else [domains]
+    suffix = "" if path is None else Path(path).suffix.lower()
+    is_flat = len(given[0].units) == 2
+    if suffix == ".html" or not (suffix or is_flat):
+        made: Any = domain_page(given)
+    else:
+        made = _drawn(given, ax)
+    return made if path is None else made.save(path)
+
+
+def _drawn(domains: Sequence[Any], ax: Any) -> Any:
+    is_flat = len(domains[0].units) == 2
+    if ax is None:
+        figure: Any = figures().SceneFigure(
+            figsize=(6.2, 5.4), layout="constrained", facecolor="white"
+        )
+        ax = figure.add_subplot() if is_flat else figure.add_subplot(projection="3d")
+    else:
+        figure = ax.get_figure(root=True)
+    for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
+        inside, outside, _ = domain.shapes()
+        label = _label(domain) if len(domains) > 1 else "carried"
+        (_draw_flat if is_flat else _draw_solid)(ax, domain, inside, outside, colour, label)
+    first = domains[0]
+    ax.set_xlabel(printable(first.names[0]))
+    ax.set_ylabel(printable(first.names[1]))
+    if is_flat:
+        boxes = np.array([domain.shapes()[2] for domain in domains])
+        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+        ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
+        if np.ptp(first.units) <= 0.2 * first.units.max():
+            ax.set_aspect("equal")
+        ax.legend(frameon=False, fontsize=8, loc="upper right")
+    else:
+        ax.set_zlabel(printable(first.names[2]))
+    ax.set_title(_title(domains), fontsize=10)
+    return figure
+
+
+def _draw_flat(
+    ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
+) -> None:
+    if len(outside):
+        ring = outside[_around(outside)]
+        ax.fill(*ring.T, color=colour, alpha=0.16, lw=0, zorder=1)
+        ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=0.6, ls="--", zorder=2,
+                label="beyond it: ruled out" if label == "carried" else None)  # fmt: skip
+    if len(inside):
+        ring = inside[_around(inside)]
+        ax.fill(*ring.T, color=colour, alpha=0.45, lw=0, zorder=1.5)
+        ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
+    for is_mirrored in (False, True):
+        found = [s.point for s in domain.supports
+                 if s.point is not None and s.is_mirrored == is_mirrored]  # fmt: skip
+        if found:
+            face = "white" if is_mirrored else colour
+            alone = "proved one by one" if not len(inside) and not is_mirrored else None
+            ax.plot(*np.array(found).T, "o", ms=3.5, mfc=face, mec=colour, mew=0.8, zorder=3,
+                    ls="none", label=alone)  # fmt: skip
+
+
+def _draw_solid(
+    ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
+) -> None:
+    from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
+        Line3DCollection,
+        Poly3DCollection,
+    )
+
+    if len(inside):
+        solid = [inside[f] for f in _faces(inside)]
+        made = Poly3DCollection(
+            solid, facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85, shade=True
+        )
+        ax.add_collection3d(made)
+    else:
+        ax.plot(*domain.points.T, "o", ms=3, color=colour)
+    lines = [outside[[*f, f[0]]] for f in _faces(outside)]
+    ax.add_collection3d(Line3DCollection(lines, colors="#555555", lw=0.4, ls="--"))
+    low, high = outside.min(axis=0), outside.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+
+
+def domain_page(domains: Sequence[Any]) -> Page:
+    """The domains as a page to turn, in one file; two loads lie in a plane of it."""
+    data: dict[str, Any] = {
+        "title": _title(domains), "names": list(domains[0].names), "bodies": [],
+    }  # fmt: skip
+    low, high = (np.array([d.shapes()[2][i] for d in domains]) for i in (0, 1))
+    box = np.stack([low.min(axis=0), high.max(axis=0)])
+    data["box"] = box.tolist()
+    for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
+        inside, outside, _ = domain.shapes()
+        for corners, is_inner in ((inside, True), (outside, False)):
+            data["bodies"].append({
+                "corners": corners.tolist(), "faces": _faces(corners), "colour": colour,
+                "inner": is_inner, "label": _label(domain),
+            })  # fmt: skip
+        points = domain.points[np.abs(domain.points / domain.units).max(axis=1) < 50.0]
+        data["bodies"][-2]["points"] = points.tolist()
+    template = files("cvxlimit.plotting").joinpath("domain.html").read_text(encoding="utf-8")
+    before, after = template.split(PLACE)
+    return Page(before + as_script_data(data) + after)
+
+
+def domain_html(domain: Any) -> str:
+    """Figures of a domain beside its picture, for notebooks."""
+    rows = [
+        ("loads", ", ".join(domain.names)),
+        ("largest gap", f"{domain.gap:.3g}" if np.isfinite(domain.gap) else "points one by one"),
+        ("status", str(domain.status)),
+        ("surface", domain.surface if domain.method == "convex" else
+         f"{domain.surface}, {domain.method}"),
+        *((f"along {name}", f"[{low}, {high}]") for name, (low, high) in domain.extent().items()),
+        ("solves", f"{domain.solves} in {domain.seconds:.1f} s"),
+    ]  # fmt: skip
+    image = None
+    if len(domain.points):
+        image = _drawn([domain], None).file("png")
+    return card(printable(domain.scene), iter(rows), image)
+
+
+def _label(domain: Any) -> str:
+    return printable(str(domain.surface if domain.method == "convex" else domain.method))
+
+
+def _title(domains: Sequence[Any]) -> str:
+    first = domains[0]
+    if len(domains) > 1:
+        return f"{printable(first.scene)}: loads carried, by surface"
+    gap = f"gap at most {100 * first.gap:.2g} %" if np.isfinite(first.gap) else str(first.method)
+    return f"{printable(first.scene)}, {_label(first)}: {gap}, {first.solves} solves"
+
+
+def _around(corners: FloatArray) -> IntArray:
+    """The order of a convex polygon's corners (n, 2)."""
+    arm = corners - corners.mean(axis=0)
+    size = np.abs(arm).max(axis=0)
+    arm = arm / np.where(size > 0.0, size, 1.0)
+    return np.argsort(np.arctan2(arm[:, 1], arm[:, 0]))
+
+
+def _faces(corners: FloatArray) -> list[list[int]]:
+    """Faces of the hull of corners (n, k), each a polygon; few corners, or flat ones, are one."""
+    if len(corners) < 3:
+        return [list(range(len(corners)))]
+    if corners.shape[1] == 2:
+        return [_around(corners).tolist()]
+    scaled = corners / np.maximum(np.ptp(corners, axis=0), 1e-300)
+    try:
+        hull = ConvexHull(scaled)
+    except QhullError:
+        spread = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)[2]
+        return [_around((scaled - scaled.mean(axis=0)) @ spread[:2].T).tolist()]
+    result = []
+    for plane in np.unique(hull.equations.round(7), axis=0):
+        own = np.flatnonzero(np.abs(hull.equations - plane).max(axis=1) < 1e-6)
+        at = np.unique(hull.simplices[own])
+        if len(at) < 3:
+            continue
+        across = np.linalg.svd(plane[None, :3])[2][1:]
+        result.append(at[_around(scaled[at] @ across.T)].tolist())
+    return result

@@ -1,0 +1,1 @@
+"""Load domains: all load vectors that a structure carries, enclosed with proof."""

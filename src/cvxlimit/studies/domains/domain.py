@@ -1,0 +1,367 @@
+"""The set of all load vectors that a structure carries, between what is proved on either side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.bracket import Bracket, rounded_down, rounded_up
+from cvxlimit.checks import finite_vector
+from cvxlimit.errors import InputError
+from cvxlimit.extras import needed
+from cvxlimit.loads import Load
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Status
+from cvxlimit.studies.domains.polytopes import Inner, Outer
+from cvxlimit.studies.domains.supports import Support, combined
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from cvxlimit.plotting.webpage import Page
+
+Answer = Literal["carried", "not carried", "open"]
+
+LEAST = 1e-6
+"""Load factors, over their natural size, below which gaps are measured by this size instead."""
+
+WINDOW = 100.0
+"""Load factors, over their natural size, up to which gaps are sought: beyond, what is not carried
+to any multiple is beyond what any structure is asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadDomain:
+    """All load factors p of two or three live loads that a structure carries beside its dead load.
+
+    For every convex model this set is convex. Forces prove points inside, whose convex hull is
+    inside as well; mechanisms prove half-spaces that hold it. With interaction the set need not be
+    convex: half-spaces hold it all the same, and nothing is said between its points.
+
+    Attributes
+    ----------
+    scene, surface, method : str
+        What was asked about.
+    loads : mapping of str to Load
+        The live loads by name; load factors stand in their order.
+    units : (k,) array
+        Natural size of each load factor: the dead load over the live load.
+    supports : tuple of Support
+        What every solve has shown, and every mirror image of one, with its solution.
+    status : Status
+        Certified where the gap is within the tolerance in all directions.
+    tolerance : float
+    is_convex : bool
+        False where nothing holds between points.
+    solves : int
+        Solver runs.
+    seconds : float
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> from cvxlimit.studies import load_domain
+    >>> domain = load_domain(builtin_scene("single-block"), progress=False)
+    >>> str(domain.status), domain.contains((0.39, 0.39)), domain.contains((0.41, 0.0))
+    ('certified', 'carried', 'not carried')
+    >>> bracket = domain.load_factor((1, 0))
+    >>> bracket.lower <= 0.4 <= bracket.upper, bracket.width < 0.01
+    (True, True)
+    """
+
+    scene: str
+    surface: str
+    method: str
+    loads: Mapping[str, Load]
+    units: FloatArray
+    supports: tuple[Support, ...]
+    status: Status
+    tolerance: float
+    is_convex: bool = True
+    solves: int = 0
+    seconds: float = 0.0
+    about: str = field(default="", repr=False)
+
+    @property
+    def points(self) -> FloatArray:
+        """Load factors (n, k) that are carried."""
+        return self._stacked([s.point for s in self.supports if s.point is not None])
+
+    @property
+    def rays(self) -> FloatArray:
+        """Load factors (m, k) of which any multiple is carried besides."""
+        return self._stacked([s.ray for s in self.supports if s.ray is not None])
+
+    @property
+    def normals(self) -> FloatArray:
+        """Half-spaces normals (h, k) @ p <= offsets (h,) hold all that is carried."""
+        return self._stacked([s.normal for s in self._bounding])
+
+    @property
+    def offsets(self) -> FloatArray:
+        """See :attr:`normals`."""
+        return np.array([s.offset for s in self._bounding])
+
+    @property
+    def _bounding(self) -> list[Support]:
+        return [s for s in self.supports if np.isfinite(s.offset)]
+
+    def _stacked(self, rows: Sequence[FloatArray]) -> FloatArray:
+        return np.array(rows, dtype=float).reshape(-1, len(self.units))
+
+    @cached_property
+    def outer(self) -> Outer:
+        """The half-spaces, in natural units of the load factors."""
+        normals = self.normals * self.units
+        size = np.linalg.norm(normals, axis=1)
+        size = np.where(size > 0.0, size, 1.0)
+        return Outer(normals / size[:, None], self.offsets / size)
+
+    @cached_property
+    def inner(self) -> Inner | None:
+        """The hull of all points, in natural units; None without any."""
+        points, rays = self.points / self.units, self.rays / self.units
+        if not len(points) or not self.is_convex:
+            return None
+        return Inner.of(points, rays / (np.linalg.norm(rays, axis=1)[:, None]), WINDOW)
+
+    @property
+    def is_empty(self) -> bool:
+        """True if the dead load cannot stand with any load factors, by proof."""
+        return bool((~self.normals.any(axis=1) & (self.offsets < 0.0)).any())
+
+    @property
+    def is_proved(self) -> bool:
+        """True if no bound needs an assumption."""
+        points = (s.point_is_proved for s in self.supports if s.point is not None)
+        return all(points) and all(s.half_space_is_proved for s in self._bounding)
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """From where gaps are measured, in natural units: zero where it is inside, else a mean."""
+        zero = np.zeros(len(self.units))
+        if self.inner is None or self.inner.margin(zero) > LEAST:
+            return zero
+        points = self.inner.points
+        return np.asarray(points.mean(axis=0) if len(points) > 1 else points[0])
+
+    def gaps(self) -> tuple[FloatArray, FloatArray]:
+        """Corners (n, k) of what half-spaces leave, in natural units, and the gap (n,) at each.
+
+        On the ray from the centre to a corner, what is open over what is not ruled out. No other
+        direction has a larger gap: the least multiple of the hull that holds a point is convex, and
+        so is largest at a corner.
+        """
+        inner, centre = self.inner, self.centre
+        if inner is None:
+            return np.zeros((0, len(self.units))), np.zeros(0)
+        window = np.full(len(centre), WINDOW)
+        corners = self.outer.within(-window, window).corners(inner, centre)
+        size = np.linalg.norm(corners - centre, axis=1)
+        corners = corners[size > LEAST]
+        room = inner.offsets - inner.normals @ centre
+        speed = (corners - centre) @ inner.normals.T
+        share = np.min(room / np.maximum(speed, 1e-300), axis=1, initial=1.0)
+        return corners, 1.0 - share
+
+    @cached_property
+    def worst(self) -> tuple[float, FloatArray]:
+        """The largest relative gap of any direction, and that direction in load factors."""
+        corners, gaps = self.gaps()
+        if self.is_empty:
+            return 0.0, np.zeros(len(self.units))
+        if not self.is_convex or self.inner is None:
+            return np.inf, np.zeros(len(self.units))
+        if not len(gaps):
+            return 0.0, np.zeros(len(self.units))
+        at = int(gaps.argmax())
+        return float(gaps[at]), (corners[at] - self.centre) * self.units
+
+    @property
+    def gap(self) -> float:
+        """The largest relative gap of any direction; infinite where nothing holds between points.
+
+        Measured from zero, or from inside the set where zero is not; loads beyond a hundred times
+        their natural size are left out.
+        """
+        return self.worst[0]
+
+    def load_factor(self, direction: ArrayLike) -> Bracket:
+        """Bounds on the largest t for which t times ``direction`` is carried; nothing is solved.
+
+        The lower bound is -inf where no multiple is known to be carried, the upper bound inf
+        where none is ruled out, and -inf where all are.
+
+        Raises
+        ------
+        InputError
+            If ``direction`` is not as many finite numbers as there are loads, or zero.
+        """
+        given = self._vector(direction, "direction")
+        if not given.any():
+            raise InputError(f"direction must not be zero, got {given.tolist()}")
+        along, zero = given / self.units, np.zeros(len(given))
+        upper = -np.inf if self.is_empty else self.outer.reach(zero, along)[1]
+        low, high = self._along(along) if self.inner is None else self.inner.reach(zero, along)
+        lower = high if low <= high else -np.inf
+        least = LEAST / float(np.abs(along).max())
+        return Bracket(lower, upper, self.is_proved, self.is_proved, least)
+
+    def _along(self, along: FloatArray) -> tuple[float, float]:
+        """Multiples of a direction among the points, where nothing holds between them."""
+        points = self.points / self.units
+        times = points @ along / (along @ along)
+        off = np.abs(points - times[:, None] * along).max(axis=1, initial=0.0)
+        on = times[off <= 1e-9 * np.abs(points).max(initial=1.0)]
+        return (float(on.min()), float(on.max())) if len(on) else (np.inf, -np.inf)
+
+    def contains(self, point: ArrayLike) -> Answer:
+        """``"carried"``, ``"not carried"``, or ``"open"`` where neither is proved.
+
+        Raises
+        ------
+        InputError
+            If ``point`` is not as many finite numbers as there are loads.
+        """
+        at = self._vector(point, "point") / self.units
+        if self.is_empty or (self.outer.normals @ at > self.outer.offsets).any():
+            return "not carried"
+        if self.inner is None:
+            return "carried" if (self.points == np.asarray(point)).all(axis=1).any() else "open"
+        return "carried" if self._holds(at) else "open"
+
+    def _holds(self, at: FloatArray) -> bool:
+        inner = self.inner
+        if inner is None:
+            return False
+        step = at - inner.origin
+        if not step.any():
+            return True
+        low, high = inner.reach(inner.origin, step)
+        return low <= 1.0 <= high
+
+    def _vector(self, value: ArrayLike, what: str) -> FloatArray:
+        return np.asarray(finite_vector(value, len(self.units), f"{what} of the load domain"))
+
+    def shapes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What to draw: corners (n, k) of the hull and (m, k) of what half-spaces leave, and a box
+        (2, k) around all points, by which both are cut off. Corners without order; none of a hull
+        where nothing holds between points.
+        """
+        points = self.points / self.units
+        near = np.vstack([points[np.abs(points).max(axis=1) < 0.5 * WINDOW], self.centre])
+        low, high = near.min(axis=0), near.max(axis=0)
+        size = np.where(high - low > LEAST, high - low, (high - low).max() or 1.0)
+        spare = (0.6 if len(self.rays) else 0.12) * size
+        box = np.stack([low - spare, high + spare])
+        inner = self.inner
+        plane = inner or Inner.of(
+            np.vstack([self.centre, np.eye(len(size))]), np.zeros((0, len(size))), WINDOW
+        )
+        outside = self.outer.within(*box).corners(plane, self.centre)
+        inside = np.zeros((0, len(size)))
+        if inner is not None:
+            inside = Outer(inner.normals, inner.offsets).within(*box).corners(inner, self.centre)
+        return inside * self.units, outside * self.units, box * self.units
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the loads, in their order."""
+        return tuple(self.loads)
+
+    def of(self, scene: Scene) -> LoadDomain:
+        """The same with the scene in all its solutions, which files do not keep.
+
+        Raises
+        ------
+        InputError
+            If the solutions do not belong to the scene.
+        """
+        loads, made = list(self.loads.values()), []
+        for s in self.supports:
+            solution = s.solution
+            if solution is not None and s.loaded is not None:
+                solution = solution.of(scene.with_live(combined(loads, s.loaded)))
+            made.append(replace(s, solution=solution))
+        return replace(self, supports=tuple(made))
+
+    def to_dataframe(self) -> DataFrame:
+        """A row per support: its direction, point or ray, half-space, and what they rest on.
+
+        Raises
+        ------
+        ModelError
+            If pandas is not installed.
+        """
+        pandas = needed("pandas", "frames", "tables")
+        rows = []
+        for s in self.supports:
+            row: dict[str, Any] = {}
+            for what, vector in (
+                ("direction", s.direction), ("point", s.point), ("ray", s.ray), ("normal", s.normal)
+            ):  # fmt: skip
+                values = np.full(len(self.units), np.nan) if vector is None else vector
+                row |= {f"{what} {n}": x for n, x in zip(self.names, values, strict=True)}
+            rows.append(
+                row
+                | {
+                    "offset": s.offset,
+                    "point_is_proved": s.point_is_proved,
+                    "half_space_is_proved": s.half_space_is_proved,
+                    "is_mirrored": s.is_mirrored,
+                    "solver": s.solution.history[-1].solver if s.solution else "",
+                }
+            )
+        table: DataFrame = pandas.DataFrame(rows)
+        table.attrs = {"scene": self.scene, "surface": self.surface, "gap": self.gap}
+        return table
+
+    def plot(self, path: str | None = None, **options: Any) -> Figure | Page | Any:
+        """Draw it: in the plane a figure, of three loads a page to turn; with ``path``, a file.
+
+        Raises
+        ------
+        InputError
+            For a suffix that does not go with it.
+        ModelError
+            If Matplotlib is not installed.
+        """
+        from cvxlimit.plotting.domains import draw_domain
+
+        return draw_domain(self, path, **options)
+
+    def _repr_html_(self) -> str:
+        from cvxlimit.plotting.domains import domain_html
+
+        return domain_html(self)
+
+    def __repr__(self) -> str:
+        return f"LoadDomain({self.summary})"
+
+    @property
+    def summary(self) -> str:
+        """One line: what of, how close, from how many solves."""
+        gap = f"gap {100 * self.gap:.2g} %" if np.isfinite(self.gap) else "points one by one"
+        return (
+            f"{self.scene!r} under {', '.join(self.names)}, {self.surface}: {gap}, "
+            f"{len(self.points)} points, {len(self.offsets)} half-spaces, "
+            f"{self.solves} solves, {self.status}"
+        )
+
+    def extent(self) -> dict[str, tuple[str, str]]:
+        """Bounds on the largest and least load factor of each load alone, as texts."""
+        result = {}
+        for i, name in enumerate(self.names):
+            for sign, what in ((1.0, ""), (-1.0, "-")):
+                along = np.zeros(len(self.units))
+                along[i] = sign
+                found = self.load_factor(along)
+                result[f"{what}{name}"] = rounded_down(found.lower, 5), rounded_up(found.upper, 5)
+        return result
