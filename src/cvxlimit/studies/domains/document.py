@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.io.documents import Path
-from cvxlimit.io.fields import items
+from cvxlimit.io.fields import items, text
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,
@@ -53,8 +53,10 @@ SUPPORT = record(
 
 
 def _named(value: Any, where: str, owner: str) -> dict[str, Any]:
-    each = [(items(entry, where)) for entry in items(value, where)]
-    return {name: LOAD.read(load, f"load {name!r}", where) for name, load in each}
+    each = [items(entry, where) for entry in items(value, where)]
+    names = [text(name, f"name of a load in {where}") for name, _ in each]
+    loads = [LOAD.read(load, f"a load in {where}", where) for _, load in each]
+    return dict(zip(names, loads, strict=True))
 
 
 LOADS = Form(

@@ -430,11 +430,8 @@ class Structure:
     def _mirrors(self) -> list[tuple[FloatArray, Mirror]]:
         """Mirror planes of the structure under its dead load, and what they make of the loads."""
         contacts, statics = self.assemblage.contacts, self.assemblage.statics
-        is_plain = not (
-            np.isfinite(contacts.compressive_strength).any()
-            or statics.guides
-            or self.run.scene.ties
-        )
+        crushes = np.isfinite(contacts.compressive_strength).any()
+        is_plain = not (crushes or self.run.scene.ties)
         result: list[tuple[FloatArray | None, Mirror]] = []
         quiet: Statics = statics.under(self.dead, np.zeros_like(self.dead))
         across = None
