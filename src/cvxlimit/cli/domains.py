@@ -12,10 +12,10 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.naming import scene_named
 from cvxlimit.cli.options import argument, option, taking, vector
 from cvxlimit.cli.outputs import ExitCode, check_outputs, check_suffix, refuse
 from cvxlimit.cli.report import facts, show
+from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.loads import Load
 from cvxlimit.masonry import BUILTIN
