@@ -68,7 +68,7 @@ LOADS = Form(
 )
 """Pairs of a name and a load: their order is that of the load factors."""
 
-DOMAIN = Document(
+DOMAIN: Document[LoadDomain] = Document(
     "domain",
     record(
         LoadDomain,
