@@ -167,7 +167,7 @@ def test_an_address_that_no_index_shows_is_refused() -> None:
         on_an_index("ftp://example.org")
 
 
-def test_the_version_stands_in_one_place() -> None:
+def test_the_version_is_set_in_one_place() -> None:
+    """Files that name it besides are compared with it: test_publishing.py."""
     assert "version" in PROJECT["project"]["dynamic"]
     assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/cvxlimit/versions.py"
-    assert "version:" not in (ROOT / "CITATION.cff").read_text("utf-8").replace("cff-version:", "")
