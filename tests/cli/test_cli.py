@@ -87,9 +87,7 @@ def test_solved_scene(run: Run) -> None:
     assert float(rows["load factor"]) == pytest.approx(0.423056, abs=5e-6)
     assert rows["status"] == "certified"
     assert "proved" in rows["basis"]
-    assert re.fullmatch(
-        r"(QOCO|CLARABEL), dead load alone \(1 solve\), \1 \(1 solve\)", rows["solver"]
-    )
+    assert re.search(r"[A-Z]+.* \(\d+ solves?\)$", rows["solver"])
     assert re.findall(r"[a-z]+(?= \d)", rows["time in s"])[-1] == "total"
     ends = re.match(r"\[(\S+), (\S+)\], relative width (\S+)$", rows["bracket"])
     assert ends is not None
