@@ -14,12 +14,7 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import (
-    ForceVariables,
-    Formulation,
-    corner_compressions,
-    model_of,
-)
+from cvxlimit.model.formulations import ForceVariables, Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run

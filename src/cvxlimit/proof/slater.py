@@ -315,20 +315,25 @@ class Witnesses:
         pushed = z.copy()
         pushed[pressed] = np.maximum(z[pressed], compression)
         plain = np.where(pressed, pushed, 0.0)
-        pushed = self._blended(pushed, plain)
+        pushed, is_inside = self._blended(pushed, plain)
+        if is_inside:
+            return pushed
         centred = plain.copy()
         at = model.contact[pressed]
         centred[pressed] = (np.bincount(at, plain[pressed]) / np.bincount(at))[at]
-        return self._blended(pushed, centred)
+        return self._blended(pushed, centred)[0]
 
-    def _blended(self, z: FloatArray, inner: FloatArray) -> FloatArray:
-        share = np.zeros(len(self.statics.contacts))
+    def _blended(self, z: FloatArray, inner: FloatArray) -> tuple[FloatArray, bool]:
+        """As far from ``inner`` towards z as leaves a reserve, and whether ``inner`` has one
+        everywhere."""
+        share, is_inside = np.zeros(len(self.statics.contacts)), True
         for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
             goal = _N.spare * y_inner
             beyond = (y_inner < 0.0) & (y > goal)
             needed = np.where(beyond, y - goal, 0.0) / np.where(beyond, y - y_inner, 1.0)
             np.maximum.at(share, contact, needed)
-        return z + share[self._balance.model.contact] * (inner - z)
+            is_inside = is_inside and bool(y_inner.max(initial=-1.0) < 0.0)
+        return z + share[self._balance.model.contact] * (inner - z), is_inside
 
     def _excess(self, z: FloatArray) -> list[tuple[FloatArray, IntArray]]:
         """Yield functions of internal forces, and the contacts of their entries."""

@@ -19,12 +19,7 @@ from scipy.spatial import cKDTree
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.invariance import (
-    are_loads_alike,
-    directions,
-    is_invariant,
-    reflected,
-)
+from cvxlimit.reductions.invariance import are_loads_alike, directions, is_invariant, reflected
 from cvxlimit.surfaces.base import YieldSurface
 
 _SAME_PLACE = 1e-11

@@ -19,13 +19,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.sparse import best_backend
-from cvxlimit.solvers.table import (
-    SOLVERS,
-    SolverSettings,
-    check_installed,
-    installed,
-    settings_for,
-)
+from cvxlimit.solvers.table import SOLVERS, SolverSettings, check_installed, installed, settings_for
 
 Ladder = tuple[SolverSettings, ...]
 
