@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from bench.case import HOME, Case, cases
 
@@ -77,6 +78,8 @@ def specimen(
         tell(f"{each.name:12} {model:16} {low:+.1f} to {high:+.1f} %, {bracket['seconds']} s")
     axes.axhline(0.0, color="#222", linewidth=1)
     axes.set_xscale("log")
+    axes.set_xlim(0.1, 200.0)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds:g}"))
     axes.set_xlabel("CPU seconds")
     axes.set_ylabel("from the test, %")
     axes.grid(alpha=0.3)
@@ -95,12 +98,12 @@ def arches(
         if bracket is None:
             continue
         marker, colour = LOOKS["conic"]
-        for test in tests(record):
-            share = 100.0 * bracket["upper"] / test
-            axes.plot(share, place, marker=marker, color=colour, markersize=8)
-            axes.annotate(f"{share:.2g} %, {bracket['seconds']:.2g} s", (share, place), (6, 6),
-                          textcoords="offset points", fontsize=8)  # fmt: skip
-            tell(f"{each.name:16} {share:.1f} % of the test, {bracket['seconds']} s")
+        shares = [100.0 * bracket["upper"] / test for test in tests(record)]
+        axes.plot(shares, [place] * len(shares), marker=marker, color=colour, linestyle="")
+        words = " and ".join(f"{share:.2g} %" for share in shares)
+        axes.annotate(f"{words}, {bracket['seconds']:.2g} s", (max(shares), place), (6, 6),
+                      textcoords="offset points", fontsize=8)  # fmt: skip
+        tell(f"{each.name:16} {words} of the test, {bracket['seconds']} s")
         labels.append(each.name)
     axes.axvline(100.0, color="#222", linewidth=1)
     axes.set_yticks(range(len(labels)), labels)

@@ -76,7 +76,7 @@ def centred(voussoirs: int, ratio: float) -> Scene:
 @case(
     "semicircle-centre-line", "semicircle of 200 voussoirs with the weight on its centre line",
     Value("0.1074", "cocchetti-rizzi-2020"),
-    quantity=thicknesses(0.10738, 0.10744), models=("conic",),
+    quantity=thicknesses(0.10738, 0.10744), models=PLANE,
 )  # fmt: skip
 def semicircle_centre_line() -> dict[str, Scene]:
     return {"falls": centred(200, 0.10738), "stands": centred(200, 0.10744)}
@@ -111,7 +111,7 @@ def semicircle_least_friction() -> dict[str, Scene]:
           why="Lower end of the literature's range: the lune is cut and weighed in other ways."),
     Value("0.043", "heyman-1967", "other program", discrepancy="model form",
           why="Upper end of the literature's range: the lune is cut and weighed in other ways."),
-    quantity=thicknesses(0.04187, 0.04207), models=("conic",),
+    quantity=thicknesses(0.04187, 0.04207), models=PLANE,
 )  # fmt: skip
 def dome_thickness() -> dict[str, Scene]:
     return {"falls": crowned(12, 12, 4.0, 0.04187), "stands": crowned(12, 12, 4.0, 0.04207)}

@@ -123,13 +123,13 @@ def block_crushes() -> Scene:
 
 
 @case("block-up-the-slope", "block pushed up a slope: tan(phi + theta)",
-      known(tan(atan(0.5) + 0.2)), models=("conic", "vertex-forces"))  # fmt: skip
+      known(tan(atan(0.5) + 0.2)), models=PLANE)  # fmt: skip
 def block_up_the_slope() -> Scene:
     return slope(1.0)
 
 
 @case("block-down-the-slope", "block pushed down a slope: tan(phi - theta)",
-      known(tan(atan(0.5) - 0.2)), models=("conic", "vertex-forces"))  # fmt: skip
+      known(tan(atan(0.5) - 0.2)), models=PLANE)  # fmt: skip
 def block_down_the_slope() -> Scene:
     return slope(-1.0)
 
@@ -242,7 +242,7 @@ def harmonic(overhang: float) -> Scene:
     "overhang-harmonic-4", "harmonic stack of four: overhang of half the fourth harmonic number",
     Value("1.0417", "paterson-zwick-2007"), known(25 / 24, 6),
     quantity=Quantity("overhang over length", parameter={"stands": 1.041666, "falls": 1.041667}),
-    models=("conic", "vertex-forces"),
+    models=PLANE,
 )  # fmt: skip
 def overhang_harmonic_4() -> dict[str, Scene]:
     return {"stands": harmonic(1.041666), "falls": harmonic(1.041667)}
@@ -271,7 +271,7 @@ def obelisk() -> Scene:
 
 
 @case("hexagonal-drums", "column of three hexagonal drums on an edge: apothem / half the height",
-      known(0.5 * sqrt(3) / 2 / 1.5), models=("conic", "vertex-forces"))  # fmt: skip
+      known(0.5 * sqrt(3) / 2 / 1.5), models=PLANE)  # fmt: skip
 def hexagonal_drums() -> Scene:
     """Circumradius 0.5 m, three of 1 m, pushed along y, across a side."""
     turns = np.arange(6) * pi / 3

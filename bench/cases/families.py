@@ -40,7 +40,7 @@ for family, seeds in CLOSED.items():
 
         @case(
             f"{family}-{seed}", f"{FAMILIES[family].what}: {known.knob}",
-            Value(f"{known.truth:.7g}", "statics"), models=("conic",), layout="own",
+            Value(f"{known.truth:.7g}", "statics"), models=("conic", "octagon"), layout="own",
         )  # fmt: skip
         def stability(family: str = family, seed: int = seed) -> Scene:
             return sample(family, seed).scene
