@@ -7,6 +7,7 @@ import textwrap
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,28 +38,30 @@ from cvxlimit.plotting.movement import Motion, free_size, still
 from cvxlimit.plotting.picture import Picture, paint
 from cvxlimit.scene import Scene
 
-WIDEST, TALLEST = 7.6, 6.4
-"""Inches that the painted part may take."""
-
-NARROWEST = 5.0
-"""Inches below which title and legend would not fit."""
-
-LEFT, RIGHT, TOP, BOTTOM = 0.6, 1.1, 0.6, 0.55
-"""Inches around the painted part for tick labels, colour bar, title and legend."""
-
-LETTERS, LINE = 84, 0.15
-HEADING_LETTERS, HEADING_LINE = 72, 0.2
-"""Letters in a line of a caption and of a title that the narrowest picture holds, and inches from
-line to line."""
-
-DPI = 150
-
 INK = "#4a4f57"
-TICK = 0.012
-"""Length of a tick mark, relative to the free blocks' size."""
 
-TICK_SPACING = 0.11
-"""Least distance between tick labels on the picture, relative to the free blocks' size."""
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Sizes of a figure: inches, letters in a line, and shares of the free blocks' size."""
+
+    widest: float = 7.6  # that the painted part may take
+    tallest: float = 6.4
+    narrowest: float = 5.0  # below which title and legend would not fit
+    left: float = 0.6  # for tick labels, colour bar, title and legend
+    right: float = 1.1
+    top: float = 0.6
+    bottom: float = 0.55
+    letters: int = 84  # of a caption in the narrowest picture
+    line: float = 0.15  # from line to line
+    heading_letters: int = 72
+    heading_line: float = 0.2
+    dpi: int = 150
+    tick: float = 0.012  # length of a tick mark
+    tick_spacing: float = 0.11  # least distance between tick labels
+
+
+_SHEET = _Sheet()
 
 
 class SceneFigure(Figure, Saved):
@@ -76,7 +79,7 @@ class SceneFigure(Figure, Saved):
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
             warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            self.savefig(buffer, format=kind, dpi=DPI, metadata=dated)
+            self.savefig(buffer, format=kind, dpi=_SHEET.dpi, metadata=dated)
         return buffer.getvalue()
 
     def pixels(self) -> NDArray[np.uint8]:
@@ -101,7 +104,7 @@ def drawn(drawing: Drawing, pixels: int = 1500) -> SceneFigure:
 
 def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImage]:
     """A figure around a painted scene, and the artist that holds the image."""
-    result = SceneFigure(dpi=DPI, facecolor="white")
+    result = SceneFigure(dpi=_SHEET.dpi, facecolor="white")
     axes = result.add_axes((0.0, 0.0, 1.0, 1.0))
     frame = np.stack([picture.frame.low[:2], picture.frame.high[:2]])
     image = axes.imshow(
@@ -117,10 +120,10 @@ def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImag
     seen.append(_draw_shapes(axes, drawing))
     refusal = drawing.notes.refusal
     said = textwrap.wrap(
-        look.printable(f"refused: {refusal}" if refusal else drawing.caption), LETTERS
+        look.printable(f"refused: {refusal}" if refusal else drawing.caption), _SHEET.letters
     )
-    heading = textwrap.wrap(drawing.heading, HEADING_LETTERS)
-    more = LINE * len(said) + HEADING_LINE * (len(heading) - 1)
+    heading = textwrap.wrap(drawing.heading, _SHEET.heading_letters)
+    more = _SHEET.line * len(said) + _SHEET.heading_line * (len(heading) - 1)
     _arrange(result, axes, np.concatenate(seen), more)
     _draw_title(result, heading, said, look.MARK_COLOUR if refusal else INK)
     if drawing.bar is not None:
@@ -204,11 +207,11 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
     """Fit the figure around the points (n, 2) in view, with ``more`` inches above them."""
     low, high = seen.min(axis=0), seen.max(axis=0)
     width, height = high - low
-    scale = min(WIDEST / width, TALLEST / height)
-    inner = np.array([max(scale * width, NARROWEST), scale * height])
-    outer = inner + np.array([LEFT + RIGHT, TOP + more + BOTTOM])
+    scale = min(_SHEET.widest / width, _SHEET.tallest / height)
+    inner = np.array([max(scale * width, _SHEET.narrowest), scale * height])
+    outer = inner + np.array([_SHEET.left + _SHEET.right, _SHEET.top + more + _SHEET.bottom])
     result.set_size_inches(*outer)
-    axes.set_position((LEFT / outer[0], BOTTOM / outer[1], *(inner / outer)))
+    axes.set_position((_SHEET.left / outer[0], _SHEET.bottom / outer[1], *(inner / outer)))
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
@@ -217,7 +220,7 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
 
 def _draw_title(result: Figure, heading: list[str], said: list[str], colour: str) -> None:
     height = result.get_figheight()
-    below = 0.4 + HEADING_LINE * (len(heading) - 1)
+    below = 0.4 + _SHEET.heading_line * (len(heading) - 1)
     result.text(
         0.5, 1.0 - 0.24 / height, "\n".join(heading),
         ha="center", va="top", fontsize=11, parse_math=False,
@@ -311,11 +314,11 @@ def _draw_axis(
     if abs(along[0] * aside[1] - along[1] * aside[0]) < 0.05 * shown or shown < 0.05:
         return np.empty((0, 2))
     low, high = shown_bounds(scene)[:, axis]
-    ticks = _ticks(low, high, int((high - low) * shown / (TICK_SPACING * size)))
+    ticks = _ticks(low, high, int((high - low) * shown / (_SHEET.tick_spacing * size)))
     line = np.tile(through, (len(ticks) + 2, 1))
     line[:, axis] = [low, *ticks, high]
     base = line @ camera.axes[:2].T
-    step = TICK * size * aside / max(float(np.linalg.norm(aside)), 0.5)
+    step = _SHEET.tick * size * aside / max(float(np.linalg.norm(aside)), 0.5)
     axes.plot(*base[[0, -1]].T, color=INK, lw=0.8, clip_on=False, zorder=3)
     for value, at in zip(ticks, base[1:-1], strict=True):
         axes.plot(*np.stack([at, at + step]).T, color=INK, lw=0.8, clip_on=False, zorder=3)
