@@ -14,14 +14,25 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cvxlimit import Block, Certifier, Load, Scene, Status, Units, builtin_scene, solve
+from cvxlimit import (
+    Block,
+    Certifier,
+    Contacts,
+    Load,
+    Scene,
+    Status,
+    Units,
+    builtin_scene,
+    solve,
+)
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.surfaces import Facets, Rocking, TorsionShear
+from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, TorsionShear
 from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import (
     assert_certified,
@@ -485,3 +496,20 @@ def test_a_thinner_arch_falls() -> None:
     solution = solve(scene)
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert "it would stand" not in solution.note
+
+
+@pytest.mark.parametrize("name", ["n", "N", "1"])
+def test_compressions_are_checked_whatever_a_formulation_calls_them(name: str) -> None:
+    """One of them pulls, with the resultants of compressions that all push."""
+
+    def named(contacts: Contacts) -> ForceModel:
+        compressions, *others = corner_compressions(contacts).parts
+        sliding = Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})
+        return ForceModel(contacts, [replace(compressions, name=name), *others], [sliding])
+
+    scene = single_block()
+    certifier = Certifier(scene, [Rocking()], named)
+    pushing = np.append(np.full(4, scene.total_weight / 4.0), np.zeros(3))
+    pulling = pushing - scene.total_weight * np.array([1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0])
+    assert certifier.certificate(pushing, 0.0, None).yield_excess == 0.0
+    assert certifier.certificate(pulling, 0.0, None).yield_excess == pytest.approx(0.75)

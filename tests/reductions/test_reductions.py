@@ -19,6 +19,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions import choice, planar
 from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.repeated import RepeatedProblem
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import assert_certified, hand_equilibrium, yield_excess
@@ -329,3 +330,14 @@ class TestExplain:
             assert solution.history[-1].solver == found.solver
             assert str(found).startswith(f"{name}: {len(scene.free)} free blocks")
             assert found.seconds > 0.0
+
+
+def test_a_repeated_problem_has_its_internal_forces_in_the_present_units() -> None:
+    light = stack()
+    blocks = [replace(b, density=b.density and 10.0 * b.density) for b in light.blocks]
+    heavy = replace(light, blocks=tuple(blocks))
+    mechanics = Assemblage.of(light)
+    problem = RepeatedProblem(mechanics, surfaces_of("conic")[0])
+    state = problem.renew(mechanics.like(heavy)).solve()
+    assert state.internal is not None
+    np.testing.assert_allclose(problem.model.forces(state.internal), state.forces, atol=1e-9)

@@ -106,9 +106,6 @@ class StaticProblem:
     still: FloatArray | None = None
     """Forces (n, 6) of contacts that are no unknowns."""
 
-    units: FloatArray | float = 1.0
-    """User's units (p,) of the internal forces."""
-
     def __init__(
         self,
         assemblage: Assemblage,
@@ -135,6 +132,11 @@ class StaticProblem:
         self.equilibrium = self._matrix @ cp.hstack(variables) + load == 0.0
         constraints = [self.equilibrium, *forces.constraints, *limits, *terms.limits]
         self.problem = cp.Problem(cp.Maximize(terms.goal), constraints)
+
+    @property
+    def units(self) -> FloatArray | float:
+        """User's units (p,) of the internal forces, by the scaling that there is now."""
+        return 1.0
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
@@ -257,5 +259,9 @@ class LimitProblem(StaticProblem):
             forces = replace(forces, maps=lifted)
         limits = [limit for named in self.strength.values() for limit in named]
         self.still = self.reduction.still
-        self.units = np.where(self.model.is_moment, scaling.length, 1.0) * scaling.force
         super().__init__(assemblage, forces, limits, objective, self.reduction.rates)
+
+    @property
+    def units(self) -> FloatArray:
+        scaling = self.scaling
+        return np.where(self.model.is_moment, scaling.length, 1.0) * scaling.force

@@ -138,11 +138,9 @@ class Strength:
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
-        """What states must satisfy."""
+        """What states must satisfy, besides compressions that are not negative."""
         if self.is_internal:
-            pressed = [part for part in self.model.parts if part.nonneg]
-            found = [(Condition((), {p.name: 1.0}, p.contact), self.model.cone) for p in pressed]
-            return found + [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
+            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
 
     @cached_property
@@ -166,18 +164,25 @@ class Strength:
         return self.model.forces(state) if self.is_internal else state
 
     def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Yield functions as forces, one array per condition; <= 0 is admissible."""
+        """Yield functions as forces, one array per condition, after compressions of an internal
+        state; <= 0 is admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
         found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        if not self._unresisted.any():
-            return found
-        pairs = zip(found, self.is_void, strict=True)
-        return [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
+        if self._unresisted.any():
+            pairs = zip(found, self.is_void, strict=True)
+            found = [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
+        return [-state[self._pressed], *found] if len(self._pressed) else found
 
     @cached_property
     def rows(self) -> list[IntArray]:
         """Contact of every entry of :meth:`excess`."""
-        return [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
+
+    @cached_property
+    def _pressed(self) -> IntArray:
+        # by their places: a part may have the name of a component, which conditions would mean
+        return np.flatnonzero(self.model.nonneg if self.is_internal else [])
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""
