@@ -356,6 +356,17 @@ class TestRefusals:
         with pytest.raises(InputError, match="'a' and 'b' interpenetrate by about"):
             detect_contacts([ridge, sunk])
 
+    def test_an_edge_in_a_side_wall_is_as_deep_as_it_reaches(self) -> None:
+        """Its ends are on the wall's own faces, and a wedge is half as thick as it is deep."""
+        wall = Block.box("wall", (-1, -2, 0), (0, 2, 1))
+        plan = np.array([[-0.004, 0.0], [1.0, -1.0], [1.0, 1.0]])
+        wedge = Block.hull("wedge", [[x, y, z] for x, y in plan for z in (0, 1)], density=1.0)
+        small = 0.0039  # between the thickness of what they share and how deep that is
+        with pytest.raises(InputError, match=r"interpenetrate by about 0\.004 near"):
+            detect_contacts([GROUND, wall, wedge], ["ground", "wall"], joint_tolerance=small)
+        found = detect_contacts([GROUND, wall, wedge], ["ground", "wall"], joint_tolerance=0.0041)
+        assert [c.name for c in found] == ["ground-wedge"]
+
 
 class TestAllPairs:
     """Leaving far pairs out changes nothing: compared with a look at every pair."""
