@@ -9,7 +9,7 @@ import pytest
 from cvxlimit import Contacts, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, Sliding, YieldSurface, coulomb
 
 
 class Forgetful(YieldSurface):
@@ -55,3 +55,15 @@ def test_without_super_its_cone_is_the_circle() -> None:
 def test_a_constant_in_the_wrong_place(condition: Condition, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         solve(single_block(), [Rocking(), Constant(condition)])
+
+
+def test_a_named_surface_is_no_polygon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new name is known everywhere, and methods that state friction themselves refuse it."""
+    monkeypatch.setattr(coulomb, "NAMED", {"untwisted": (Rocking(), Sliding())})
+    monkeypatch.setattr("cvxlimit.methods.table.NAMED", coulomb.NAMED)
+    scene = single_block(friction=0.3)
+    found = solve(scene, surface="untwisted")
+    assert found.surface == "untwisted"
+    assert found.load_factor == pytest.approx(0.3, rel=1e-6)  # it slides before it rocks
+    with pytest.raises(ModelError):
+        solve(scene, surface="untwisted", interaction="fixed-point")

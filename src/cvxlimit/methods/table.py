@@ -20,7 +20,7 @@ from cvxlimit.methods.gilbert import Gilbert
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.coulomb import PARABOLIC
+from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
 
@@ -97,9 +97,9 @@ def words(axis: str) -> tuple[str, ...]:
 
 
 def kind_of(surface: Surface) -> str:
-    if not isinstance(surface, (str, Cone)):
-        return "own"
-    return str(surface) if str(surface) in ("conic", PARABOLIC) else "facets"
+    if str(surface) in ("conic", PARABOLIC):
+        return str(surface)
+    return "facets" if isinstance(surface, (str, Cone)) and surface not in NAMED else "own"
 
 
 def chosen(

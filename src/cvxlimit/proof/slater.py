@@ -102,6 +102,8 @@ class Strength:
         own = model_of(formulation, self.contacts)
         self.is_internal = bool(own.conditions)
         self.model = own if self.is_internal else corner_compressions(self.contacts)
+        # by their places: a part may have the name of a component, which conditions would mean
+        self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
@@ -178,11 +180,6 @@ class Strength:
         """Contact of every entry of :meth:`excess`."""
         found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
         return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
-
-    @cached_property
-    def _pressed(self) -> IntArray:
-        # by their places: a part may have the name of a component, which conditions would mean
-        return np.flatnonzero(self.model.nonneg if self.is_internal else [])
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""

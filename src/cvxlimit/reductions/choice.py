@@ -135,9 +135,10 @@ class Reductions:
 
 def _may_be_planar(statics: Statics) -> bool:
     """True if normals of contacts and forces span no more than a plane: quicker than to find it."""
-    loads = (load.reshape(-1, DOF)[:, :3] for load in (statics.dead, statics.live))
-    vectors = (statics.contacts.axes[:, 2], *loads)
-    spread = sum(v.T @ v / (v**2).max(initial=1e-300) for v in vectors)
+    dead, live = statics.dead.reshape(-1, DOF), statics.live.reshape(-1, DOF)
+    spread = np.zeros((3, 3))
+    for vectors in (statics.contacts.axes[:, 2], dead[:, :3], live[:, :3]):
+        spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
     least, _, most = np.linalg.eigvalsh(spread)
     return bool(least <= _FLAT * most)
 

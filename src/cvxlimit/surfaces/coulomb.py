@@ -101,9 +101,10 @@ _BUILT_IN = {
     kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
 }
 
-_NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
-    {PARABOLIC: (Rocking(), ParabolicTorsionShear()), "exact": (Rocking(),)}
+NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
+    {PARABOLIC: (Rocking(), ParabolicTorsionShear())}
 )
+"""Surfaces that ``surface`` may name, besides cones around the paper's."""
 
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
@@ -140,8 +141,8 @@ def surfaces_of(
     >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
     ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
     """
-    if surface == PARABOLIC:
-        return _NAMED[PARABOLIC], PARABOLIC
+    if isinstance(surface, str) and surface in NAMED:
+        return NAMED[surface], surface
     cone = parse_cone(surface) if isinstance(surface, str) else surface
     if isinstance(cone, Cone):
         return (Rocking(), TorsionShear(cone)), str(cone)
@@ -162,8 +163,10 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
     >>> surfaces_named("rocking(conic)+a surface of one's own(conic)")
     """
     try:
+        if torsion_shear == "exact":
+            return (Rocking(),)
         if not name.endswith(")"):
-            return _NAMED.get(torsion_shear) or surfaces_of(name)[0]
+            return NAMED.get(torsion_shear) or surfaces_of(name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
         parabolic = ParabolicTorsionShear.name  # has one cone only
         made = [_BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
