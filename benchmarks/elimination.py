@@ -50,7 +50,7 @@ def row(units: int) -> str:
         LimitProblem(assemblage, surfaces, reduction=reduction).problem.get_problem_data(
             cp.CLARABEL
         )[0]
-        for reduction in (found.full, found.whole)
+        for reduction in (found.full, found.best())
     )
     equations, rows = np.split(planar["A"].toarray(), [planar["dims"].zero])
     chosen = scipy.linalg.qr(equations, mode="r", pivoting=True)[1][: len(equations)]

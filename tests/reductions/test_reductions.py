@@ -264,8 +264,8 @@ class TestChoice:
         scene = builtin_scene("tuff-wall")
         assemblage, surfaces = Assemblage.of(scene), surfaces_of("octagon")[0]
         full = Reductions.of(assemblage, surfaces, model="full")
-        assert full.whole.names == ()
-        one = LimitProblem(assemblage, surfaces, reduction=full.whole)
+        assert full.best().names == ()
+        one = LimitProblem(assemblage, surfaces, reduction=full.best())
         assert one.shape == LimitProblem(assemblage, surfaces).shape
 
     def test_models_by_name(self) -> None:

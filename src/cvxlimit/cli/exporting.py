@@ -65,7 +65,7 @@ def problem_of(scene: Scene, surface: str = "conic", model: str = "auto") -> Pro
     """The problem of all parts of a scene, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
-    limit = LimitProblem(found.assemblage, surfaces, reduction=found.whole)
+    limit = LimitProblem(found.assemblage, surfaces, reduction=found.best())
     data, _, _ = limit.problem.get_problem_data(cp.CLARABEL)
     dims, unit = data["dims"], limit.scaling.load_factor(1.0)
     solution = solve(scene, surface, model=model)

@@ -202,7 +202,7 @@ class _Proof:
         if found.plane is None:
             return False
         with run.clock.phase("compile"):
-            problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.whole)
+            problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.best())
         state, settings = run.try_solvers(problem.solve, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
             return False
@@ -213,7 +213,7 @@ class _Proof:
         run.note(state, settings, **run.bounds)
         if not run.best.bracket.is_within(self.rule.tolerance or BRACKET.outer):
             return False
-        run.reductions = found.whole.names
+        run.reductions = found.best().names
         run.remarks = ["planar, without torsion"]
         return True
 

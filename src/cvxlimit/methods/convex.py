@@ -122,7 +122,7 @@ class Inquiry:
 
     def ladder_climbed(self) -> Steps:
         """All rungs with the model that suffices, then with the full one."""
-        self._compile(self.reductions.whole)
+        self._compile(self.reductions.best())
         if self.dead_load_falls():
             return Status.DEAD_LOAD_UNSTABLE
         if self.reductions.loaded is not None:
@@ -130,7 +130,7 @@ class Inquiry:
         status = yield from self._climbed()
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")
-            self._compile(self.reductions.whole)
+            self._compile(self.reductions.best())
             status = yield from self._climbed()
         if status is None and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
@@ -246,7 +246,7 @@ class Inquiry:
         run, found = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
-            goal, whole = LargestSelfStress(), found.whole
+            goal, whole = LargestSelfStress(), found.best()
             problem = LimitProblem(found.assemblage, self.surfaces, objective=goal, reduction=whole)
         for settings in problem.ladder()[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
@@ -286,7 +286,7 @@ class Inquiry:
         run, found = self.run, self.reductions
         with run.clock.phase("compile"):
             assemblage, goal = found.assemblage.alone(load), LargestFactor(most=1.0)
-            reduction = found.whole if formulation is run.formulation else None
+            reduction = found.best() if formulation is run.formulation else None
             problem = LimitProblem(assemblage, surfaces, formulation, goal, reduction)
             certifier = Certifier(assemblage, problem.surfaces, formulation)
 

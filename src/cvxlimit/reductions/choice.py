@@ -46,7 +46,7 @@ class Reductions:
     >>> for name in ("arch", "dome", "tuff-wall"):
     ...     scene = builtin_scene(name)
     ...     found = Reductions.of(Assemblage.of(scene), surfaces_of("conic")[0])
-    ...     print(name, found.whole.names, found.whole.degrees_of_freedom / len(scene.free))
+    ...     print(name, found.best().names, found.best().degrees_of_freedom / len(scene.free))
     arch ('planar',) 3.0
     dome ('symmetry',) 3.0
     tuff-wall () 6.0
@@ -89,22 +89,17 @@ class Reductions:
         loaded = loaded_blocks(statics)
         return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
 
-    @property
-    def whole(self) -> Reduction:
-        """All parts of the scene, with or without live load."""
-        return self.best(None)
-
     def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
         """From the full model to the smallest, one reduction more each."""
         step = replace(self, plane=None, mirror=None, loaded=None)
-        yield step.whole
+        yield step.best()
         for name in ("loaded", "mirror", "plane"):
             if getattr(self, name) is not None and not (name == "loaded" and dead_state is None):
                 step = replace(step, **{name: getattr(self, name)})
                 yield step.best(dead_state)
 
-    def best(self, dead_state: FloatArray | None) -> Reduction:
-        """The smallest model; parts are left out if a state (n, 6) shows that they stand."""
+    def best(self, dead_state: FloatArray | None = None) -> Reduction:
+        """The smallest model; parts are left out only if a state (n, 6) shows that they stand."""
         statics, plane, mirror = self.assemblage.statics, self.plane, self.mirror
         full = Reduction.none(statics, self.formulation)
         blocks = None if dead_state is None else self.loaded

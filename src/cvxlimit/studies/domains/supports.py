@@ -191,7 +191,7 @@ class Structure:
         found = Reductions.of(
             whole.under(self.dead, mixed), self.surfaces, self.run.formulation, model
         )
-        self.assemblage, self.reduction = found.assemblage, found.whole
+        self.assemblage, self.reduction = found.assemblage, found.best()
         self.run.reductions = self.reduction.names
         self.certifier = Certifier(self.assemblage, self.surfaces, self.run.formulation)
         self.centre = np.zeros(len(loads))

@@ -40,7 +40,7 @@ class Half:
         reading is not indifferent to the mirror, as one with tied signs need not be, and with
         contacts that are not rectangles: safe steps put rectangles into those, in places of their
         own, and their arms, not the problems, take the time (the dome gained nothing)."""
-        mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.whole
+        mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.best()
         if mirror is None or found.plane is not None or not contacts.is_rectangle.all():
             return None
         if whole.forces is None or whole.rates is None:
