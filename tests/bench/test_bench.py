@@ -36,12 +36,21 @@ ALIKE = 1e-9
 def numbers(document: Any) -> Any:
     """The same with floats as text of nine digits, so that only real differences show."""
     if isinstance(document, dict):
-        return {key: numbers(value) for key, value in document.items()}
+        found = {key: numbers(value) for key, value in document.items()}
+        return (
+            {**found, "faces": sorted(map(turned, found["faces"]))} if "faces" in found else found
+        )
     if isinstance(document, list):
         return [numbers(value) for value in document]
     if isinstance(document, float):
         return float(f"{document:.9g}") if abs(document) > ALIKE else 0.0
     return document
+
+
+def turned(face: list[int]) -> list[int]:
+    """From its first corner on: rounding decides with which one a hull's face begins."""
+    first = face.index(min(face))
+    return face[first:] + face[:first]
 
 
 def test_there_are_enough_cases_and_files_of_no_other() -> None:
