@@ -105,6 +105,14 @@ def test_ice_is_proved_too() -> None:
     assert solution.load_factor == pytest.approx(5.0 * 0.5, rel=1e-5)
 
 
+def test_a_tie_turned_and_in_other_units() -> None:
+    """A quarter turn about z and a step along x; mm and N in place of m and kN."""
+    tie = Tie("a", "b", (1, 0, 2), (4, 0, 2), 12.0)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert tie.moved(turn, np.array([5.0, 0.0, 0.0])) == Tie("a", "b", (5, 1, 2), (5, 4, 2), 12.0)
+    assert tie.scaled(1e3, 1e3) == Tie("a", "b", (1e3, 0, 2e3), (4e3, 0, 2e3), 12e3)
+
+
 @pytest.mark.exhaustive
 @given(turn=rotations())
 @settings(max_examples=2, deadline=None)

@@ -69,6 +69,13 @@ def test_rows_are_in_the_order_of_the_models_with_their_load_factors(tuff):
     assert {(row.blocks, row.contacts) for row in tuff.rows if not row.failed} == {(54, 146)}
 
 
+def test_as_a_table(tuff):
+    table = tuff.to_dataframe()
+    assert list(table.index) == [row.method for row in tuff.rows]
+    assert table.loc["cvxlimit", "load_factor"] == tuff.rows[0].load_factor
+    assert set(table.index[table["is_on_front"]]) == set(tuff.front)
+
+
 def test_errors_are_relative_to_the_cone_not_to_the_method_itself(tuff):
     by_name = {row.method: row for row in tuff.rows}
     octagon = by_name["octagon/corners/clarabel-qdldl/1e-8"]

@@ -419,6 +419,7 @@ class TestFragility:
         assert curve.at(0.05) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
         assert curve.at(0.55) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
         assert curve.at(2.0) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
+        assert "10 draws" in repr(curve)
 
     def test_the_band_holds_the_truth_as_often_as_it_says(self) -> None:
         truth, held = stats.norm(0.5, 0.1), 0

@@ -1,4 +1,4 @@
-"""The lowest versions that .ci/machines tests are those that pyproject.toml states."""
+"""The lowest versions that .ci/run tests are those that pyproject.toml states."""
 
 from __future__ import annotations
 
