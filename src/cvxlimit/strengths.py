@@ -29,8 +29,9 @@ def _property(default: float, check: Callable[[Any, str], float], *, per_area: b
 class JointValues(Generic[V]):
     """Friction and strengths: a number each of a scene, an array (n,) each of its n contacts.
 
-    A property is added by a line here and one for its exceptions in :class:`SceneJoints`; what it
-    does is said where a surface or a method asks the contacts for it.
+    A property is added by a line here and one for its exceptions in :class:`SceneJoints`. Surfaces
+    ask the contacts for it; methods that state friction themselves (interaction, exact, fixed
+    point, Gilbert) ask for ``friction`` alone and have to learn of it, or refuse it.
 
     Attributes
     ----------
