@@ -127,7 +127,8 @@ def _draw_solid(
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
     lines = [outside[[*f, f[0]]] for f in _faces(outside)]
-    ax.add_collection3d(Line3DCollection(lines, colors="#555555", lw=0.4, ls="--"))
+    dashed = Line3DCollection(lines, colors="#555555", lw=0.4, ls="--")
+    ax.add_collection3d(dashed, autolim=False)  # which matplotlib 3.10 takes of equal lengths only
     low, high = outside.min(axis=0), outside.max(axis=0)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
 
