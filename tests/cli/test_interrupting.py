@@ -15,6 +15,7 @@ from cvxlimit import Status, builtin_scene, settlement
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import random_wall
 from cvxlimit.methods.driver import Told
+from cvxlimit.studies import read_sweep
 
 if os.name != "posix":
     pytest.skip("signals and terminals of POSIX", allow_module_level=True)
@@ -218,8 +219,15 @@ def test_sweep(workers: str, tmp_path: Path) -> None:
         r"cvxlimit: interrupted after (\d+) of 500 variations: the same command", last
     )
     assert number is not None, shown[-500:]
+    rows = read_sweep(tmp_path / "rows")
+    assert len(rows) == int(number[1])
     with cvxlimit(*arguments, "--output", "rows", folder=tmp_path) as program:
-        program.wait_for(rf"{number[1]} of 500 found")
+        program.wait_for(r"\d+ of 500, ")
+        program.interrupt()
+        program.finish()
+    more = read_sweep(tmp_path / "rows")
+    assert len(more) > len(rows)
+    assert more[: len(rows)].equals(rows)  # with their seconds: they were not solved again
 
 
 def test_settlement_returns_the_bracket_reached() -> None:

@@ -215,7 +215,7 @@ class TestAnimation:
 PLAIN = """
 from cvxlimit.plotting.contents import Drawing, camera_for
 from cvxlimit.plotting.movement import still
-from cvxlimit.plotting.contents import picture
+from cvxlimit.plotting.registry import picture
 
 @picture
 def plain(solution):
