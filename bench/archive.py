@@ -26,6 +26,7 @@ from cvxlimit import Scene, builtin_scene
 from cvxlimit.cli.exporting import problem_of
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.masonry import arch, running_bond, wall
+from cvxlimit.solvers.exporting import write_program
 
 Tell = Callable[[str], object]
 
@@ -63,23 +64,21 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
     with zipfile.ZipFile(output, "w") as archive, tempfile.TemporaryDirectory() as folder:
         for scene in scenes(most, hard):
             for form, surface in (("cbf", "conic"), ("mps", "octagon")):
-                path, start = (
-                    Path(folder) / f"{scene.name.replace(' ', '-')}.{form}",
-                    process_time(),
-                )
+                name = scene.name.replace(" ", "-")
+                path, start = Path(folder) / f"{name}.{form}", process_time()
                 try:
-                    problem = problem_of(scene, surface)
+                    problem, remarks = problem_of(scene, surface)
                 except CvxlimitError as error:
                     tell(f"{scene.name}: left out, {error}")
                     continue
                 seconds = process_time() - start
-                problem.write(path, form)
+                write_program(problem, path, form, name, remarks)
                 content = path.read_bytes()
                 path.unlink()
                 add(archive, path.name, content)
                 height, width = problem.matrix.shape
-                found = _OPTIMUM.search(problem.remarks[1])
-                optimum = f"{found[1]} {found[2]}" if found else problem.remarks[1].split(";")[0]
+                found = _OPTIMUM.search(remarks[1])
+                optimum = f"{found[1]} {found[2]}" if found else remarks[1].split(";")[0]
                 rows.append({
                     "problem": path.name, "format": form, "contacts": len(scene.contacts),
                     "variables": width, "rows": height, "cones": len(problem.cones),

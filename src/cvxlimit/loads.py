@@ -276,6 +276,26 @@ class Load(RemadeFromFields):
         )
 
 
+def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
+    """The sum of loads, each times its factor.
+
+    >>> combined([Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 1, 0))], [2, 3]).acceleration
+    (2.0, 3.0, 0.0)
+    """
+    force, times = dict[str, FloatArray](), dict[str, FloatArray]()
+    acceleration, points, pressures = np.zeros(3), [], []
+    for load, factor in zip(loads, np.asarray(factors, dtype=float).tolist(), strict=True):
+        for part in (load.gravity, load.acceleration):
+            acceleration += factor * np.array(part or (0.0, 0.0, 0.0))
+        for total, own in ((force, load.forces), (times, load.weights)):
+            for block, value in own.items():
+                total[block] = total.get(block, 0.0) + factor * np.array(value)
+        points += [replace(p, force=tuple(factor * np.array(p.force))) for p in load.points]
+        pressures += [replace(p, pressure=factor * p.pressure) for p in load.pressures]
+    given = tuple(acceleration) if acceleration.any() else None
+    return Load(None, given, force, points, pressures, times)  # type: ignore[arg-type]
+
+
 def _point_action(i: int, block: Block, point: PointForce) -> Actions:
     distance = float(np.linalg.norm(point.at - block.centroid))
     reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from cvxlimit import GRAVITY, Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.loads import combined
 from cvxlimit.studies import (
     LoadDomain,
     compare_domains,
@@ -22,7 +23,6 @@ from cvxlimit.studies import (
     read_domain,
     write_domain,
 )
-from cvxlimit.studies.domains.supports import combined
 from helpers import scenes
 
 X, Y, Z = (Load(acceleration=axis) for axis in np.eye(3))

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import argument, option, taking, vector
+from cvxlimit.cli.options import argument, named_values, option, taking, vector
 from cvxlimit.cli.outputs import ExitCode, check_outputs, check_suffix, refuse
 from cvxlimit.cli.report import facts, show
 from cvxlimit.cli.solving import scene_named
@@ -22,7 +22,6 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.driver import Told
 from cvxlimit.solution import Status
 from cvxlimit.studies import DomainComparison, LoadDomain, compare_domains, load_domain
-from cvxlimit.studies.domains.document import write_domain
 
 _PICTURES = (".png", ".svg", ".pdf", ".html")
 
@@ -80,7 +79,6 @@ def domain_command(asked: Asked) -> ExitCode:
     domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
     written = []
     if asked.json is not None:
-        write_domain(domains[0], asked.json)
         written.append(str(asked.json))
     if asked.plot is not None:
         written.append(str(found.plot(str(asked.plot))))
@@ -116,12 +114,8 @@ def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
 
 def _loads(given: Sequence[str]) -> dict[str, Load]:
     loads: dict[str, Load] = {}
-    for text in given:
-        name, sign, value = text.partition("=")
-        if not (name and sign and value):
-            raise InputError(f"--load {text}: NAME=X,Y,Z is meant, as in push=1,0,0")
-        if name in loads:
-            raise InputError(f"--load {text}: {name!r} is given already; choose another name")
+    form = "NAME=X,Y,Z is meant, as in push=1,0,0"
+    for _, name, value in named_values("--load", given, form):
         block, colon, force = value.rpartition(":")
         given_at = vector(f"--load {name}", force, f"{name}=1,0,0")
         forces = {block: (*given_at, 0.0, 0.0, 0.0)}

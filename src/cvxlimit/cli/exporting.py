@@ -16,12 +16,13 @@ from cvxlimit.cli.outputs import ExitCode, check_outputs
 from cvxlimit.cli.report import counted, facts, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.io.problems import FORMATS, ProblemFile
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import MODELS, Reductions
 from cvxlimit.scene import Scene
+from cvxlimit.solvers.exporting import FORMATS, write_program
+from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.coulomb import surfaces_of
 from cvxlimit.versions import __version__
 
@@ -44,25 +45,27 @@ def export_command(asked: Export) -> ExitCode:
     if form not in FORMATS:
         raise InputError(f"--format must be one of {', '.join(FORMATS)}, got {form!r}")
 
-    def exported(tell: Tell) -> tuple[ProblemFile, Path]:
+    def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
         scene = scene_named(asked.scene)
         path = asked.output or Path(f"{Path(scene.name).name}.{form}")
         check_outputs({"--output": path}, {asked.scene: "the scene"})
         tell("solving for the proved optimum")
-        problem = problem_of(scene, asked.surface, asked.model)
-        problem.write(path, form)
-        return problem, path
+        program, remarks = problem_of(scene, asked.surface, asked.model)
+        write_program(program, path, form, scene.name.replace(" ", "-"), remarks)
+        return scene, program, path
 
-    problem, path = interruptible(exported)
-    rows, columns = problem.matrix.shape
-    sizes = (columns, "variable"), (rows, "row"), (len(problem.cones), "cone")
+    scene, program, path = interruptible(exported)
+    rows, columns = program.matrix.shape
+    sizes = (columns, "variable"), (rows, "row"), (len(program.cones), "cone")
     size = ", ".join(counted(number, what) for number, what in sizes)
-    show(facts([("scene", problem.name), ("size", size), ("written", str(path))]))
+    show(facts([("scene", scene.name), ("size", size), ("written", str(path))]))
     return ExitCode.SOLVED
 
 
-def problem_of(scene: Scene, surface: str = "conic", model: str = "auto") -> ProblemFile:
-    """The problem of all parts of a scene, and what is proved of its optimum."""
+def problem_of(
+    scene: Scene, surface: str = "conic", model: str = "auto"
+) -> tuple[ConeProgram, tuple[str, str]]:
+    """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
     limit = LimitProblem(found.assemblage, surfaces, reduction=found.best())
@@ -79,7 +82,5 @@ def problem_of(scene: Scene, surface: str = "conic", model: str = "auto") -> Pro
         f"{counted(len(scene.contacts), 'contact')}",
         f"{proved}; load factor = {-unit:.12g} x objective ({solution.status})",
     )
-    return ProblemFile(
-        scene.name.replace(" ", "-"), data["c"], data["A"], data["b"], dims.zero, dims.nonneg,
-        tuple(dims.soc), remarks,
-    )  # fmt: skip
+    cones = tuple(dims.soc)
+    return ConeProgram(data["c"], data["A"], data["b"], dims.zero, dims.nonneg, cones), remarks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, field, fields
 from functools import partial
 from inspect import Parameter, Signature
@@ -57,6 +57,19 @@ def surface_option() -> Any:
 
 def result_option() -> Any:
     return option("OUT", "Write the result to this JSON file.")
+
+
+def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:
+    """Each NAME=VALUE whole, its name, and its value; ``form`` is told where one is not so."""
+    known = set[str]()
+    for text in given:
+        name, sign, value = text.partition("=")
+        if not (name and sign and value):
+            raise InputError(f"{option} {text}: {form}")
+        if name in known:
+            raise InputError(f"{option} {text}: {name!r} is given already: give it once")
+        known.add(name)
+        yield text, name, value
 
 
 def vector(name: str, text: str, example: str) -> tuple[float, ...]:

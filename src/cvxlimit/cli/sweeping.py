@@ -16,7 +16,7 @@ from rich.text import Text
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import argument, option, taking
+from cvxlimit.cli.options import argument, named_values, option, taking
 from cvxlimit.cli.outputs import ExitCode, refuse
 from cvxlimit.cli.report import counted, show
 from cvxlimit.cli.solving import scene_named
@@ -86,15 +86,9 @@ def sweep_command(asked: Variations) -> ExitCode:
 
 
 def _grid(vary: Sequence[str]) -> dict[str, list[Any]]:
-    grid: dict[str, list[Any]] = {}
-    for given in vary:
-        name, sign, values = given.partition("=")
-        if not (name and sign and values):
-            raise InputError(f"--vary {given}: NAME=VALUES is meant, as in friction=0.5,0.6,0.7")
-        if name in grid:
-            raise InputError(f"--vary {given}: {name!r} is varied already; give its values at once")
-        grid[name] = _values(given, values)
-    return grid
+    form = "NAME=VALUES is meant, as in friction=0.5,0.6,0.7"
+    given = named_values("--vary", vary, form)
+    return {name: _values(text, values) for text, name, values in given}
 
 
 def _values(given: str, text: str) -> list[Any]:

@@ -15,11 +15,11 @@ from cvxlimit.bracket import Bracket, rounded_down, rounded_up
 from cvxlimit.checks import finite_vector
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
-from cvxlimit.loads import Load
+from cvxlimit.loads import Load, combined
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.studies.domains.polytopes import Inner, Outer
-from cvxlimit.studies.domains.supports import Support, combined
+from cvxlimit.studies.domains.supports import Support
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

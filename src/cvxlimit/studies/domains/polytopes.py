@@ -19,7 +19,8 @@ _FAR = 1e4
 """Length, over the window's, at which rays end where a hull of points is made of them."""
 
 _SPARE = 1e-9
-"""Share of a hull's extent that is taken off its facets, for what Qhull's merging may add."""
+"""Share of a facet's distance from the mean of the points that is taken off it, for what Qhull's
+merging may add."""
 
 
 @dataclass(frozen=True, eq=False)

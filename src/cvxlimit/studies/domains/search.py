@@ -20,7 +20,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import InputError
 from cvxlimit.io import scene_to_dict
-from cvxlimit.loads import Load
+from cvxlimit.loads import Load, combined
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
@@ -32,8 +32,9 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.domains.document import read_domain, write_domain
 from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
+from cvxlimit.studies.domains.images import Raw, images
 from cvxlimit.studies.domains.polytopes import FLAT
-from cvxlimit.studies.domains.supports import Raw, Structure, Support, combined
+from cvxlimit.studies.domains.supports import Structure, Support
 from cvxlimit.studies.sweeping import solved
 from cvxlimit.surfaces import Rocking
 
@@ -156,7 +157,7 @@ class Search:
             if isinstance(answer, Solution):
                 made += self._of_solution(direction, answer)
                 continue
-            for raw in (answer, *self.structure.images(answer)):
+            for raw in (answer, *images(answer, self.structure.mirrors)):
                 self.raw.append(raw)
                 made.append(self.structure.proved(raw))
         self.domain = replace(
@@ -374,7 +375,7 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 
 def _about(study: Study) -> str:
     """A digest of all that decides about the set."""
-    plain = replace(study.scene.with_live(combined(study.loads, np.ones(len(study.loads)))))
+    plain = study.scene.with_live(combined(study.loads, np.ones(len(study.loads))))
     parts = [json.dumps(scene_to_dict(plain), sort_keys=True), *map(repr, study.loads)]
     shown = {name: study.options.get(name) for name in ("surface", "moments")}
     text = re.sub(r" at 0x[0-9a-f]+", "", "\n".join([*parts, study.method, repr(shown)]))

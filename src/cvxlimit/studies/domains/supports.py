@@ -15,7 +15,7 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket
-from cvxlimit.loads import Load
+from cvxlimit.loads import Load, combined
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
@@ -28,13 +28,13 @@ from cvxlimit.model.problem import (
     Reduction,
     Terms,
 )
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution import Solution, Status
+from cvxlimit.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
@@ -93,40 +93,6 @@ class Support:
     is_mirrored: bool = False
     loaded: FloatArray | None = None
     solution: Solution | None = field(default=None, repr=False)
-
-
-@dataclass(frozen=True, eq=False)
-class Raw:
-    """A solver's answer: nothing of it is believed."""
-
-    direction: FloatArray
-    factors: FloatArray
-    forces: FloatArray
-    given: FloatArray
-    mechanism: FloatArray | None
-    is_ray: bool
-    iterate: Iterate
-    is_mirrored: bool = False
-
-
-def combined(loads: Sequence[Load], factors: FloatArray) -> Load:
-    """The sum of loads, each times its factor.
-
-    >>> combined([Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 1, 0))], [2, 3]).acceleration
-    (2.0, 3.0, 0.0)
-    """
-    force, times = dict[str, FloatArray](), dict[str, FloatArray]()
-    acceleration, points, pressures = np.zeros(3), [], []
-    for load, factor in zip(loads, np.asarray(factors, dtype=float).tolist(), strict=True):
-        for part in (load.gravity, load.acceleration):
-            acceleration += factor * np.array(part or (0.0, 0.0, 0.0))
-        for total, own in ((force, load.forces), (times, load.weights)):
-            for block, value in own.items():
-                total[block] = total.get(block, 0.0) + factor * np.array(value)
-        points += [replace(p, force=tuple(factor * np.array(p.force))) for p in load.points]
-        pressures += [replace(p, pressure=factor * p.pressure) for p in load.pressures]
-    given = tuple(acceleration) if acceleration.any() else None
-    return Load(None, given, force, points, pressures, times)  # type: ignore[arg-type]
 
 
 class _Reach:
@@ -424,53 +390,11 @@ class Structure:
         good = bracket.is_within(self.tolerance)
         return about, packed(Convex(), run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
 
-    # What symmetry adds
-
     @cached_property
-    def _mirrors(self) -> list[tuple[FloatArray, Mirror]]:
-        """Mirror planes of the structure under its dead load, and what they make of the loads."""
-        contacts, statics = self.assemblage.contacts, self.assemblage.statics
-        crushes = np.isfinite(contacts.compressive_strength).any()
-        is_plain = not (crushes or self.run.scene.ties)
-        result: list[tuple[FloatArray | None, Mirror]] = []
-        quiet: Statics = statics.under(self.dead, np.zeros_like(self.dead))
-        across = None
-        while is_plain and len(result) < 2 and self.run.model != "full":
-            mirror = find_mirror(quiet, self.surfaces, across)
-            if mirror is None:
-                break
-            across = mirror.normal
-            result.append((self._image_of_loads(mirror), mirror))
-        return [(turn, mirror) for turn, mirror in result if turn is not None]
-
-    def _image_of_loads(self, mirror: Mirror) -> FloatArray | None:
-        """(k, k): factors of the mirrored loads; None if these are other loads."""
-        each = self.forces.reshape(-1, DOF, len(self.units))
-        image = np.einsum("ij,njk->nik", mirror.reflection, each)[mirror.blocks]
-        image = image.reshape(self.forces.shape)
-        turn = np.linalg.lstsq(self.forces, image, rcond=1e-9)[0]
-        close = np.abs(self.forces @ turn - image).max() <= 1e-9 * np.abs(image).max()
-        return turn if close and np.abs(turn - np.eye(len(turn))).max() > 1e-9 else None
-
-    def images(self, raw: Raw) -> Iterator[Raw]:
-        """The mirror images of an answer, under the loads that they are for."""
-        known = [raw]
-        for turn, mirror in self._mirrors:
-            for each in list(known):
-                factors = turn @ each.factors
-                direction = turn @ each.direction
-                if (
-                    np.abs(factors - each.factors).max() + np.abs(direction - each.direction).max()
-                    < FLAT
-                ):
-                    continue
-                forces = np.zeros_like(each.forces)
-                forces[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, each.forces)
-                rates = each.mechanism
-                if rates is not None:
-                    rates = rates[mirror.blocks] @ mirror.reflection.T
-                image = Raw(
-                    direction, factors, forces, forces, rates, each.is_ray, each.iterate, True
-                )
-                known.append(image)
-                yield image
+    def mirrors(self) -> list[LoadMirror]:
+        """Mirror planes that carry the loads into each other; none if the model is kept whole."""
+        crushes = np.isfinite(self.assemblage.contacts.compressive_strength).any()
+        if crushes or self.run.scene.ties or self.run.model == "full":
+            return []
+        quiet = self.assemblage.statics.under(self.dead, np.zeros_like(self.dead))
+        return load_mirrors(quiet, self.forces, self.surfaces)
