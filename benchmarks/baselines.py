@@ -15,7 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cvxlimit.compare.models import Measurement, Method
+from cvxlimit.compare.models import Method
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene, Units
@@ -142,7 +143,7 @@ class Literal(Method):
         row = {"surface": self.surface, "formulation": formulation, "solver": "CVXPY's default"}
         return {**row, **super().axes()}
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         """From known contacts to the load factor."""
         units, length, force = UNITS[self.units]
         scene = scene.in_units(units, length, force) if length != 1.0 else scene
@@ -157,7 +158,7 @@ class Literal(Method):
         if alpha is not None and not np.isfinite(alpha):
             alpha = None
         seconds = {"compile": total - solver, "solve": solver}
-        return Measurement(problem.status, alpha, None, None, seconds, total, len(data.contacts))
+        return Row(status=problem.status, load_factor=alpha, total=total, **seconds)
 
     def problem(self, data: Program) -> cp.Problem:
         """max alpha subject to Eq. 7 and N^T x <= 0, one sparse matrix for all contacts."""
@@ -231,7 +232,7 @@ class ScipyLinprog(Literal):
         """See :class:`Method`."""
         return {**super().axes(), "solver": "SciPy linprog (HiGHS)"}
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         """From known contacts to the load factor."""
         len(scene.contacts)
         start = time.perf_counter()
@@ -250,7 +251,7 @@ class ScipyLinprog(Literal):
         alpha = None if found.x is None else float(found.x[-1])
         status = "optimal" if found.status == 0 else " ".join(str(found.message).split())[:120]
         seconds = {"compile": built - start, "solve": end - built}
-        return Measurement(status, alpha, None, None, seconds, end - start, len(data.contacts))
+        return Row(status=status, load_factor=alpha, total=end - start, **seconds)
 
 
 def baselines() -> dict[str, Method]:

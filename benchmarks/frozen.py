@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from cvxlimit.bracket import known
-from cvxlimit.compare.models import Measurement, Method, Model
+from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Clock
 from cvxlimit.methods.fixed_point import FrozenProblem
@@ -50,7 +51,7 @@ class FrozenModel(Model):
         """See :class:`Method`."""
         return {**super().axes(), "parameters": self.parameters}
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         """See :class:`Method`."""
 
         settings = self.solver or settings_for("CLARABEL", 1e-8)
@@ -73,9 +74,9 @@ class FrozenModel(Model):
             bounds = Certifier(scene, frozen.surfaces(centred)).certificate(
                 state.forces, state.load_factor, state.mechanism
             )
-        return Measurement(
-            state.outcome.status, state.load_factor, known(bounds.lower), known(bounds.upper),
-            clock.seconds, clock.elapsed, len(contacts),
+        return Row(
+            status=state.outcome.status, load_factor=state.load_factor, lower=known(bounds.lower),
+            upper=known(bounds.upper), total=clock.elapsed, **clock.seconds,
         )  # fmt: skip
 
 

@@ -24,8 +24,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from cvxlimit import Scene, Solution, builtin_scene, solve
-from cvxlimit.compare.models import Measurement, Method, Model
+from cvxlimit.compare.models import Method, Model
 from cvxlimit.compare.registry import physics_registry
+from cvxlimit.compare.rows import Row
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.exact_friction import ExactFriction
@@ -110,15 +111,14 @@ class Members(Method):
     name: str = "zero-dilatancy"
     line: str = "zero dilatancy"
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         """See :class:`Method`."""
         start = time.perf_counter()
         starts, most = (1, 20) if len(scene.contacts) > MANY else (2, 60)
         rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=most)
         found = solve(scene, interaction=rule)
         seconds = time.perf_counter() - start
-        factor, count = found.load_factor, found.contacts
-        return Measurement(str(found.status), factor, None, None, {}, seconds, count)
+        return Row(status=str(found.status), load_factor=found.load_factor, total=seconds)
 
 
 def by_size() -> list[str]:
@@ -130,7 +130,7 @@ def measured(path: Path) -> None:
     """All models on all built-in scenes; the chart is drawn anew after every scene."""
     models = {**physics_registry(), "zero-dilatancy": Members()}
     models["exact"] = Model("exact", "exact", torsion_shear="exact", tolerance=EXACT)
-    result: dict[str, dict[str, Measurement]] = {}
+    result: dict[str, dict[str, Row]] = {}
     sys.stdout.write(f"| scene | {' | '.join(CHARTED)} |\n|{'---|' * (len(CHARTED) + 1)}\n")
     for name in by_size():
         result[name] = {}
@@ -144,7 +144,7 @@ def measured(path: Path) -> None:
         chart(path, result)
 
 
-def _cell(found: Measurement) -> str:
+def _cell(found: Row) -> str:
     """Load factor and seconds; in brackets where it is no answer."""
     if found.load_factor is None:
         return found.status
@@ -201,7 +201,7 @@ def _timed(name: str, tolerance: float | None, form: str) -> tuple[Solution, flo
     return found, time.process_time() - start
 
 
-def chart(path: Path, found: dict[str, dict[str, Measurement]]) -> None:
+def chart(path: Path, found: dict[str, dict[str, Row]]) -> None:
     """Load factors over the paper's, and seconds, one group of bars per scene."""
     scenes = list(found)
     figure, (above, below) = plt.subplots(2, 1, figsize=(14, 8), sharex=True)

@@ -17,8 +17,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cvxlimit.compare.models import Measurement, Method
-from cvxlimit.compare.rows import Failure, run_here
+from cvxlimit.compare.comparison import run_here
+from cvxlimit.compare.models import Method
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.extras import needed
 from cvxlimit.masonry import single_block
@@ -83,7 +84,7 @@ class _Task:
     scene: Scene
 
 
-def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Failure:
+def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
     """One run of ``method`` in a fresh process.
 
     Raises
@@ -98,12 +99,12 @@ def run_apart(method: Method, scene: Scene, limits: Limits) -> Measurement | Fai
         if reason is not None:
             return reason
         if not result.exists():
-            return Failure(_crash(code, (Path(folder) / _ERRORS).read_text(errors="replace")))
-        found: Measurement | Failure = pickle.loads(result.read_bytes())
+            return Row(reason=_crash(code, (Path(folder) / _ERRORS).read_text(errors="replace")))
+        found: Row = pickle.loads(result.read_bytes())
         return found
 
 
-def _watched(folder: Path, limits: Limits) -> tuple[int, Failure | None]:
+def _watched(folder: Path, limits: Limits) -> tuple[int, Row | None]:
     """Run the task there; its exit code, or which limit it was stopped for.
 
     Memory is looked at from outside. Were the address space limited instead, libraries would fail
@@ -122,9 +123,9 @@ def _watched(folder: Path, limits: Limits) -> tuple[int, Failure | None]:
                     return process.wait(_LOOK), None
                 used = peak_memory(process.pid)
                 if limits.memory is not None and used is not None and used > 1e3 * limits.memory:
-                    return -1, Failure(f"memory limit of {limits.memory:g} GB")
+                    return -1, Row(reason=f"memory limit of {limits.memory:g} GB")
                 if time.monotonic() > end:
-                    return -1, Failure(f"time limit of {limits.seconds:g} s", is_timeout=True)
+                    return -1, Row(reason=f"time limit of {limits.seconds:g} s")
         finally:
             process.kill()
             process.wait()
@@ -181,7 +182,7 @@ def serve(folder: str) -> None:
     with suppress(Exception):  # what is imported and compiled once is not timed
         task.method.measure(single_block())
     result = run_here(task.method, task.scene)
-    if isinstance(result, Measurement):
+    if not result.failed:
         result = replace(result, memory=peak_memory(os.getpid()))
     partial = Path(folder) / "partial"
     partial.write_bytes(pickle.dumps(result))

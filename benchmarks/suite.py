@@ -12,10 +12,10 @@ from benchmarks.cases import Case
 from benchmarks.frozen import frozen_methods
 from benchmarks.results import Record
 from benchmarks.runs import Limits, run_apart
-from cvxlimit.bracket import Bracket
+from cvxlimit.compare.comparison import row_of, side_by_side
 from cvxlimit.compare.models import Method
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Failure, Row, Truth, row_of, side_by_side
+from cvxlimit.compare.rows import Row
 
 GROWTH = (
     "cvxlimit",
@@ -129,8 +129,10 @@ def run_size(
     for row in rows:
         if "limit" in row.reason:
             dropped[row.method] = f"not run: {row.reason} at {contacts} contacts"
-    nothing = Truth(Bracket(), "")
+    unmeasured = Row(status="")
     left = [
-        row_of(m, scene, [Failure(skipped[m.name])], nothing) for m in methods if m.name in skipped
+        row_of(m, scene, [Row(reason=skipped[m.name])], unmeasured)
+        for m in methods
+        if m.name in skipped
     ]
     return [*rows, *left]

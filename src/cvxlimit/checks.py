@@ -18,12 +18,7 @@ def is_number(value: Any) -> bool:
 
 
 def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = "") -> Any:
-    """``value`` if it is a ``kind``; the refusal says ``what`` it should be and the ``cure``.
-
-    >>> of_type(5, str, "name of the scene must be a text")
-    Traceback (most recent call last):
-    cvxlimit.errors.InputError: name of the scene must be a text, got 5
-    """
+    """``value`` if it is a ``kind``; the refusal says ``what`` it should be and the ``cure``."""
     if not isinstance(value, kind):
         text = repr(value)
         short = text if len(text) <= 80 else f"{text[:60]} ..."

@@ -9,12 +9,7 @@ from cvxlimit.errors import ModelError
 
 
 def needed(module: str, extra: str, what: str) -> Any:
-    """``module``, imported; ``what`` needs it, and the ``extra`` of the package brings it.
-
-    >>> needed("no_such_module", "frames", "tables")
-    Traceback (most recent call last):
-    cvxlimit.errors.ModelError: tables need no_such_module: pip install "cvxlimit[frames]"
-    """
+    """``module``, imported; ``what`` needs it, and the ``extra`` of the package brings it."""
     try:
         return import_module(module)
     except ImportError as error:

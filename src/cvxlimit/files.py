@@ -13,9 +13,8 @@ from cvxlimit.errors import InputError
 def write_file(path: str | os.PathLike[str], data: bytes) -> None:
     """Replace ``path`` by a file with ``data``, in one step; on failure it is left untouched.
 
-    A temporary file in the same folder is filled, flushed to disk and renamed. Links are
-    followed, permissions of an existing file are kept, devices and pipes are written directly.
-
+    Links are followed, permissions of an existing file are kept, devices and pipes are written
+    directly.
     """
     try:
         if os.path.exists(path) and not os.path.isfile(path):

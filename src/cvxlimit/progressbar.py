@@ -14,10 +14,6 @@ def progress_bar(
     """Inside ``with``, a function that is told what is finished, once per step.
 
     ``progress`` shows a bar on stderr or nothing, or is called with a line of text.
-
-    >>> with progress_bar("counting", 2, progress=print) as advance:
-    ...     advance("one")
-    counting: 1 of 2, one
     """
     if callable(progress):
         numbers = count(done + 1)

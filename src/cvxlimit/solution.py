@@ -257,7 +257,7 @@ class Solution:
 
     @property
     def gap(self) -> float:
-        """Width of the bracket relative to its larger end; infinite without a bracket."""
+        """Relative width of the bracket; infinite without one."""
         return self.bracket.width
 
     @property

@@ -70,12 +70,7 @@ class SceneJoints(JointValues[float]):
 
     @property
     def joint_values(self) -> dict[str, Any]:
-        """All of them and their exceptions by name, as a scene takes them.
-
-        >>> from cvxlimit import builtin_scene
-        >>> builtin_scene("arch").joint_values["friction"]
-        0.7
-        """
+        """All of them and their exceptions by name, as a scene takes them."""
         names = [name for what in PROPERTIES for name in (what, f"contact_{what}")]
         return {name: getattr(self, name) for name in names}
 
@@ -97,11 +92,7 @@ class SceneJoints(JointValues[float]):
 
 
 def own_values(what: str, given: Any, blocks: Collection[str]) -> ByPair:
-    """Values by pair of block ids in alphabetical order, checked; None is no pair.
-
-    >>> dict(own_values("friction", {("b2", "b1"): 0.5}, ["b1", "b2"]))
-    {('b1', 'b2'): 0.5}
-    """
+    """Values by pair of block ids in alphabetical order, checked; None is no pair."""
     kind = f"contact_{what} must be a mapping of two ids to a number"
     cure = "write {('b1', 'b2'): 0.5}"
     checked: dict[Pair, float] = {}

@@ -28,10 +28,9 @@ from benchmarks.suite import (
 )
 
 from cvxlimit import builtin_scene
-from cvxlimit.bracket import Bracket
-from cvxlimit.compare.models import Measurement
+from cvxlimit.compare.comparison import row_of
 from cvxlimit.compare.registry import registry
-from cvxlimit.compare.rows import Failure, Row, Truth, row_of
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch
 from cvxlimit.model.statics import Statics
@@ -51,8 +50,11 @@ def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -
     """A row as if measured: total time and memory given, the reference at 1."""
     phases = {"detect": 0.1 * seconds, "compile": 0.2 * seconds, "solve": 0.6 * seconds}
     factor = 1.0 + error
-    run = Measurement("optimal", factor, 1.0, factor, phases, seconds, contacts, 100.0 * seconds)
-    row = row_of(method, scene, [run], Truth(Bracket(1.0, 1.0), "proved to 0.0e+00"))
+    run = Row(
+        status="optimal", load_factor=factor, lower=1.0, upper=factor, total=seconds,
+        memory=100.0 * seconds, **phases,
+    )  # fmt: skip
+    row = row_of(method, scene, [run], Row(status="proved to 0.0e+00", lower=1.0, upper=1.0))
     return replace(row, contacts=contacts)
 
 
@@ -184,7 +186,7 @@ def test_objects_per_contact_are_not_tried_on_large_scenes():
 def test_results_survive_the_disk(tmp_path):
     scene = builtin_scene("stack")
     method = BASELINES["literal/octagon/kN-m"]
-    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [Failure("no")], NOTHING)]
+    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [Row(reason="no")], NOTHING)]
     records = [Record("arch", "arches", 50, "growth", row) for row in rows]
     table, document = write(tmp_path, records, environment())
     found, about = read(tmp_path)
@@ -201,7 +203,7 @@ def test_results_survive_the_disk(tmp_path):
         read(tmp_path)
 
 
-NOTHING = Truth(Bracket(), "")
+NOTHING = Row(status="")
 
 
 @pytest.mark.exhaustive
@@ -328,7 +330,7 @@ def test_headline_checks_say_what_holds_and_what_does_not():
     assert headline.certified(replace(ours, upper=1.0 + 9e-7)).holds
     assert not headline.certified(replace(ours, upper=1.0 + 2e-6)).holds
     assert not headline.certified(replace(ours, upper=None)).holds
-    failed = row_of(headline.OURS, scene, [Failure("crashed")], NOTHING)
+    failed = row_of(headline.OURS, scene, [Row(reason="crashed")], NOTHING)
     assert not headline.ratio(failed, slow).holds
 
 

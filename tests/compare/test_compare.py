@@ -16,7 +16,8 @@ from cvxlimit import Tie, builtin_scene, settlement, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import pareto_front
-from cvxlimit.compare.models import PHASES, Measurement, Method, Model
+from cvxlimit.compare.comparison import side_by_side
+from cvxlimit.compare.models import WIDTH, Method, Model, Reference
 from cvxlimit.compare.physics import Settlement
 from cvxlimit.compare.registry import (
     choose,
@@ -24,7 +25,7 @@ from cvxlimit.compare.registry import (
     physics_registry,
     registry,
 )
-from cvxlimit.compare.rows import WIDTH, Reference, number_of_steps, side_by_side
+from cvxlimit.compare.rows import PHASES, Row
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.model.formulations import resultants
 from cvxlimit.scene import Load
@@ -42,12 +43,12 @@ class Misbehaving(Method):
     how: str
     line: str = "misbehaving"
 
-    def measure(self, scene) -> Measurement:
+    def measure(self, scene) -> Row:
         if self.how == "raise":
             raise ZeroDivisionError("by\nnought")
         status = "infeasible" if self.how == "no answer" else "optimal"
         factor = None if self.how == "no answer" else 0.4
-        return Measurement(status, factor, None, None, {}, 0.1, len(scene.contacts))
+        return Row(status=status, load_factor=factor, total=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +195,7 @@ def test_a_failure_is_not_repeated_and_the_others_go_on():
     rows = side_by_side(methods, builtin_scene("stack"), 2, steps.append)
     assert [row.failed for row in rows] == [True, False]
     assert [row.runs for row in rows] == [0, 2]
-    assert len(steps) == number_of_steps(methods, 2)
+    assert steps == ["reference", *2 * ["bad", "cvxlimit"]]
 
 
 def interrupted_at(run: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,7 +207,7 @@ def interrupted_at(run: int, monkeypatch: pytest.MonkeyPatch) -> None:
             raise KeyboardInterrupt
         return Misbehaving("run", "not at all").measure(scene)
 
-    monkeypatch.setattr("cvxlimit.compare.rows.run_here", measured)
+    monkeypatch.setattr("cvxlimit.compare.comparison.run_here", measured)
 
 
 @pytest.mark.parametrize(

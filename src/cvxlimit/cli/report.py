@@ -34,6 +34,13 @@ def summary(
     solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
 ) -> Table:
     blocks = counted(solution.blocks, "free block")
+    value = _text(solution.load_factor) or "none"
+    value += "" if solution.status.is_good else f" ({solution.status})"
+    asked = "" if tolerance is None else f" (asked: {tolerance:g})"
+    bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
+    interaction = solution.interaction
+    interaction += "" if interaction == "none" else f", {solution.moments} moments"
+    solvers = Counter(one_line(iterate.solver) for iterate in solution.history)
     return facts(
         [
             ("scene", f"{solution.scene} ({origin})"),
@@ -42,12 +49,12 @@ def summary(
             ("surface", solution.surface),
             ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
             ("flow", "" if solution.flow == "associated" else solution.flow),
-            ("interaction", _interaction(solution)),
-            (solution.quantity, Text(_load_factor(solution), style="bold")),
-            ("bracket", _bracket(solution, tolerance)),
+            ("interaction", interaction),
+            (solution.quantity, Text(value, style="bold")),
+            ("bracket", bracket if solution.bracket.has_any else ""),
             ("basis", "" if solution.note == advice(solution) else solution.note),
             ("status", Text(solution.standing, style=_style(solution.status))),
-            ("solver", _solvers(solution.history)),
+            ("solver", ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in solvers.items())),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
             *(("written", file) for file in files),
         ]
@@ -135,33 +142,10 @@ def _columns(header: bool = False) -> Table:
     return Table(box=None, show_header=header, pad_edge=False, padding=(0, 2, 0, 0))
 
 
-def _interaction(solution: Solution) -> str:
-    if solution.interaction == "none":
-        return "none"
-    return f"{solution.interaction}, {solution.moments} moments"
-
-
-def _load_factor(solution: Solution) -> str:
-    value = _text(solution.load_factor) or "none"
-    return value if solution.status.is_good else f"{value} ({solution.status})"
-
-
-def _bracket(solution: Solution, tolerance: float | None) -> str:
-    if not solution.bracket.has_any:
-        return ""
-    asked = "" if tolerance is None else f" (asked: {tolerance:g})"
-    return f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
-
-
 def _style(status: Status) -> str:
     if status.is_good:
         return "green"
     return "yellow" if status.has_answer else "red"
-
-
-def _solvers(iterates: Sequence[Iterate]) -> str:
-    counts = Counter(one_line(iterate.solver) for iterate in iterates)
-    return ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in counts.items())
 
 
 def counted(number: int, thing: str, things: str = "") -> str:

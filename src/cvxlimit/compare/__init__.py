@@ -1,8 +1,6 @@
-"""Speed against accuracy: a registry of methods, references, charts.
+"""Speed against accuracy: methods side by side on one scene, errors against a reference, a chart.
 
-:func:`compare` is the front door for a user's own scene; ``benchmarks/`` runs the same methods
-over scenes of growing size, each in a process of its own with limits of time and memory. To add a
-method, write a line into :mod:`cvxlimit.compare.registry`.
+To add a method, write a line into :mod:`cvxlimit.compare.registry`.
 """
 
 from cvxlimit.compare.comparison import DEFAULT_MODELS, Comparison, compare

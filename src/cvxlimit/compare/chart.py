@@ -47,7 +47,7 @@ def on_front(rows: Sequence[Row]) -> set[str]:
 def _by_truth(rows: Sequence[Row]) -> dict[str, list[Row]]:
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        if row.total is not None and row.error is not None:
+        if row.has_point:
             truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
             groups.setdefault(truth, []).append(row)
     return groups
@@ -71,7 +71,7 @@ def draw_time_against_error(
     groups = _by_truth(rows)
     lines: dict[str, list[Row]] = {}
     for row in rows:
-        if row.total is not None and row.error is not None:
+        if row.has_point:
             lines.setdefault(row.line, []).append(row)
     for order, (label, members) in enumerate(lines.items()):
         own = label.startswith(OWN)
@@ -108,19 +108,10 @@ def draw_time_against_error(
 
 def style(number: int, label: str) -> dict[str, Any]:
     """Marker and colour of a line; the first colour is kept for the package's own."""
-    others = [
-        "#d62246",
-        "#2a9d5c",
-        "#f59e0b",
-        "#8b2fc9",
-        "#12a4b4",
-        "#7a5230",
-        "#e36fb0",
-        "#6b7280",
-        "#9aad00",
-        "#3b5bdb",
-        "#b45309",
-    ]
+    others = (
+        "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0", "#6b7280",
+        "#9aad00", "#3b5bdb", "#b45309",
+    )  # fmt: skip
     colour = "#134b73" if label.startswith(OWN) else others[number % len(others)]
     return {"marker": "os^Dv<>phXPd8"[number % 13], "color": colour}
 

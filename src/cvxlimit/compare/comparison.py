@@ -1,29 +1,28 @@
-"""Speed against accuracy on the user's own scene, in one call."""
+"""Speed against accuracy on the user's own scene: methods in turns, errors against a reference."""
 
 from __future__ import annotations
 
 import csv
+import gc
 import io
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from statistics import median
+from typing import TYPE_CHECKING, TypeAlias
 
 from cvxlimit.checks import count
 from cvxlimit.compare.chart import draw_time_against_error, on_front
-from cvxlimit.compare.models import Method
-from cvxlimit.compare.registry import (
-    choose,
-    interaction_registry,
-    physics_registry,
-    registry,
-)
-from cvxlimit.compare.rows import Interrupted, Row, number_of_steps, side_by_side
-from cvxlimit.errors import ModelError
+from cvxlimit.compare.models import Method, Reference
+from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
+from cvxlimit.compare.rows import PHASES, Row
+from cvxlimit.errors import CvxlimitError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file
+from cvxlimit.masonry import single_block
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene, check_scene
 
@@ -31,6 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+Runner: TypeAlias = "Callable[[Method, Scene], Row]"
+"""How one run is made; elsewhere, for those who want it isolated."""
 
 DEFAULT_MODELS = (
     "cvxlimit",
@@ -78,13 +80,13 @@ class Comparison:
     def table(self) -> str:
         """Plain text: one line per model, ``*`` for those on the Pareto front."""
         front = self.front
-        lines = [("", "model", "load factor", "true error", "seconds", "of it solver", "status")]
+        lines = [["", "model", "load factor", "true error", "seconds", "of it solver", "status"]]
         for row in self.rows:
             figures = zip((row.load_factor, row.error, row.total, row.solve),
                           (".7g", ".1e", ".3f", ".3f"), strict=True)  # fmt: skip
             cells = ["" if figure is None else f"{figure:{style}}" for figure, style in figures]
             mark = "*" if row.method in front else ""
-            lines.append((mark, row.method, *cells, row.reason or row.status))  # type: ignore[arg-type]
+            lines.append([mark, row.method, *cells, row.reason or row.status])
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         aligned = [
             "  ".join(f"{c:{'>' if 1 < i < 6 else '<'}{widths[i]}}" for i, c in enumerate(line))
@@ -121,7 +123,8 @@ class Comparison:
         ModelError
             If Matplotlib is not installed, or no model has both a time and an error.
         """
-        if not any(row.total is not None and row.error is not None for row in self.rows):
+        left_out = sum(not row.has_point for row in self.rows)
+        if left_out == len(self.rows):
             raise ModelError("there is nothing to draw: no model has a time and a true error")
         if ax is not None:
             draw_time_against_error(ax, self.rows)
@@ -131,7 +134,6 @@ class Comparison:
 
         result = SceneFigure(figsize=(10.0, 5.2), layout="constrained")
         axes = result.add_subplot()
-        left_out = sum(row.total is None or row.error is None for row in self.rows)
         note = f"\n{left_out} of {len(self.rows)} models have no figure" if left_out else ""
         draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error{note}")
         result.legend(*axes.get_legend_handles_labels(), loc="outside right upper", fontsize=8)
@@ -206,13 +208,14 @@ def compare(
     check_scene(scene)
     methods = _methods(DEFAULT_MODELS if models is None else models)
     len(scene.contacts)  # faults of the geometry show here, once
-    with progress_bar("comparing", number_of_steps(methods, repeat), progress) as advance:
+    steps = len({question_of(method) for method in methods}) + repeat * len(methods)
+    with progress_bar("comparing", steps, progress) as advance:
         try:
             return Comparison(scene.name, tuple(side_by_side(methods, scene, repeat, advance)))
         except Interrupted as interrupt:
-            if not interrupt.rows:
+            if not interrupt.args[0]:
                 raise
-            return Comparison(scene.name, tuple(interrupt.rows), is_interrupted=True)
+            return Comparison(scene.name, interrupt.args[0], is_interrupted=True)
 
 
 def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
@@ -231,6 +234,104 @@ def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
     if not result:
         raise ModelError("there is nothing to compare: give at least one model")
     return list(result.values())
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while methods were measured; its argument is a tuple of the rows of those that ran.
+
+    Their medians are over fewer runs than asked for where the last turn was not finished.
+    """
+
+
+def side_by_side(
+    methods: Sequence[Method],
+    scene: Scene,
+    repeat: int,
+    advance: Callable[[str], None] = lambda done: None,
+    run: Runner | None = None,
+    refer: Runner | None = None,
+) -> list[Row]:
+    """Measure all methods on one scene in turns, so that a busy machine hits them alike.
+
+    A method that fails is not run again. ``advance`` is told after every run; ``run`` and ``refer``
+    run methods and references elsewhere. Ctrl-C raises :class:`Interrupted`.
+    """
+    measure, truths = run or run_here, dict[object, Row]()
+    for method in methods:
+        if question_of(method) not in truths:
+            truths[question_of(method)] = _truth(method, scene, refer or measure)
+            advance("reference")
+    results: list[list[Row]] = [[] for _ in methods]
+
+    def rows() -> list[Row]:
+        pairs = zip(methods, results, strict=True)
+        return [row_of(m, scene, found, truths[question_of(m)]) for m, found in pairs if found]
+
+    try:
+        for turn in range(repeat):
+            for method, found in zip(methods, results, strict=True):
+                if run is None and turn == 0:
+                    with suppress(Exception):  # what is imported and compiled once is not timed
+                        method.measure(single_block())
+                if not any(result.failed for result in found):
+                    found.append(measure(method, scene))
+                advance(method.name)
+    except KeyboardInterrupt as error:
+        raise Interrupted(tuple(rows())) from error
+    return rows()
+
+
+def question_of(method: Method) -> tuple[str, str, bool]:
+    """Methods with the same one have the same reference."""
+    return method.interaction, method.moments, method.is_load_factor
+
+
+def _truth(method: Method, scene: Scene, run: Runner) -> Row:
+    if not method.is_load_factor:
+        return Row(reason="no load factor")
+    return run(Reference(interaction=method.interaction, moments=method.moments), scene)
+
+
+def run_here(method: Method, scene: Scene) -> Row:
+    """One run of a method on a copy of the scene; whatever it raises is a failure's reason.
+
+    What earlier runs left is collected before: a full collection takes Python 30 ms and would fall
+    into whichever phase comes first.
+    """
+    gc.collect()
+    try:
+        found = method.measure(replace(scene))
+    except MemoryError:
+        return Row(reason="out of memory")
+    except CvxlimitError as error:
+        return Row(reason=str(error))
+    except Exception as error:
+        return Row(reason=f"{type(error).__name__}: {' '.join(str(error).split())[:160]}")
+    is_known = found.load_factor is not None
+    return found if is_known else Row(reason=f"no load factor: {found.status}")
+
+
+def row_of(method: Method, scene: Scene, runs: Sequence[Row], truth: Row) -> Row:
+    """Medians of the runs, or the failure with its reason, beside the reference's run."""
+    done = sorted((run for run in runs if not run.failed), key=lambda run: run.total or 0.0)
+    row = next((run for run in runs if run.failed), None)
+    if row is None:
+        names = (*PHASES, "total", "memory")
+        times = {name: _median(getattr(run, name) for run in done) for name in names}
+        ends = {"total_min": done[0].total, "total_max": done[-1].total}
+        row = replace(done[len(done) // 2], **times, **ends)
+    row = replace(
+        row, scene=scene.name, blocks=len(scene.free), contacts=len(scene.contacts),
+        method=method.name, line=method.line, **method.axes(), runs=len(done),
+        reference_lower=truth.lower, reference_upper=truth.upper,
+        reference=f"no reference: {truth.reason}" if truth.failed else truth.status,
+    )  # fmt: skip
+    return replace(row, error=row.truth.error(row.load_factor))
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    found = [value for value in values if value is not None]
+    return median(found) if found else None
 
 
 def _reference_note(row: Row) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from cvxlimit.bracket import known
-from cvxlimit.checks import ratio
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods import driver
 from cvxlimit.methods.driver import Clock
@@ -21,54 +21,17 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
-from cvxlimit.solvers import SolverSettings, check_installed
+from cvxlimit.solvers import SolverSettings, check_installed, default_ladder, settings_for
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
-
-PHASES = ("detect", "compile", "reparametrise", "solve", "certify")
-"""What is timed apart: contact detection, building and canonicalising the problem, the same again
-for changed Parameters, the solver, and the bracket."""
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """What one run of a method gave: its own answer and bracket, None where it has none.
-
-    ``seconds`` are those of :data:`PHASES` that it has, ``total`` from the scene to the answer;
-    ``memory`` is the peak in MB, where the run had a process of its own.
-    """
-
-    status: str
-    load_factor: float | None
-    lower: float | None
-    upper: float | None
-    seconds: Mapping[str, float]
-    total: float
-    contacts: int
-    memory: float | None = None
-
-    @classmethod
-    def of(cls, solution: Solution, started: float) -> Measurement:
-        return cls(
-            str(solution.status), solution.load_factor, known(solution.lower),
-            known(solution.upper), {k: v for k, v in solution.seconds.items() if k in PHASES},
-            time.perf_counter() - started, solution.contacts,
-        )  # fmt: skip
 
 
 class Method(ABC):
     """One way from a scene to a load factor.
 
-    Attributes
-    ----------
-    name : str
-        Unique, in lower case, parts separated by ``/``.
-    line : str
-        Label of the chart's line that the method belongs to: the same solver at other tolerances,
-        the same polygon with other numbers of facets.
-    is_load_factor : bool
-        False for what is no load factor and has no reference to measure its error against.
+    ``name`` is unique, in lower case, parts separated by ``/``; ``line`` labels the chart's line
+    that the method belongs to: the same solver at other tolerances, the same polygon with other
+    numbers of facets. What is no load factor has no reference to measure its error against.
     """
 
     name: str
@@ -78,7 +41,7 @@ class Method(ABC):
     is_load_factor: ClassVar[bool] = True
 
     @abstractmethod
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         """Run once, timed by phase; ``scene`` has not looked for contacts yet."""
 
     def axes(self) -> dict[str, str]:
@@ -153,8 +116,6 @@ class Model(Method):
                 f"solver must be SolverSettings, got {self.solver!r}: "
                 "cvxlimit.solvers.settings_for('SCS', 1e-8) makes them"
             )
-        if self.tolerance is not None:
-            ratio(self.tolerance, "tolerance")
         check_choice("model", self.model, MODELS)
         parse_moments(self.moments)
         if self._chosen()[1].name != "convex" and self.solver is not None:
@@ -185,26 +146,55 @@ class Model(Method):
             **super().axes(),
         }
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         scene = scene if self.change is None else self.change(scene)
         if self.solver is not None:
             return self._run_once(scene, self.solver)
         started, (surface, method) = time.perf_counter(), self._chosen()
         options = {"formulation": self.formulation, "model": self.model}
-        return Measurement.of(solve(scene, surface, method, **options), started)  # type: ignore[arg-type]
+        return Row.of(solve(scene, surface, method, **options), started)  # type: ignore[arg-type]
 
-    def _run_once(self, scene: Scene, settings: SolverSettings) -> Measurement:
+    def _run_once(self, scene: Scene, settings: SolverSettings) -> Row:
         check_installed(settings)
         clock = Clock()
         with clock.phase("detect"):
-            contacts = scene.contacts
+            len(scene.contacts)
         with clock.phase("compile"):
             problem = LimitProblem(scene, surfaces_of(self.surface)[0], self.formulation)
             state = problem.solve(settings)
             clock.seconds["solve"] += state.outcome.solve_seconds
         with clock.phase("certify"):
             bounds = Certifier(scene, problem.surfaces, self.formulation).of(state)
-        return Measurement(
-            state.outcome.status, state.load_factor, known(bounds.lower), known(bounds.upper),
-            clock.seconds, clock.elapsed, len(contacts),
+        return Row(
+            status=state.outcome.status, load_factor=state.load_factor, lower=known(bounds.lower),
+            upper=known(bounds.upper), total=clock.elapsed, **clock.seconds,
         )  # fmt: skip
+
+
+WIDTH = 1e-8
+"""Relative width that a reference without interaction must have."""
+
+
+@dataclass(frozen=True)
+class Reference(Method):
+    """The bracket against which others are measured; ``load_factor`` is its middle."""
+
+    interaction: str = "none"
+    moments: str = "independent"
+
+    name = line = "reference"
+
+    def measure(self, scene: Scene) -> Row:
+        started = time.perf_counter()
+        if self.interaction != "none":
+            found = solve(scene, method="certified", moments=self.moments)
+            status = str(found.status)
+        else:  # two exact solvers as far as rounding lets them; all others if they fall short
+            first, *others = default_ladder()
+            found = solve(scene, tolerance=1e-9, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
+            if found.gap > WIDTH and found.status.has_answer:
+                more = solve(scene, tolerance=WIDTH, ladder=others)
+                found = min(found, more, key=lambda solution: solution.gap)
+            status = f"{'proved' if found.is_proved else 'bracketed'} to {found.gap:.1e}"
+        middle = 0.5 * (found.lower + found.upper) if found.bracket.has_both else None
+        return replace(Row.of(found, started), status=status, load_factor=middle)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from cvxlimit.checks import finite_vector
-from cvxlimit.compare.models import Measurement, Method
+from cvxlimit.compare.models import Method
+from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.scene import Scene
@@ -16,11 +17,6 @@ from cvxlimit.scene import Scene
 def strengthened(scene: Scene, **strengths: float) -> Scene:
     """With cohesion and strengths as multiples of the mean pressure on the supports, so that one
     model means the same on small and on large scenes.
-
-    >>> from cvxlimit import builtin_scene, solve
-    >>> weak = strengthened(builtin_scene("single-block"), compressive_strength=10)
-    >>> solve(weak).load_factor < 0.4
-    True
     """
     contacts = scene.contacts
     fixed = {i for i, block in enumerate(scene.blocks) if block.id in scene.supports}
@@ -58,7 +54,7 @@ class Settlement(Method):
     def axes(self) -> dict[str, str]:
         return {"surface": "conic", "formulation": f"{self.which} reaction", **super().axes()}
 
-    def measure(self, scene: Scene) -> Measurement:
+    def measure(self, scene: Scene) -> Row:
         started = time.perf_counter()
         found = settlement(scene, self.support, self.direction, self.which)
-        return Measurement.of(found.solution, started)
+        return Row.of(found.solution, started)

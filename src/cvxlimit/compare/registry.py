@@ -103,9 +103,6 @@ def physics_registry() -> dict[str, Method]:
     Each has a load factor of its own: errors are differences from the paper's cone. Strengths are
     multiples of the mean pressure on supports; for a support that moves see
     :class:`~cvxlimit.compare.physics.Settlement`.
-
-    >>> [name for name in physics_registry() if "/" not in name][:6]
-    ['linear', 'parabolic', 'exact', 'vertex-forces', 'mortar', 'without-ties']
     """
     made = [
         Model("linear", "linear torsion-shear"),

@@ -17,15 +17,12 @@ LARGEST_FILE = 256 * 2**20
 
 
 def read_document(path: Path) -> object:
-    """The JSON value in a file; messages of refusals do not name the file (the caller does).
-
-    NaN and Infinity, which are not JSON, come out as floats, so that the check of the field
-    they stand in refuses them by name, like 1e400.
-    """
+    """The JSON value in a file, which refusals do not name: the caller does."""
     return parsed(read_bytes(path))
 
 
 def parsed(data: bytes) -> object:
+    """NaN and Infinity come out as floats, and the check of their field refuses them by name."""
     text = decoded(data)
     if not text.strip():
         raise InputError("the file is empty; expected a JSON object {...}")

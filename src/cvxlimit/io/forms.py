@@ -38,10 +38,10 @@ Step = Callable[[Any, str, str], Any]
 
 @dataclass(frozen=True)
 class Form:
-    """How a value stands in a JSON document.
+    """How a value stands in a JSON document, whose JSON Schema is ``schema``.
 
     ``read`` and ``write`` are given the value, where it stands ("start of entry 0 of ties") and in
-    what ("entry 0 of ties"), for refusals; ``schema`` says the same in JSON Schema.
+    what ("entry 0 of ties"), for refusals.
     """
 
     read: Step
@@ -132,21 +132,12 @@ def keyed(item: Form, name: str) -> Form:
 
 @dataclass(frozen=True)
 class Key:
-    """An entry of a record.
+    """An entry of a record; refusals call it ``where``, with the key and the record put in.
 
-    Attributes
-    ----------
-    form : Form
-    where : str
-        How refusals call it; ``{key}`` and ``{owner}``, the record, are put in.
-    is_needed : bool or None
-        False: it may be left out, then has the field's default, or is None if there is none, and
-        is not written where it equals that. None: needed if the field has no default.
-    is_written : bool
-        Even where it equals its default.
-    is_several : bool
-        It stands for several fields: read as a dict of them, written from the whole record, and
-        left out where that gives None.
+    What is not needed may be left out, is then the field's default or None, and is not written
+    where it equals that, unless ``is_written``; None asks the field whether it has a default. An
+    entry that ``is_several`` fields is read as a dict of them, written from the whole record, and
+    left out where that gives None.
     """
 
     form: Form

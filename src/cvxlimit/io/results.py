@@ -165,8 +165,7 @@ def read_result(path: Path) -> Solution:
     Raises
     ------
     InputError
-        If the file cannot be read or is no valid result: one line naming the file, the field,
-        the value and the cure.
+        If the file cannot be read, or as for :func:`result_from_dict`.
 
     Example
     -------

@@ -266,8 +266,8 @@ def read_scene(path: Path) -> Scene:
     Raises
     ------
     InputError
-        If the file cannot be read or is no valid scene: one line naming the file, the object
-        in it, the value and the cure. Contacts are detected later, on first use.
+        If the file cannot be read, or as for :func:`scene_from_dict`. Contacts are detected later,
+        on first use.
 
     Example
     -------

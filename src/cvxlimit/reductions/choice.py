@@ -40,16 +40,6 @@ class Reductions:
 
     Forces of a planar one are balanced within its plane. ``loaded`` (free blocks,) are blocks in
     parts with live load, None if all are.
-
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.surfaces.coulomb import surfaces_of
-    >>> for name in ("arch", "dome", "tuff-wall"):
-    ...     scene = builtin_scene(name)
-    ...     found = Reductions.of(Assemblage.of(scene), surfaces_of("conic")[0])
-    ...     print(name, found.best().names, found.best().degrees_of_freedom / len(scene.free))
-    arch ('planar',) 3.0
-    dome ('symmetry',) 3.0
-    tuff-wall () 6.0
     """
 
     assemblage: Assemblage

@@ -32,8 +32,7 @@ class Explanation:
     """What :func:`explain` has found out.
 
     ``blocks`` are free ones; ``sizes`` those of the full model and after each reduction, in order;
-    ``solver`` tries first, for a ``reason``, and is expected to take so many ``seconds`` on one
-    idle core, to a factor of two or so.
+    ``seconds`` are those of one idle core, to a factor of two or so.
     """
 
     scene: str

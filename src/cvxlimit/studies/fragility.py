@@ -11,7 +11,7 @@ from scipy import stats
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import ratio
-from cvxlimit.errors import InputError, ModelError
+from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.solution import Status
 
@@ -201,8 +201,6 @@ def _results(results: Any) -> tuple[FloatArray, FloatArray, FloatArray, str]:
 def _curve(
     demand: FloatArray, known: FloatArray, low: FloatArray, high: FloatArray, confidence: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    if not len(known):
-        raise ModelError("there are no capacities")
     probability = np.searchsorted(known, demand, side="left") / len(known)
     n, tail = len(low), 0.5 * (1.0 - confidence)
     surely = np.searchsorted(high, demand, side="left")

@@ -54,6 +54,16 @@ def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]
     return kept[order], place[np.asarray(number).reshape(-1)][faces]
 
 
+def with_faces(
+    vertices: FloatArray, faces: Sequence[Sequence[int]]
+) -> tuple[FloatArray, list[list[int]]]:
+    """Those of the vertices that are corners of the faces, and the faces with their numbers."""
+    used, number = np.unique(np.concatenate(faces), return_inverse=True)
+    ends = np.cumsum([len(face) for face in faces])[:-1]
+    own = np.split(np.asarray(number).reshape(-1), ends)
+    return vertices[used], [face.tolist() for face in own]
+
+
 def separated(body: Body) -> list[Body]:
     """The bodies that ``body`` is made of, each with its own vertices; itself if it is one.
 
@@ -106,12 +116,8 @@ def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
 
 
 def _part(body: Body, faces: IntArray, name: str) -> Body:
-    chosen = [body.faces[i] for i in faces.tolist()]
-    corners: IntArray = np.concatenate(chosen)
-    used, number = np.unique(corners, return_inverse=True)
-    ends = np.cumsum([len(face) for face in chosen])[:-1]
-    own = [part.tolist() for part in np.split(np.asarray(number).reshape(-1), ends)]
-    return replace(body, name=name, vertices=body.vertices[used], faces=own)
+    vertices, own = with_faces(body.vertices, [body.faces[i] for i in faces.tolist()])
+    return replace(body, name=name, vertices=vertices, faces=own)
 
 
 def _shells(body: Body, edges: EdgeTable) -> IntArray:

@@ -13,6 +13,7 @@ import re
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def read_mesh(path: Path) -> list[Body]:
     options: dict[str, Any] = {"process": False}
     if kind in ("glb", "gltf"):
         _check_gltf(data, kind)
-        options["resolver"] = _beside(path)
+        options["resolver"] = _Beside(path)
     elif kind == "stl":
         _check_stl(data)
     try:
@@ -133,29 +134,18 @@ def _list(document: Mapping[str, Any], key: str) -> list[Any]:
     return value
 
 
-def _beside(path: Path) -> Any:
+@dataclass(frozen=True)
+class _Beside:
     """Resolves names of buffers to files of the same folder, and nothing else."""
-    from trimesh.resolvers import Resolver
 
-    class Beside(Resolver):
-        def __init__(self) -> None:
-            """Nothing to remember: the folder is that of the file."""
+    path: Path
 
-        def get(self, name: str) -> bytes:
-            plain = os.path.basename(name)
-            if plain != name or plain in ("", ".", ".."):
-                raise InputError(
-                    f"buffer {shown(name)} must be a file in the folder of {path.name}"
-                )
-            return read_bytes(path.with_name(plain))
+    def __getitem__(self, name: str) -> bytes:
+        plain = os.path.basename(name)
+        if plain != name or plain in ("", ".", ".."):
+            raise InputError(
+                f"buffer {shown(name)} must be a file in the folder of {self.path.name}"
+            )
+        return read_bytes(self.path.with_name(plain))
 
-        def write(self, name: str, data: bytes) -> None:
-            raise InputError("nothing is written while reading")
-
-        def namespaced(self, namespace: str) -> Any:
-            return self
-
-        def keys(self) -> list[str]:
-            return []
-
-    return Beside()
+    get = __getitem__

@@ -14,7 +14,7 @@ import numpy as np
 
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import shown
-from cvxlimit.io.geometry.bodies import Body
+from cvxlimit.io.geometry.bodies import Body, with_faces
 
 _NOT_GEOMETRY = {
     "vt", "vn", "vp", "s", "l", "p", "usemtl", "mtllib", "usemap", "maplib", "shadow_obj",
@@ -51,7 +51,7 @@ def read_obj(text: str) -> list[Body]:
                 "blocks as meshes"
             )
     points = np.array(vertices, dtype=float).reshape(-1, 3)
-    return [_body(name, points, faces) for name, faces in _blocks(parts)]
+    return [Body(name, *with_faces(points, faces)) for name, faces in _blocks(parts)]
 
 
 def _blocks(parts: list[_Part]) -> Iterator[tuple[str, list[list[int]]]]:
@@ -62,13 +62,6 @@ def _blocks(parts: list[_Part]) -> Iterator[tuple[str, list[list[int]]]]:
         key, name = (part.object, part.name) if by_object else (part.group, part.group or part.name)
         blocks.setdefault(key, (name, []))[1].extend(part.faces)
     yield from blocks.values()
-
-
-def _body(name: str, points: np.ndarray, faces: list[list[int]]) -> Body:
-    used, number = np.unique(np.concatenate(faces), return_inverse=True)
-    ends = np.cumsum([len(face) for face in faces])[:-1]
-    own = [face.tolist() for face in np.split(np.asarray(number).reshape(-1), ends)]
-    return Body(name, points[used], own)
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:

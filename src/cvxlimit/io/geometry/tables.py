@@ -17,12 +17,6 @@ OPTIONAL = ("density", "support")
 
 
 def read_table(text: str) -> list[Body]:
-    """Boxes by the names of columns in the first row.
-
-    >>> rows = "id,xmin,ymin,zmin,xmax,ymax,zmax,support\\nground,-1,-1,-1,2,2,0,yes\\n"
-    >>> read_table(rows)[0].is_support
-    True
-    """
     try:
         dialect: type[csv.Dialect] = csv.Sniffer().sniff(text.split("\n", 1)[0], ",;\t")
     except csv.Error:
