@@ -123,8 +123,7 @@ def test_baselines_find_the_published_factors(name):
     expected = TUFF_CONIC if method.axes()["surface"] == "conic" else TUFF_OCTAGON
     loose = 1e-3 if name.endswith("N-mm") else 1e-5
     assert found.load_factor == pytest.approx(expected, rel=loose)
-    assert found.contacts == 146
-    assert sum(found.seconds.values()) == pytest.approx(found.total)
+    assert found.compile + found.solve == pytest.approx(found.total)
 
 
 @pytest.mark.exhaustive
