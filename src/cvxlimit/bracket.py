@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -125,32 +126,21 @@ class Bracket:
         return self.shown(7)
 
 
-def rounded_down(value: float, digits: int = 7) -> str:
-    """A lower bound as text that is no larger; ``?`` where there is none.
-
-    >>> rounded_down(0.123456789, 3), rounded_up(0.123456789, 3)
-    ('0.123', '0.124')
-    """
-    return _rounded(value, digits, ROUND_FLOOR)
-
-
-def rounded_up(value: float, digits: int = 7) -> str:
-    """An upper bound as text that is no smaller; ``?`` where there is none."""
-    return _rounded(value, digits, ROUND_CEILING)
-
-
-def rounded(value: float, digits: int = 7) -> str:
+def rounded(value: float, digits: int = 7, rounding: str = ROUND_HALF_EVEN) -> str:
     """The nearest number with so many digits as text; ``?`` where there is none."""
-    return _rounded(value, digits, ROUND_HALF_EVEN)
+    if not np.isfinite(value):
+        return "?"
+    exact = float(value) + 0.0  # no minus zero
+    return f"{Context(prec=digits, rounding=rounding).create_decimal_from_float(exact):g}"
+
+
+rounded_down = partial(rounded, rounding=ROUND_FLOOR)
+"""A lower bound as text that is no larger."""
+
+rounded_up = partial(rounded, rounding=ROUND_CEILING)
+"""An upper bound as text that is no smaller."""
 
 
 def known(value: float) -> float | None:
     """A figure as it goes into histories and tables: None where it is not finite."""
     return float(value) if np.isfinite(value) else None
-
-
-def _rounded(value: float, digits: int, rounding: str) -> str:
-    if not np.isfinite(value):
-        return "?"
-    exact = float(value) + 0.0  # no minus zero
-    return f"{Context(prec=digits, rounding=rounding).create_decimal_from_float(exact):g}"

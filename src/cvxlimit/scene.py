@@ -130,15 +130,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
-        """Joints that are nearly there but are none; found with the contacts.
-
-        >>> ground = Block.box("ground", (0, 0, -1), (2, 1, 0))
-        >>> bricks = [Block.box("left", (0, 0, 0), (0.99, 1, 1), density=1.0),
-        ...           Block.box("right", (1, 0, 0), (2, 1, 1), density=1.0)]
-        >>> scene = Scene([ground, *bricks], ["ground"], Load(acceleration=(1, 0, 0)))
-        >>> [(miss.a, miss.b, miss.kind, round(miss.size, 9)) for miss in scene.near_misses]
-        [('left', 'right', 'gap', 0.01)]
-        """
+        """Joints that are nearly there but are none; found with the contacts."""
         return self._detection.near_misses
 
     @property
@@ -319,17 +311,6 @@ class Scene(RemadeFromFields, SceneJoints):
         ------
         InputError
             If the two do not have the same blocks, supports and joint tolerance.
-
-        Example
-        -------
-        >>> ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
-        >>> slab = Block.box("slab", (0, 0, 0), (1, 1, 1), density=20.0)
-        >>> rough, smooth = (
-        ...     Scene([ground, slab], ["ground"], Load(acceleration=(1, 0, 0)), friction=mu)
-        ...     for mu in (0.7, 0.3)
-        ... )
-        >>> smooth.sharing_contacts_of(rough).contacts.friction.tolist()
-        [0.3]
         """
         same = self.blocks is other.blocks and (
             (self.supports, self.joint_tolerance) == (other.supports, other.joint_tolerance)
@@ -366,13 +347,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
 
 def check_scene(value: Any) -> None:
-    """Refuse anything but a scene, and say how to make one.
-
-    >>> check_scene("arch")
-    Traceback (most recent call last):
-    cvxlimit.errors.InputError: scene must be a Scene, got 'arch': write builtin_scene('arch'), \
-or read_scene('arch') if it is a file
-    """
+    """Refuse anything but a scene, and say how to make one."""
     if isinstance(value, Scene):
         return
     name, cure = repr(value), "builtin_scene('arch') makes one"

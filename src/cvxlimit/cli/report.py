@@ -98,10 +98,10 @@ def is_eventful(solution: Solution) -> bool:
     about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
     good = solution.status is Status.CERTIFIED
     failed = any(iterate.status.startswith("failed") for iterate in solution.history)
-    if solution.quantity != LOAD_FACTOR:
-        return False  # it is about the limit problem behind a reaction, in units of its own
-    if solution.flow != "associated":
-        return False  # dozens of iterates from several starts; the summary has what came of them
+    # A reaction's history is about a limit problem in units of its own; dozens of iterates from
+    # several starts are what other flow rules have, and the summary says what came of them.
+    if solution.quantity != LOAD_FACTOR or solution.flow != "associated":
+        return False
     return solution.interaction != "none" or about_load_factor != 1 or failed or not good
 
 

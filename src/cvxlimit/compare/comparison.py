@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from html import escape
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvxlimit.checks import count
 from cvxlimit.compare.chart import draw_time_against_error, on_front
@@ -317,12 +317,13 @@ def row_of(method: Method, scene: Scene, runs: Sequence[Row], truth: Row) -> Row
     row = next((run for run in runs if run.failed), None)
     if row is None:
         names = (*PHASES, "total", "memory")
-        times = {name: _median(getattr(run, name) for run in done) for name in names}
-        ends = {"total_min": done[0].total, "total_max": done[-1].total}
-        row = replace(done[len(done) // 2], **times, **ends)
+        times: dict[str, Any] = {n: _median(getattr(run, n) for run in done) for n in names}
+        row = done[len(done) // 2]
+        row = replace(row, **times, total_min=done[0].total, total_max=done[-1].total)
+    axes: dict[str, Any] = dict(method.axes())
     row = replace(
         row, scene=scene.name, blocks=len(scene.free), contacts=len(scene.contacts),
-        method=method.name, line=method.line, **method.axes(), runs=len(done),
+        method=method.name, line=method.line, **axes, runs=len(done),
         reference_lower=truth.lower, reference_upper=truth.upper,
         reference=f"no reference: {truth.reason}" if truth.failed else truth.status,
     )  # fmt: skip

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from cvxlimit.bracket import known
 from cvxlimit.compare.rows import Row
@@ -165,9 +165,10 @@ class Model(Method):
             clock.seconds["solve"] += state.outcome.solve_seconds
         with clock.phase("certify"):
             bounds = Certifier(scene, problem.surfaces, self.formulation).of(state)
+        seconds: dict[str, Any] = clock.seconds
         return Row(
             status=state.outcome.status, load_factor=state.load_factor, lower=known(bounds.lower),
-            upper=known(bounds.upper), total=clock.elapsed, **clock.seconds,
+            upper=known(bounds.upper), total=clock.elapsed, **seconds,
         )  # fmt: skip
 
 

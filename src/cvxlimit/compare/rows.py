@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 from cvxlimit.bracket import Bracket, known
 from cvxlimit.solution import Solution
@@ -59,7 +60,7 @@ class Row:
     def of(cls, solution: Solution, started: float) -> Row:
         """One run that began at ``started`` on the clock of :func:`time.perf_counter`."""
         found = solution.bracket
-        seconds = {name: solution.seconds[name] for name in PHASES if name in solution.seconds}
+        seconds: dict[str, Any] = {k: v for k, v in solution.seconds.items() if k in PHASES}
         return cls(
             status=str(solution.status), load_factor=solution.load_factor,
             lower=known(found.lower), upper=known(found.upper),
