@@ -26,6 +26,7 @@ from cvxlimit.methods.driver import Told
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.solution import Status
 from cvxlimit.studies import sweep
+from cvxlimit.studies.transfer import BASIS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -51,6 +52,11 @@ class Variations:
     surface: str | None = option(
         "conic|octagon|K-gon", "Yield surface, as for solve. Unless given: conic."
     )
+    transfer: float | None = option(
+        "T",
+        "Do not solve rows that others with smaller and larger friction, cohesion or strengths "
+        "enclose within this relative width.",
+    )
     workers: int = option("N", "Processes that solve.", 1)
 
 
@@ -71,7 +77,10 @@ def sweep_command(asked: Variations) -> ExitCode:
         scene = scene_named(asked.scene)
         options: dict[str, Any] = {} if "surface" in grid else {"surface": asked.surface or "conic"}
         with processes(number) as pool:
-            return sweep(scene, grid, executor=pool, path=asked.output, progress=told, **options)
+            return sweep(
+                scene, grid, executor=pool, path=asked.output, transfer=asked.transfer,
+                progress=told, **options,
+            )  # fmt: skip
 
     table = interruptible(swept)
     if table.empty:  # only Ctrl-C leaves none
@@ -124,6 +133,8 @@ def _counted(table: DataFrame, output: Path | None) -> str:
     kinds = table["status"].where(table["error"] == "", "failed").value_counts()
     said = ", ".join(f"{number} {kind}" for kind, number in kinds.items())
     where = "" if output is None else f"; all rows in {one_line(str(output))}"
+    if BASIS in table.columns:
+        said += f", {int((table[BASIS] == 'bounded').sum())} of them bounded by others, not solved"
     return f"{counted(len(table), 'variation')}: {said}{where}"
 
 
