@@ -275,3 +275,15 @@ def test_refusals_name_the_object_and_the_value(make: Callable[[], Any], message
         make()
     assert isinstance(caught.value, CvxlimitError)
     assert isinstance(caught.value, ValueError)
+
+
+def test_what_a_scene_has_shows_itself_in_one_line() -> None:
+    """A terminal's width or little more, however many contacts there are."""
+    scene = builtin_scene("tuff-wall")
+    assert repr(scene.contacts).startswith(f"Contacts({len(scene.contacts)}: '")
+    assert repr(scene.live) == "Load(acceleration=(0.0, 1.0, 0.0))"
+    assert repr(Load(forces={"b": (1, 0, 0, 0, 0, 0)})) == (
+        "Load(forces={'b': (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)})"
+    )
+    for each in (scene, scene.contacts, scene.explain()):
+        assert len(repr(each)) < 160

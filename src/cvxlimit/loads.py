@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -184,6 +185,11 @@ class Load(RemadeFromFields):
         for name, kind in (("points", PointForce), ("pressures", Pressure)):
             what = f"{name} of a load must be {kind.__name__} objects"
             _set(self, name, members(getattr(self, name) or (), kind, what))
+
+    def __repr__(self) -> str:
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        plain = ((k, dict(v) if isinstance(v, Mapping) else v) for k, v in values.items() if v)
+        return f"Load({', '.join(f'{name}={reprlib.repr(value)}' for name, value in plain)})"
 
     @property
     def named(self) -> Iterator[str]:

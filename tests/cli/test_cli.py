@@ -123,6 +123,14 @@ def test_result_file_is_the_solution(run: Run) -> None:
     assert float(shown[1]) == pytest.approx(result.load_factor, rel=1e-6)
 
 
+def test_a_result_file_on_stdout_is_all_that_is_there(run: Run) -> None:
+    code, out, err = run("solve", "stack", "--json", "-")
+    Path("out.json").write_text(out, "utf-8")
+    assert (code, read_result("out.json").scene) == (0, "stack")
+    assert "status       certified" in err
+    assert not Path("-").exists()
+
+
 def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     returned: list[Solution] = []
     solve = solving.solve
@@ -273,7 +281,9 @@ def test_version(run: Run) -> None:
     assert run("--version") == (0, f"cvxlimit {cvxlimit.__version__}\n", "")
 
 
-@pytest.mark.parametrize("arguments", [(), ("--help",), ("solve", "--help"), ("scenes", "--help")])
+@pytest.mark.parametrize(
+    "arguments", [(), ("--help",), ("-h",), ("solve", "-h"), ("scenes", "--help")]
+)
 def test_help(run: Run, arguments: tuple[str, ...]) -> None:
     code, out, err = run(*arguments)
     assert (code, err) == (0, "")
@@ -538,22 +548,25 @@ def test_terminal_gets_progress_on_stderr_only(tmp_path: Path) -> None:
 # --- numbers ------------------------------------------------------------------------------------
 
 
-def test_bounds_are_rounded_outward() -> None:
-    ends = Bracket(1 / 3, 2 / 3)
+@pytest.mark.parametrize(
+    ("bracket", "shown"),
+    [
+        (Bracket(1 / 3, 2 / 3), "[0.3333333, 0.6666667], relative width 5.0e-01 (asked: 1e-05)"),
+        (Bracket(-0.0, 2 / 3), "[0, 0.6666667], relative width 1.0e+00 (asked: 1e-05)"),
+        (Bracket(-1 / 3, 2 / 3), "[-0.3333334, 0.6666667], relative width 1.5e+00 (asked: 1e-05)"),
+        (Bracket(upper=1 / 3), "[?, 0.3333334], relative width inf (asked: 1e-05)"),
+        (Bracket(), None),
+    ],
+)
+def test_bounds_are_rounded_outward(
+    bracket: Bracket, shown: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
     third = Solution(
-        "s", "conic", "none", "independent", 1, 1, 1 / 3, ends, Status.NOT_CERTIFIED, (), {}
+        "s", "conic", "none", "independent", 1, 1, 1 / 3, bracket, Status.NOT_CERTIFIED, (), {}
     )
     show(report.summary(third, "file", 1e-5, []))
-    assert report._bracket(third, 1e-5).startswith("[0.3333333, 0.6666667], relative width 5.0e-01")
-    assert report._bracket(replace(third, bracket=replace(ends, lower=-0.0)), 1e-5).startswith(
-        "[0, 0.6666667]"
-    )
-    assert report._bracket(replace(third, bracket=replace(ends, lower=-1 / 3)), 1e-5).startswith(
-        "[-0.3333334, "
-    )
-    below = replace(third, bracket=Bracket(upper=1 / 3))
-    assert report._bracket(below, 1e-5).startswith("[?, 0.3333334], relative width inf")
-    assert report._bracket(replace(third, bracket=Bracket()), 1e-5) == ""
+    lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("bracket")]
+    assert lines == ([] if shown is None else [f"bracket      {shown}"])
 
 
 def test_history_leaves_empty_columns_out(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,8 @@ import json
 import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 import pytest
@@ -205,10 +207,18 @@ def test_show_draws_what_is_refused_and_says_so(
     assert data_of((here / "p.html").read_text("utf-8"))["refused"]
 
 
+def test_without_a_file_a_page_is_opened(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("typer.launch", opened.append)
+    assert run(["show", "arch"]) == 0
+    (page,) = opened
+    assert data_of(Path(url2pathname(urlsplit(page).path)).read_text("utf-8"))["blocks"]
+    assert not list(here.iterdir())
+
+
 @pytest.mark.parametrize(
     ("arguments", "phrase"),
     [
-        (["show", "arch"], "give --plot"),
         (["show", "arch", "--plot", "a.vtu"], "the name must end in .png, .html"),
         (["show", "arc", "--plot", "a.png"], "did you mean 'arch'?"),
         (["import", "a.obj"], "give --output"),

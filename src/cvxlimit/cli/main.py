@@ -35,7 +35,7 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.versions import __version__
 
 app = typer.Typer(
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Certified collapse loads of dry-jointed masonry. Start with: cvxlimit solve tuff-wall",

@@ -56,7 +56,7 @@ def surface_option() -> Any:
 
 
 def result_option() -> Any:
-    return option("OUT", "Write the result to this JSON file.")
+    return option("OUT", "Write the result to this JSON file; - is stdout.")
 
 
 def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:

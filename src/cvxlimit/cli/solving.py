@@ -6,10 +6,14 @@ from __future__ import annotations
 
 import difflib
 import os
+import sys
 from collections.abc import Iterator
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import mkdtemp
 
+import typer
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
@@ -43,8 +47,10 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
+from cvxlimit.io.documents import encoded
 from cvxlimit.io.fields import one_line
 from cvxlimit.io.geometry.export import EXPORTS
+from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.interaction.readings.named import MOMENTS
@@ -80,14 +86,22 @@ class Files:
 
     def check(self, scene: str) -> None:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
-        check_outputs({"--json": self.json, "--plot": self.plot, "--export": self.export}, inputs)
+        json = None if self.is_piped else self.json
+        check_outputs({"--json": json, "--plot": self.plot, "--export": self.export}, inputs)
         if self.export is not None:
             check_suffix("--export", self.export, EXPORTS)
         if self.plot is not None:
             check_picture(self.plot, PICTURES)
 
+    @property
+    def is_piped(self) -> bool:
+        """True if stdout takes the result file and nothing else."""
+        return self.json == Path("-")
+
     def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
-        if self.json is not None:
+        if self.is_piped:
+            typer.echo(encoded(result_to_dict(solution)), nl=False)
+        elif self.json is not None:
             write_result(solution, self.json)
             yield self.json
         if self.plot is not None:
@@ -104,9 +118,10 @@ def deliver(
         written.extend(str(path) for path in files.write(scene, solution))
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if name in BUILTIN else name
-        show(summary(solution, origin, tolerance, written))
-        if is_eventful(solution):
-            show(Text(), history(solution.history))
+        with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():
+            show(summary(solution, origin, tolerance, written))
+            if is_eventful(solution):
+                show(Text(), history(solution.history))
     warn_of_near_misses(scene)
     status = solution.status
     if status.is_good:
@@ -274,7 +289,10 @@ class Drawing:
     """What ``cvxlimit show`` is to draw, and where."""
 
     scene: str = argument()
-    plot: Path | None = option("OUT.png|.html", "Picture, or page to turn and point at.")
+    plot: Path | None = option(
+        "OUT.png|.html",
+        "Picture, or page to turn and point at. Unless given, a page is opened in the browser.",
+    )
 
 
 @taking(Drawing)
@@ -283,9 +301,8 @@ def show_command(asked: Drawing) -> ExitCode:
 
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
-    name, plot = asked.scene, asked.plot
-    if plot is None:
-        raise InputError("give --plot OUT.png or OUT.html: where to draw")
+    name = asked.scene
+    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
     check_outputs({"--plot": plot}, {} if name in BUILTIN else {os.fspath(name): "the scene"})
     check_picture(plot, SCENE_PICTURES)
 
@@ -296,6 +313,8 @@ def show_command(asked: Drawing) -> ExitCode:
 
     scene, refusal = interruptible(checked)
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
+    if asked.plot is None:
+        typer.launch(plot.as_uri())
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
     show(facts([("scene", scene.name), ("size", blocks + contacts), *written]))

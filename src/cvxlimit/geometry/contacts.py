@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -97,6 +98,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             object.__setattr__(self, each.name, read_only(value))
         if self.pieces:
             self._check_hulls()
+
+    def __repr__(self) -> str:
+        return f"Contacts({len(self)}: {reprlib.repr(self.names)[1:-1]})"
 
     def _check_hulls(self) -> None:
         """Refuse a contact whose hull leaves out a corner of its pieces: no bracket would see it,

@@ -43,6 +43,10 @@ class Explanation:
     reason: str
     seconds: float
 
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
+        return f"Explanation({self.scene!r}: {sizes}, {self.solver}, {self.seconds:.1g} s)"
+
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.blocks} free blocks x {self.contacts} contacts"]
         head = ("model", "variables", "equations", "rows", "cones")

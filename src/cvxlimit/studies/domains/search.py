@@ -19,7 +19,7 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import InputError
-from cvxlimit.io import scene_to_dict
+from cvxlimit.io.scenes import LOAD, scene_to_dict
 from cvxlimit.loads import Load, combined
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.named import parse_moments
@@ -375,8 +375,9 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 
 def _about(study: Study) -> str:
     """A digest of all that decides about the set."""
-    plain = study.scene.with_live(combined(study.loads, np.ones(len(study.loads))))
-    parts = [json.dumps(scene_to_dict(plain), sort_keys=True), *map(repr, study.loads)]
+    plain = scene_to_dict(study.scene.with_live(combined(study.loads, np.ones(len(study.loads)))))
+    loads = [LOAD.write(load, "a load", "a domain") for load in study.loads]
+    parts = [json.dumps(each, sort_keys=True) for each in (plain, *loads)]
     shown = {name: study.options.get(name) for name in ("surface", "moments")}
     text = re.sub(r" at 0x[0-9a-f]+", "", "\n".join([*parts, study.method, repr(shown)]))
     return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
