@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cvxlimit.compare.models import Method
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene, Units

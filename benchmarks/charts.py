@@ -18,7 +18,7 @@ from cvxlimit.compare.chart import (
     sparse,
     style,
 )
-from cvxlimit.compare.rows import PHASES
+from cvxlimit.compare.models import PHASES
 
 FIT_FROM = 400
 """Contacts from which growth is fitted: below, fixed costs hide it."""

@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from cvxlimit.bracket import known
-from cvxlimit.compare.models import Method, Model
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Clock
 from cvxlimit.methods.fixed_point import FrozenProblem

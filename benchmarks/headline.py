@@ -14,8 +14,7 @@ from benchmarks.cases.panel import build as panel_of
 from benchmarks.results import environment, fitted_exponent
 from benchmarks.runs import Limits, run_apart
 from cvxlimit.compare.comparison import Runner, side_by_side
-from cvxlimit.compare.models import Method, Model
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.solvers.sparse import best_backend
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)

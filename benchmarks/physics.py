@@ -24,9 +24,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from cvxlimit import Scene, Solution, builtin_scene, solve
-from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.compare.registry import physics_registry
-from cvxlimit.compare.rows import Row
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.exact_friction import ExactFriction

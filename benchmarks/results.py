@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Row
 from cvxlimit.files import write_file
 
 FORMAT = "cvxlimit-benchmark"

@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cvxlimit.compare.comparison import run_here
-from cvxlimit.compare.models import Method
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.extras import needed
 from cvxlimit.masonry import single_block

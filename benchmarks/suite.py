@@ -13,9 +13,8 @@ from benchmarks.frozen import frozen_methods
 from benchmarks.results import Record
 from benchmarks.runs import Limits, run_apart
 from cvxlimit.compare.comparison import row_of, side_by_side
-from cvxlimit.compare.models import Method
+from cvxlimit.compare.models import Method, Row
 from cvxlimit.compare.registry import choose, interaction_registry, registry
-from cvxlimit.compare.rows import Row
 
 GROWTH = (
     "cvxlimit",

@@ -38,7 +38,7 @@ from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
 from cvxlimit.model.problem import LimitProblem as LimitProblem
 from cvxlimit.proof.certificate import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier
-from cvxlimit.reductions.explaining import explain as explain
+from cvxlimit.reductions.choice import explain as explain
 from cvxlimit.scene import Scene as Scene
 from cvxlimit.scene import Units as Units
 from cvxlimit.solution import Iterate as Iterate

@@ -25,7 +25,7 @@ from cvxlimit.ties import Tie, with_ties
 
 if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure
-    from cvxlimit.reductions.explaining import Explanation
+    from cvxlimit.reductions.choice import Explanation
 
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
@@ -237,9 +237,9 @@ class Scene(RemadeFromFields, SceneJoints):
     def explain(self, surface: Any = "conic", **options: Any) -> Explanation:
         """How much model ``solve`` gives the scene, which solver, and why; nothing is solved.
 
-        Parameters and errors are those of :func:`cvxlimit.reductions.explaining.explain`.
+        Parameters and errors are those of :func:`cvxlimit.reductions.choice.explain`.
         """
-        from cvxlimit.reductions.explaining import explain  # models see scenes, not they them
+        from cvxlimit.reductions.choice import explain  # models see scenes, not they them
 
         return explain(self, surface, **options)
 

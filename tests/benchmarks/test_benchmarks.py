@@ -29,8 +29,8 @@ from benchmarks.suite import (
 
 from cvxlimit import builtin_scene
 from cvxlimit.compare.comparison import row_of
+from cvxlimit.compare.models import Row
 from cvxlimit.compare.registry import registry
-from cvxlimit.compare.rows import Row
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch
 from cvxlimit.model.statics import Statics

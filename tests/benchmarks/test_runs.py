@@ -17,9 +17,8 @@ from benchmarks.runs import Limits, run_apart
 
 from cvxlimit import builtin_scene
 from cvxlimit.compare.comparison import side_by_side
-from cvxlimit.compare.models import Method, Model
+from cvxlimit.compare.models import PHASES, Method, Model, Row
 from cvxlimit.compare.registry import registry
-from cvxlimit.compare.rows import PHASES, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import resultants
 from exhaustive import slow

@@ -17,7 +17,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import pareto_front
 from cvxlimit.compare.comparison import side_by_side
-from cvxlimit.compare.models import WIDTH, Method, Model, Reference
+from cvxlimit.compare.models import PHASES, WIDTH, Method, Model, Reference, Row
 from cvxlimit.compare.physics import Settlement
 from cvxlimit.compare.registry import (
     choose,
@@ -25,7 +25,6 @@ from cvxlimit.compare.registry import (
     physics_registry,
     registry,
 )
-from cvxlimit.compare.rows import PHASES, Row
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.model.formulations import resultants
 from cvxlimit.scene import Load

@@ -8,7 +8,7 @@ import pytest
 
 from broken_meshes import BROKEN
 from cvxlimit.cli.main import run
-from cvxlimit.io import documents
+from cvxlimit.io import fields
 
 pytest.importorskip("trimesh")
 
@@ -55,7 +55,7 @@ def test_a_huge_file_is_refused_by_its_size(
     """A sparse file of a terabyte: not a byte more is read than allowed."""
     with (tmp_path / "huge.obj").open("wb") as file:
         file.truncate(2**40)
-    monkeypatch.setattr(documents, "LARGEST_FILE", 2**20)
+    monkeypatch.setattr(fields, "LARGEST_FILE", 2**20)
     assert "huge.obj: the file is larger than 1 MiB" in refused(
         "huge.obj", capsys, monkeypatch, tmp_path
     )

@@ -26,7 +26,7 @@ from cvxlimit.io import (
     scene_from_dict,
     scene_to_dict,
 )
-from cvxlimit.io.documents import laid_out
+from cvxlimit.io.fields import laid_out
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.solution import Iterate, Member
 from cvxlimit.strengths import PROPERTIES

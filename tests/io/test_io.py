@@ -22,7 +22,6 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import (
-    documents,
     read_result,
     read_scene,
     result_from_dict,
@@ -32,7 +31,7 @@ from cvxlimit.io import (
     write_result,
     write_scene,
 )
-from cvxlimit.io.documents import laid_out
+from cvxlimit.io.fields import laid_out
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
 from malformed_scenes import GOLDEN, MALFORMED
@@ -331,7 +330,7 @@ class TestMalformedScene:
             read_scene(file)
 
     def test_too_large(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(documents, "LARGEST_FILE", len(GOLDEN))
+        monkeypatch.setattr("cvxlimit.io.fields.LARGEST_FILE", len(GOLDEN))
         file = tmp_path / "scene.json"
         file.write_text(GOLDEN)
         assert read_scene(file).name == "example"
@@ -339,7 +338,7 @@ class TestMalformedScene:
 
     @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device")
     def test_endless_file(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(documents, "LARGEST_FILE", 2**20)
+        monkeypatch.setattr("cvxlimit.io.fields.LARGEST_FILE", 2**20)
         with pytest.raises(InputError, match="larger than 1 MiB"):
             read_scene("/dev/zero")
 

@@ -35,7 +35,7 @@ from cvxlimit import (
 )  # fmt: skip
 from cvxlimit.cli.main import run
 from cvxlimit.errors import CvxlimitError, InputError
-from cvxlimit.io import documents
+from cvxlimit.io import fields
 from cvxlimit.masonry import arch, dome, panel, random_wall, running_bond, stack, wall
 from cvxlimit.plotting import plot
 from cvxlimit.solution import Solution
@@ -125,7 +125,7 @@ CUTS = st.lists(
 @given(CUTS)
 @settings(max_examples=150, deadline=None)
 def test_damaged_scenes_are_scenes_or_refused(cuts: list[tuple[int, int, bytes]]) -> None:
-    said = refusal_of(lambda: io.scene_from_dict(documents.parsed(damaged(GOLDEN.encode(), cuts))))
+    said = refusal_of(lambda: io.scene_from_dict(fields.parsed(damaged(GOLDEN.encode(), cuts))))
     assert "\n" not in said
     assert len(said) < 2000
 
@@ -361,7 +361,7 @@ def test_a_huge_scene_is_refused_by_its_size(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(documents, "LARGEST_FILE", 2**20)
+    monkeypatch.setattr(fields, "LARGEST_FILE", 2**20)
     with open("huge.json", "wb") as file:
         file.truncate(2**40)
     assert run(["solve", "huge.json"]) == 2

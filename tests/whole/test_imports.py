@@ -59,7 +59,7 @@ TREES = modules()
 
 CONVENIENCES = {
     "scene": (
-        "plotting.__init__", "plotting.drawing", "plotting.notebook", "reductions.explaining",
+        "plotting.__init__", "plotting.drawing", "plotting.notebook", "reductions.choice",
     ),
     "solution": ("plotting.__init__", "plotting.notebook", "frames"),
 }  # fmt: skip

@@ -13,8 +13,7 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, named_values, option, taking, vector
-from cvxlimit.cli.outputs import ExitCode, check_outputs, check_suffix, refuse
-from cvxlimit.cli.report import facts, show
+from cvxlimit.cli.report import ExitCode, check_outputs, check_suffix, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.loads import Load

@@ -12,8 +12,7 @@ import cvxpy as cp
 from cvxlimit.bracket import known
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, option, surface_option, taking
-from cvxlimit.cli.outputs import ExitCode, check_outputs
-from cvxlimit.cli.report import counted, facts, show
+from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve

@@ -14,8 +14,16 @@ import numpy as np
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, option, taking, vector
-from cvxlimit.cli.outputs import SCENE_PICTURES, ExitCode, check_outputs, check_picture
-from cvxlimit.cli.report import counted, facts, show, warn_of_near_misses
+from cvxlimit.cli.report import (
+    SCENE_PICTURES,
+    ExitCode,
+    check_outputs,
+    check_picture,
+    counted,
+    facts,
+    show,
+    warn_of_near_misses,
+)
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
 from cvxlimit.io.geometry.importing import LOWEST, sketch

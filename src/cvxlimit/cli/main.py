@@ -25,8 +25,7 @@ from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
-from cvxlimit.cli.outputs import ExitCode, refuse
-from cvxlimit.cli.report import listing, show
+from cvxlimit.cli.report import ExitCode, listing, refuse, show
 from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
 from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError

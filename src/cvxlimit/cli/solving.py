@@ -26,20 +26,18 @@ from cvxlimit.cli.options import (
     taking,
     vector,
 )
-from cvxlimit.cli.outputs import (
+from cvxlimit.cli.report import (
     PICTURES,
     SCENE_PICTURES,
     ExitCode,
     check_outputs,
     check_picture,
     check_suffix,
-    refuse,
-)
-from cvxlimit.cli.report import (
     counted,
     facts,
     history,
     is_eventful,
+    refuse,
     show,
     summary,
     verdict,
@@ -47,8 +45,7 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
-from cvxlimit.io.documents import encoded
-from cvxlimit.io.fields import one_line
+from cvxlimit.io.fields import encoded, one_line
 from cvxlimit.io.geometry.export import EXPORTS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
@@ -58,8 +55,7 @@ from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, words
 from cvxlimit.plotting import plot, plot_scene, refused
-from cvxlimit.reductions.choice import MODELS
-from cvxlimit.reductions.explaining import explain
+from cvxlimit.reductions.choice import MODELS, explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -17,8 +17,7 @@ from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, named_values, option, taking
-from cvxlimit.cli.outputs import ExitCode, refuse
-from cvxlimit.cli.report import counted, show
+from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line

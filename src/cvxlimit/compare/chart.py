@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvxlimit.checks import count
 from cvxlimit.compare.chart import draw_time_against_error, on_front
-from cvxlimit.compare.models import Method, Reference
+from cvxlimit.compare.models import PHASES, Method, Reference, Row
 from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
-from cvxlimit.compare.rows import PHASES, Row
 from cvxlimit.errors import CvxlimitError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from cvxlimit.checks import finite_vector
-from cvxlimit.compare.models import Method
-from cvxlimit.compare.rows import Row
+from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.scene import Scene

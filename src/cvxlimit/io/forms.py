@@ -16,16 +16,19 @@ import numpy as np
 
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
-from cvxlimit.io.documents import Path, encoded, file_prefix, read_document
 from cvxlimit.io.fields import (
     LARGEST,
     JsonObject,
+    Path,
     check_header,
+    encoded,
     fields,
+    file_prefix,
     items,
     mapping,
     number,
     numbers,
+    read_document,
     refusals,
     shown,
     text,

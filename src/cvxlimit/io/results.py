@@ -13,8 +13,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.io.documents import Path
-from cvxlimit.io.fields import ANY_FINITE, JsonObject, number
+from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,

@@ -12,8 +12,17 @@ import numpy as np
 from cvxlimit.checks import first_twice, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.io.documents import Path
-from cvxlimit.io.fields import LARGEST, JsonObject, fields, items, number, numbers, shown, text
+from cvxlimit.io.fields import (
+    LARGEST,
+    JsonObject,
+    Path,
+    fields,
+    items,
+    number,
+    numbers,
+    shown,
+    text,
+)
 from cvxlimit.io.forms import (
     HEADER,
     NUMBER,

@@ -24,7 +24,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Part, compressions_at
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.reductions.invariance import (
+from cvxlimit.reductions.mirror import (
     are_loads_alike,
     coefficients,
     directions,

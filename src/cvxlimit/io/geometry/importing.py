@@ -16,8 +16,16 @@ from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
-from cvxlimit.io.documents import decoded, file_prefix, parsed, read_bytes
-from cvxlimit.io.fields import LARGEST, one_line, refusals, shown
+from cvxlimit.io.fields import (
+    LARGEST,
+    decoded,
+    file_prefix,
+    one_line,
+    parsed,
+    read_bytes,
+    refusals,
+    shown,
+)
 from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import is_compas, read_compas
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh

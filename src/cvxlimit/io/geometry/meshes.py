@@ -21,8 +21,7 @@ import numpy as np
 
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
-from cvxlimit.io.documents import parsed, read_bytes
-from cvxlimit.io.fields import one_line, shown
+from cvxlimit.io.fields import one_line, parsed, read_bytes, shown
 from cvxlimit.io.geometry.bodies import Body, merged, natural
 
 MESHES = (".stl", ".ply", ".glb", ".gltf")

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.io.documents import Path
-from cvxlimit.io.fields import items, text
+from cvxlimit.io.fields import Path, items, text
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,
