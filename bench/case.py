@@ -33,6 +33,13 @@ CLASSES = (
 )  # fmt: skip
 LAYOUTS = ("published", "inferred", "own")
 
+PLANE = ("conic", "octagon", "vertex-forces")
+"""What tools claim to compute. Where nothing twists other models say the same."""
+
+SURFACES = ("octagon", "conic", "parabolic", "exact", "vertex-forces")
+READINGS = ("independent", "signed", "paper")
+"""Of the interaction with bending (Eq. 30)."""
+
 Build = Callable[[], "Scene | Mapping[str, Scene]"]
 
 
@@ -139,7 +146,7 @@ def case(
     name: str,
     title: str,
     *values: Value,
-    models: tuple[str, ...] = ("conic",),
+    models: tuple[str, ...] = PLANE,
     quantity: Quantity | None = None,
     layout: str = "published",
     note: str = "",

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.case import RECORDS, STATES, Case, cases, make, write_record
+from bench.case import READINGS, RECORDS, STATES, Case, cases, make, write_record
 from cvxlimit import Certified, Scene, Solution, Status, ZeroDilatancy, __version__, solve
 from cvxlimit.bracket import known
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.surfaces import Rocking
-
-READINGS = ("independent", "signed", "paper")
 
 MANY = 500
 """Contacts from which the search without dilatancy gets one start, and exact torsion less care."""
@@ -33,8 +31,11 @@ def interaction(moments: str) -> Callable[[Scene], Solution]:
 
 def members(scene: Scene) -> Solution:
     """Some solutions without dilatancy."""
-    starts, most = (3, 60) if len(scene.contacts) < MANY else (1, 20)
-    return solve(scene, method=ZeroDilatancy(starts=starts, tolerance=1e-4, max_iterations=most))
+    starts, descents = (3, 24) if len(scene.contacts) < MANY else (1, 2)
+    method = ZeroDilatancy(
+        starts=starts, tolerance=1e-4, max_iterations=60, descents=descents
+    )  # fmt: skip
+    return solve(scene, method=method)
 
 
 MODELS: dict[str, Callable[[Scene], Solution]] = {

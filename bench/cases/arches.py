@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from benchmarks.dome import crowned
@@ -11,12 +13,23 @@ from bench.case import Quantity, Value, case
 from cvxlimit import Load, PointForce, Scene
 from cvxlimit.masonry import arch
 
-PLANE = ("conic", "octagon", "vertex-forces")
 RATIO = "least thickness over mean radius"
 CENTRE_LINE = (
     "the closed form puts the weight on the centre line of the ring, the scene at the centroids of "
     "straight-sided voussoirs"
 )
+
+
+def between(
+    name: str, title: str, *values: Value, build: Callable[[float], Scene],
+    falls: float, stands: float, what: str = RATIO, note: str = "",
+) -> None:  # fmt: skip
+    """A case whose answer lies between two numbers, of which ``build`` makes a scene each."""
+    quantity = Quantity(what, parameter={"falls": falls, "stands": stands})
+
+    @case(name, title, *values, quantity=quantity, note=note)
+    def scenes() -> dict[str, Scene]:
+        return {"falls": build(falls), "stands": build(stands)}
 
 
 def crown(voussoirs: int, ratio: float, friction: float = 10.0) -> Scene:
@@ -27,24 +40,17 @@ def crown(voussoirs: int, ratio: float, friction: float = 10.0) -> Scene:
     return arch(voussoirs, ratio, friction=friction, live=live)
 
 
-def thicknesses(falls: float, stands: float) -> Quantity:
-    """The answer lies between two thicknesses."""
-    return Quantity(RATIO, parameter={"falls": falls, "stands": stands})
+HINGES = Value("0.107426", "cocchetti-rizzi-2020", discrepancy="model form",
+               why=f"Hinges form at 40 joints only, and {CENTRE_LINE}.")  # fmt: skip
+LEAST = Value("0.1074", "cocchetti-rizzi-2020")
 
-
-@case(
+between(
     "semicircle-thickness-40", "semicircle of 40 voussoirs, own weight: least thickness",
-    Value("0.107432", "prototype", "other program"),
-    Value("0.1074", "cocchetti-rizzi-2020"),
-    Value("0.107426", "cocchetti-rizzi-2020", discrepancy="model form",
-          why=f"Hinges form at 40 joints only, and {CENTRE_LINE}."),
-    quantity=thicknesses(0.1074315, 0.1074325), models=PLANE,
+    Value("0.107432", "prototype", "other program"), LEAST, HINGES,
+    build=partial(crown, 40), falls=0.1074315, stands=0.1074325,
 )  # fmt: skip
-def semicircle_40() -> dict[str, Scene]:
-    return {"falls": crown(40, 0.1074315), "stands": crown(40, 0.1074325)}
 
-
-@case(
+between(
     "semicircle-thickness-100", "semicircle of 100 voussoirs, own weight: least thickness",
     Value("0.107456", "prototype", "other program"),
     Value("0.1075", "makris-alexakis-2013"),
@@ -54,10 +60,8 @@ def semicircle_40() -> dict[str, Scene]:
           why="The value is for vertical cuts; the scene's joints are radial."),
     Value("0.1117", "makris-alexakis-2013", discrepancy="model form",
           why="The value is the thickness that holds a catenary, which is safe and not the least."),
-    quantity=thicknesses(0.1074555, 0.1074565), models=PLANE,
+    build=partial(crown, 100), falls=0.1074555, stands=0.1074565,
 )  # fmt: skip
-def semicircle_100() -> dict[str, Scene]:
-    return {"falls": crown(100, 0.1074555), "stands": crown(100, 0.1074565)}
 
 
 def centred(voussoirs: int, ratio: float) -> Scene:
@@ -73,48 +77,35 @@ def centred(voussoirs: int, ratio: float) -> Scene:
     return replace(scene, dead=Load(points=weights))
 
 
-@case(
+between(
     "semicircle-centre-line", "semicircle of 200 voussoirs with the weight on its centre line",
-    Value("0.1074", "cocchetti-rizzi-2020"),
-    quantity=thicknesses(0.10738, 0.10744), models=PLANE,
+    LEAST, build=partial(centred, 200), falls=0.10738, stands=0.10744,
 )  # fmt: skip
-def semicircle_centre_line() -> dict[str, Scene]:
-    return {"falls": centred(200, 0.10738), "stands": centred(200, 0.10744)}
 
-
-@case(
+between(
     "semicircle-transition", "semicircle at the friction where sliding begins: least thickness",
-    Value("0.1074", "cocchetti-rizzi-2020"),
-    Value("0.107426", "cocchetti-rizzi-2020", discrepancy="model form",
-          why=f"Hinges form at 40 joints only, and {CENTRE_LINE}."),
-    quantity=thicknesses(0.1074315, 0.1074325), models=PLANE,
-    note="Friction 0.396, just above the closed form's transition at 0.395832.",
+    LEAST, HINGES,
+    build=partial(crown, 40, friction=0.3962), falls=0.1074315, stands=0.1074325,
+    note="Friction 0.3962, just above the closed form's transition at 0.395832.",
 )  # fmt: skip
-def semicircle_transition() -> dict[str, Scene]:
-    return {"falls": crown(40, 0.1074315, 0.3962), "stands": crown(40, 0.1074325, 0.3962)}
 
-
-@case(
+between(
     "semicircle-least-friction", "semicircle of 40 voussoirs, t / R = 0.3: least friction",
-    Value("0.309215", "cocchetti-rizzi-2020"),
-    quantity=Quantity("least friction", parameter={"falls": 0.3085, "stands": 0.3095}),
-    models=PLANE,
+    Value("0.309215", "cocchetti-rizzi-2020"), what="least friction",
+    build=partial(crown, 40, 0.3), falls=0.3085, stands=0.3095,
 )  # fmt: skip
-def semicircle_least_friction() -> dict[str, Scene]:
-    return {"falls": crown(40, 0.3, 0.3085), "stands": crown(40, 0.3, 0.3095)}
 
+RANGE = "{} end of the literature's range: the lune is cut and weighed in other ways."
 
-@case(
+between(
     "dome-thickness", "hemispherical dome of 12 x 12 blocks, own weight: least thickness",
     Value("0.042", "heyman-1967", "other program"),
     Value("0.041", "heyman-1967", "other program", discrepancy="model form",
-          why="Lower end of the literature's range: the lune is cut and weighed in other ways."),
+          why=RANGE.format("Lower")),
     Value("0.043", "heyman-1967", "other program", discrepancy="model form",
-          why="Upper end of the literature's range: the lune is cut and weighed in other ways."),
-    quantity=thicknesses(0.04187, 0.04207), models=PLANE,
+          why=RANGE.format("Upper")),
+    build=partial(crowned, 12, 12, 4.0), falls=0.04187, stands=0.04207,
 )  # fmt: skip
-def dome_thickness() -> dict[str, Scene]:
-    return {"falls": crowned(12, 12, 4.0, 0.04187), "stands": crowned(12, 12, 4.0, 0.04207)}
 
 
 OPPENHEIM = Quantity("horizontal acceleration over gravity")
@@ -126,7 +117,7 @@ def oppenheim(voussoirs: int) -> Scene:
 
 
 @case("oppenheim-7", "Oppenheim's arch of 7 voussoirs, pushed sideways",
-      Value("0.3736117", "prototype", "other program"), models=PLANE, quantity=OPPENHEIM,
+      Value("0.3736117", "prototype", "other program"), quantity=OPPENHEIM,
       note="Geometry of Oppenheim (1992); his value could not be opened and is left out."
 )  # fmt: skip
 def oppenheim_7() -> Scene:
@@ -134,14 +125,14 @@ def oppenheim_7() -> Scene:
 
 
 @case("oppenheim-28", "Oppenheim's arch cut into 28 voussoirs",
-      Value("0.354868", "prototype", "other program"), models=PLANE, quantity=OPPENHEIM
+      Value("0.354868", "prototype", "other program"), quantity=OPPENHEIM
 )  # fmt: skip
 def oppenheim_28() -> Scene:
     return oppenheim(28)
 
 
 @case("oppenheim-100", "Oppenheim's arch cut into 100 voussoirs",
-      Value("0.353503", "prototype", "other program"), models=PLANE, quantity=OPPENHEIM
+      Value("0.353503", "prototype", "other program"), quantity=OPPENHEIM
 )  # fmt: skip
 def oppenheim_100() -> Scene:
     return oppenheim(100)
@@ -178,20 +169,20 @@ SECTORS = "The published value is for circular sectors, the scene has straight-s
     "stockdale-extrados", "arch of 27 voussoirs, force on the extrados of joint 8",
     Value("2.751", "stockdale-2018", "other program", discrepancy="model form", why=SECTORS),
     Value("2.756", "stockdale-2018", "other program", discrepancy="model form", why=SECTORS),
-    Value("2.746597", "prototype", "other program"), models=PLANE, quantity=FORCE,
+    Value("2.746597", "prototype", "other program"), quantity=FORCE,
 )  # fmt: skip
 def stockdale_extrados() -> Scene:
     return stockdale(1.0)
 
 
 @case("stockdale-mid-depth", "the same arch, force at mid depth of joint 8",
-      Value("2.323", "prototype", "other program"), models=PLANE, quantity=FORCE)  # fmt: skip
+      Value("2.323", "prototype", "other program"), quantity=FORCE)  # fmt: skip
 def stockdale_mid_depth() -> Scene:
     return stockdale(0.5)
 
 
 @case("stockdale-intrados", "the same arch, force on the intrados of joint 8",
-      Value("1.9431", "prototype", "other program"), models=PLANE, quantity=FORCE)  # fmt: skip
+      Value("1.9431", "prototype", "other program"), quantity=FORCE)  # fmt: skip
 def stockdale_intrados() -> Scene:
     return stockdale(0.0)
 
@@ -231,7 +222,7 @@ TEST_KN = Quantity("line load at a quarter of the span", "kN")
     "prestwood-ring", "Prestwood bridge, the ring alone",
     Value("228", "page-1987", "test", discrepancy="missing physics",
           why=FILL.format("fill: its weight, its passive pressure and its spreading of the load")),
-    models=PLANE, quantity=TEST_KN, layout="inferred",
+    quantity=TEST_KN, layout="inferred",
     note="Ring undistorted, of 20 kN/m3, 40 voussoirs; the real one was distorted.",
 )  # fmt: skip
 def prestwood_ring() -> Scene:
@@ -246,7 +237,7 @@ def prestwood_ring() -> Scene:
           why=FILL.format("passive pressure and spreading of the load in the fill")),
     Value("245", "simoncello-2020", "other program", discrepancy="missing physics",
           why=FILL.format("passive pressure and spreading of the load in the fill")),
-    models=PLANE, quantity=TEST_KN, layout="inferred",
+    quantity=TEST_KN, layout="inferred",
     note="Depth of fill at the crown, 0.165 m, and both densities, 20 kN/m3, are not from the "
     "source; fill acts as weight on the extrados.",
 )  # fmt: skip
@@ -262,7 +253,7 @@ MORTAR = "The arch was laid in mortar, whose tension the model does not have: it
     Value("0.39", "carozzi-2018", "test", discrepancy="missing physics", why=MORTAR),
     Value("0.261", "bertolesi-2018", "other program", discrepancy="input not published",
           why="The weight of the strip is not published; 18 kN/m3 was taken."),
-    models=PLANE, quantity=FORCE, layout="inferred",
+    quantity=FORCE, layout="inferred",
     note="Span 3.30 m and rise 0.83 m taken as the intrados', 40 voussoirs, 18 kN/m3.",
 )  # fmt: skip
 def vault_strip() -> Scene:
@@ -277,7 +268,7 @@ def vault_strip() -> Scene:
     "arch-oliveira", "mortared arch of 59 courses, load at a quarter",
     Value("1.43", "oliveira-2010", "test", discrepancy="missing physics", why=MORTAR),
     Value("1.92", "oliveira-2010", "test", discrepancy="missing physics", why=MORTAR),
-    models=PLANE, quantity=FORCE, layout="inferred",
+    quantity=FORCE, layout="inferred",
     note="Radius 0.75 m taken as the intrados', weight 18 kN/m3, joint 15 of 59.",
 )  # fmt: skip
 def arch_oliveira() -> Scene:
@@ -289,7 +280,7 @@ def arch_oliveira() -> Scene:
 @case(
     "arch-borri", "mortared semicircle of span 2 m, load at midspan",
     Value("0.7", "borri-2011", "test", discrepancy="missing physics", why=MORTAR),
-    models=PLANE, quantity=FORCE, layout="inferred",
+    quantity=FORCE, layout="inferred",
     note="Span 2 m taken as the intrados', 40 voussoirs, 1807 kg/m3 with g = 9.81.",
 )  # fmt: skip
 def arch_borri() -> Scene:

@@ -7,12 +7,9 @@ from math import asinh, atan, cos, pi, sin, sqrt, tan
 
 import numpy as np
 
-from bench.case import Quantity, Value, case
+from bench.case import SURFACES, Quantity, Value, case
 from cvxlimit import Block, Load, PointForce, Scene
 from cvxlimit.masonry import single_block, stack
-
-SURFACES = ("conic", "octagon", "parabolic", "exact", "vertex-forces")
-PLANE = ("conic", "octagon", "vertex-forces")
 
 
 def known(number: float, digits: int = 9, model: str = "conic") -> Value:
@@ -22,20 +19,20 @@ def known(number: float, digits: int = 9, model: str = "conic") -> Value:
 
 @case(
     "block-rocks", "block 0.2 x 1.0 m pushed at its centroid: b / h",
-    Value("0.2", "portioli-2020", "other program"), known(0.2), models=PLANE,
+    Value("0.2", "portioli-2020", "other program"), known(0.2),
 )  # fmt: skip
 def block_rocks() -> Scene:
     return single_block((0.2, 0.2, 1.0))
 
 
-@case("block-slides", "block of little friction: mu", known(0.3), models=PLANE)
+@case("block-slides", "block of little friction: mu", known(0.3))
 def block_slides() -> Scene:
     return single_block((0.4, 0.4, 0.4), friction=0.3)
 
 
 @case(
     "block-slides-askew", "block that slides at 22.5 degrees: mu; mu / cos(22.5) on the octagon",
-    known(0.3), known(0.3 / cos(pi / 8), model="octagon"), models=PLANE,
+    known(0.3), known(0.3 / cos(pi / 8), model="octagon"),
 )  # fmt: skip
 def block_slides_askew() -> Scene:
     push = Load(acceleration=(cos(pi / 8), sin(pi / 8), 0.0))
@@ -44,7 +41,7 @@ def block_slides_askew() -> Scene:
 
 @case(
     "block-rocks-on-corner", "block pushed along its diagonal: sqrt(2) b / h",
-    known(sqrt(2) * 0.4), models=PLANE,
+    known(sqrt(2) * 0.4),
 )  # fmt: skip
 def block_rocks_on_corner() -> Scene:
     return single_block(live=Load(acceleration=(sqrt(0.5), sqrt(0.5), 0.0)), friction=0.9)
@@ -123,13 +120,13 @@ def block_crushes() -> Scene:
 
 
 @case("block-up-the-slope", "block pushed up a slope: tan(phi + theta)",
-      known(tan(atan(0.5) + 0.2)), models=PLANE)  # fmt: skip
+      known(tan(atan(0.5) + 0.2)))  # fmt: skip
 def block_up_the_slope() -> Scene:
     return slope(1.0)
 
 
 @case("block-down-the-slope", "block pushed down a slope: tan(phi - theta)",
-      known(tan(atan(0.5) - 0.2)), models=PLANE)  # fmt: skip
+      known(tan(atan(0.5) - 0.2)))  # fmt: skip
 def block_down_the_slope() -> Scene:
     return slope(-1.0)
 
@@ -153,7 +150,7 @@ def slope(push: float, angle: float = 0.2) -> Scene:
 
 @case(
     "wedge-in-a-groove", "prism in a groove pushed along it: mu / sqrt(sin^2 b - mu^2 cos^2 b)",
-    known(0.3 / sqrt(0.5 - 0.09 * 0.5)), models=("conic",),
+    known(0.3 / sqrt(0.5 - 0.09 * 0.5)),
     note="With associated flow the prism wedges itself while it slides; Coulomb's law alone has "
     "mu / sin b as its lowest value.",
 )  # fmt: skip
@@ -186,7 +183,7 @@ def prism_of(
     return Block.polyhedron(id, corners, (range(n), range(n, 2 * n), *sides), density)
 
 
-@case("stack-rocks", "stack of 8 blocks, rocks as one: b / (n h)", known(0.25), models=PLANE)
+@case("stack-rocks", "stack of 8 blocks, rocks as one: b / (n h)", known(0.25))
 def stack_rocks() -> Scene:
     return stack(8)
 
@@ -194,14 +191,13 @@ def stack_rocks() -> Scene:
 @case(
     "stack-leans", "stack of 6 that leans by s: (b - 5 s) / (6 h) about the foot",
     known((0.5 - 5 * 0.04) / (6 * 0.25)),
-    models=PLANE,
 )  # fmt: skip
 def stack_leans() -> Scene:
     return stack(6, shift=(0.04, 0.0))
 
 
 @case("column-with-a-load", "column with three times its weight on top: (t/2)(W+P) / (W h/2 + P h)",
-      known(0.25 * 4 / (0.5 * 2 + 3 * 2.0)), models=PLANE)  # fmt: skip
+      known(0.25 * 4 / (0.5 * 2 + 3 * 2.0)))  # fmt: skip
 def column_with_a_load() -> Scene:
     """Both its own weight of W = 10 kN and the load on top, P = 3 W, are pushed along x."""
     column = single_block((0.5, 0.5, 2.0))
@@ -242,14 +238,13 @@ def harmonic(overhang: float) -> Scene:
     "overhang-harmonic-4", "harmonic stack of four: overhang of half the fourth harmonic number",
     Value("1.0417", "paterson-zwick-2007"), known(25 / 24, 6),
     quantity=Quantity("overhang over length", parameter={"stands": 1.041666, "falls": 1.041667}),
-    models=PLANE,
 )  # fmt: skip
 def overhang_harmonic_4() -> dict[str, Scene]:
     return {"stands": harmonic(1.041666), "falls": harmonic(1.041667)}
 
 
 @case("wall-on-its-toe", "wall of one piece, pushed out of its plane: t / h",
-      known(0.25 / 3.0), models=PLANE)  # fmt: skip
+      known(0.25 / 3.0))  # fmt: skip
 def wall_on_its_toe() -> Scene:
     return single_block((2.0, 0.25, 3.0), live=Load(acceleration=(0, 1, 0)))
 
@@ -259,7 +254,7 @@ HIGH = 4 / 4 * (1 + 2 * 0.5 + 3 * 0.25) / (1 + 0.5 + 0.25)
 
 
 @case("obelisk", "frustum of a pyramid on its toe: (b / 2) / height of the centroid",
-      known(0.5 / HIGH), models=PLANE)  # fmt: skip
+      known(0.5 / HIGH))  # fmt: skip
 def obelisk() -> Scene:
     """Base 1 x 1 m, top 0.5 x 0.5 m, 4 m high."""
     ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
@@ -271,7 +266,7 @@ def obelisk() -> Scene:
 
 
 @case("hexagonal-drums", "column of three hexagonal drums on an edge: apothem / half the height",
-      known(0.5 * sqrt(3) / 2 / 1.5), models=PLANE)  # fmt: skip
+      known(0.5 * sqrt(3) / 2 / 1.5))  # fmt: skip
 def hexagonal_drums() -> Scene:
     """Circumradius 0.5 m, three of 1 m, pushed along y, across a side."""
     turns = np.arange(6) * pi / 3

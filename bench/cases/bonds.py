@@ -33,8 +33,6 @@ BONDS = {
 HEAVY = 6 * 16
 """Weight of the beam on top, in units: six times that of the wall."""
 
-MODELS = ("conic", "octagon", "vertex-forces")
-
 
 def bonded(bond: str, top: bool) -> Scene:
     """Friction 0.58 in bed joints, none in head joints; each unit weighs 1."""
@@ -60,7 +58,7 @@ for bond, load in (("classical", "11.92"), ("efficient", "11.58"), ("upright", "
 
     @case(
         f"bond-{bond}-loaded", f"4 x 4 wall, {bond} bond, heavy beam on top, pushed at the beam",
-        Value(load, "mosek-optim", "other program"), models=MODELS,
+        Value(load, "mosek-optim", "other program"),
         quantity=Quantity("force over four units of weight"),
     )  # fmt: skip
     def loaded(bond: str = bond) -> Scene:
@@ -73,7 +71,6 @@ for bond in ("classical", "efficient"):
         f"bond-{bond}-tilted",
         f"4 x 4 wall, {bond} bond, on a tilting table: slides at mu",
         Value("0.58", "mosek-optim", "other program"),
-        models=MODELS,
     )
     def tilted(bond: str = bond) -> Scene:
         return bonded(bond, top=False)

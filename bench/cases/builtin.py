@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from bench.case import Quantity, Value, case
+from bench.case import PLANE, READINGS, SURFACES, Quantity, Value, case
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.masonry import BUILTIN
-
-PLANE = ("conic", "octagon", "vertex-forces")
-SPACE = ("octagon", "conic", "parabolic", "exact", "vertex-forces")
-INTERACTION = ("independent", "signed", "paper")
 
 VALUES = {
     "single-block": (Value("0.4", "statics"), Value("0.4", "own-lp", "other program", "octagon")),
@@ -39,7 +35,7 @@ def models(name: str) -> tuple[str, ...]:
     """One reading on the dome, whose branching takes minutes."""
     if name in PLANAR:
         return PLANE
-    return (*SPACE, *INTERACTION[: 1 if name == "dome" else 3])
+    return (*SURFACES, *(READINGS[:1] if name == "dome" else READINGS))
 
 
 for name in (*VALUES, *OWN_LP):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.stability.families import FAMILIES, sample
 
-from bench.case import Value, case
+from bench.case import READINGS, SURFACES, Value, case
 from cvxlimit import Scene
 from cvxlimit.masonry.randoms import random_wall
 
@@ -14,15 +14,12 @@ WALLS = {
 }  # fmt: skip
 """Seeds, and load factors of the octagon by SciPy's linprog, to six digits."""
 
-MODELS = (
-    "octagon", "conic", "parabolic", "exact", "vertex-forces", "independent", "signed", "paper",
-)  # fmt: skip
-
 for seed, factor in WALLS.items():
 
     @case(
         f"random-wall-{seed}", f"irregular wall, seed {seed}, pushed in any direction of space",
-        Value(factor, "own-lp", "other program", "octagon"), models=MODELS, layout="own",
+        Value(factor, "own-lp", "other program", "octagon"), models=(*SURFACES, *READINGS),
+        layout="own",
     )  # fmt: skip
     def irregular(seed: int = seed) -> Scene:
         return random_wall(seed)
@@ -40,7 +37,7 @@ for family, seeds in CLOSED.items():
 
         @case(
             f"{family}-{seed}", f"{FAMILIES[family].what}: {known.knob}",
-            Value(f"{known.truth:.7g}", "statics"), models=("conic", "octagon"), layout="own",
+            Value(f"{known.truth:.7g}", "statics"), layout="own",
         )  # fmt: skip
         def stability(family: str = family, seed: int = seed) -> Scene:
             return sample(family, seed).scene

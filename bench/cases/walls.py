@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from bench.case import Value, case
+from bench.case import PLANE, READINGS, SURFACES, Value, case
 from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.masonry import panel, running_bond, wall
 
-PLANE = ("conic", "octagon", "vertex-forces", "zero-dilatancy")
-SPACE = (
-    "octagon", "conic", "parabolic", "exact", "vertex-forces",
-    "independent", "signed", "paper", "zero-dilatancy",
-)  # fmt: skip
+WALL = (*PLANE, "zero-dilatancy")
+SPACE = (*SURFACES, *READINGS, "zero-dilatancy")
 
 
 def dilatancy(text: str, end: str) -> Value:
@@ -26,7 +23,7 @@ def dilatancy(text: str, end: str) -> Value:
     Value("0.642859", "ferris-tin-loi-2001", "other program"),
     Value("0.643", "hybridfem", "other program"),
     Value("0.64", "mosek-optim", "other program"),
-    dilatancy("0.638982", "lowest"), dilatancy("0.642859", "highest"), models=PLANE,
+    dilatancy("0.638982", "lowest"), dilatancy("0.642859", "highest"), models=WALL,
 )  # fmt: skip
 def ferris_tin_loi_1() -> Scene:
     return builtin_scene("ferris-tin-loi-1")
@@ -37,7 +34,7 @@ def ferris_tin_loi_1() -> Scene:
     Value("0.579999", "ferris-tin-loi-2001", "other program"),
     Value("0.564", "hybridfem", "other program", "zero-dilatancy", "model form",
           "Friction without dilatancy has many solutions, of which a scheme finds one."),
-    dilatancy("0.557416", "lowest"), dilatancy("0.579606", "highest"), models=PLANE,
+    dilatancy("0.557416", "lowest"), dilatancy("0.579606", "highest"), models=WALL,
 )  # fmt: skip
 def ferris_tin_loi_2() -> Scene:
     return builtin_scene("ferris-tin-loi-2")
@@ -46,7 +43,7 @@ def ferris_tin_loi_2() -> Scene:
 @case(
     "ferris-tin-loi-3", "Ferris & Tin-Loi 2001, wall 3: a window, pushed in its plane",
     Value("0.403694", "ferris-tin-loi-2001", "other program"),
-    dilatancy("0.355817", "lowest"), dilatancy("0.388684", "highest"), models=PLANE,
+    dilatancy("0.355817", "lowest"), dilatancy("0.388684", "highest"), models=WALL,
 )  # fmt: skip
 def ferris_tin_loi_3() -> Scene:
     return builtin_scene("ferris-tin-loi-3")
@@ -100,12 +97,13 @@ def s10_panel() -> Scene:
 
 
 CLASS = "A panel like the specimen, with another front and return."
+SAME = ("octagon", "conic", "parabolic", "vertex-forces")
 
 
 @case("s12-class", "panel like S12: front 0.80 m, return 0.52 m, 19 courses",
       Value("0.178313", "prototype", "other program", "octagon"),
       Value("0.175819", "prototype", "other program"),
-      models=("octagon", "conic", "parabolic", "independent"), layout="own", note=CLASS
+      models=(*SAME, "independent"), layout="own", note=CLASS
 )  # fmt: skip
 def s12_class() -> Scene:
     return panel(0.80, 19, left_return=0.52)
@@ -114,7 +112,7 @@ def s12_class() -> Scene:
 @case("s10-class", "panel like S10: front 0.88 m, returns 0.36 m, 34 courses",
       Value("0.165318", "prototype", "other program", "octagon"),
       Value("0.165318", "prototype", "other program"),
-      models=("octagon", "conic", "parabolic"), layout="own", note=CLASS)  # fmt: skip
+      models=SAME, layout="own", note=CLASS)  # fmt: skip
 def s10_class() -> Scene:
     return panel(0.88, 34, left_return=0.36, right_return=0.36)
 
@@ -136,7 +134,7 @@ def orduna_lourenco_wall() -> Scene:
 
 @case(
     "two-leaves-apart", "two leaves of 0.25 x 3.9 m without headers: t / h of one leaf",
-    Value(f"{0.25 / 3.9:.9f}", "statics"), models=("conic", "octagon"), layout="inferred",
+    Value(f"{0.25 / 3.9:.9f}", "statics"), layout="inferred",
     note="Figure 11 of Portioli (2020) is not readable as numbers. Leaves of 30 courses, 2 m long "
     "in one piece, one behind the other and without friction between them, pushed across: they "
     "turn about their toes side by side.",
