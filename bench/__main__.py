@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import archive, chart, prove, running
+from bench import archive, chart, outside, prove, running
 from bench.case import cases, make
 
 console = Console(highlight=False, soft_wrap=True)
@@ -26,31 +26,31 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "table": "what the tools answered, beside the proof; --write: into docs/evidence/bench.md",
         "chart": "models against experiments; --write: into docs/evidence/bench.png",
         "archive": "problems for those who write solvers, in one file with checksums",
-        "highs": "HiGHS on the linear problems of an archive, from its files alone",
+        "outside": "other solvers on an archive, from its files alone; --write: into the docs",
     }
     for name, text in options.items():
         command = commands.add_parser(name, help=text, description=text)
-        if name in ("archive", "highs"):
+        if name in ("archive", "outside"):
             command.add_argument("archive", type=Path, metavar="ARCHIVE.zip")
-        if name == "highs":
-            continue
+        elif name != "chart":
+            command.add_argument("--case", default="*", metavar="PATTERN")
         if name == "archive":
             command.add_argument("--most", type=int, default=100_000, help="contacts, at most")
             command.add_argument("--hard", type=int, default=100, help="hard small problems")
-            continue
-        command.add_argument("--case", default="*", metavar="PATTERN")
-        if name in ("prove", "chart"):
+        if name == "prove":
             command.add_argument("--model", default="*", metavar="PATTERN")
         if name == "run":
             command.add_argument("--tool", default="*", metavar="NAME")
-            command.add_argument("--seconds", type=float, default=60.0, help="for one scene")
-        if name in ("table", "chart"):
+        if name in ("run", "outside"):
+            command.add_argument("--seconds", type=float, default=60.0, help="for one of them")
+        if name in ("table", "chart", "outside"):
             command.add_argument("--write", action="store_true")
     asked = parser.parse_args(arguments)
     if asked.command == "archive":
         archive.write(asked.archive, asked.most, asked.hard, console.print)
-    elif asked.command == "highs":
-        archive.solve_with_highs(asked.archive, console.print)
+    elif asked.command == "outside":
+        found = outside.solve(asked.archive, asked.seconds, console.print)
+        outside.table(found, asked.write, console.print)
     elif asked.command == "list":
         for each in cases(asked.case):
             console.print(f"{each.name:28} {each.title}")

@@ -10,25 +10,22 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import json
 import re
-import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import process_time
-from typing import Any
 
-import highspy
 from benchmarks.cases.panel import build as panel_of
 from benchmarks.stability.families import sample, samples
 
+from bench.running import Row, Tell, kept_rows
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.cli.exporting import problem_of
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.masonry import arch, running_bond, wall
 from cvxlimit.solvers.exporting import write_program
-
-Tell = Callable[[str], object]
 
 GROWING: dict[int, Callable[[], Scene]] = {
     21: arch,
@@ -45,47 +42,48 @@ GROWING: dict[int, Callable[[], Scene]] = {
 """Scenes by about how many contacts they have."""
 
 COLUMNS = (
-    "problem", "format", "contacts", "variables", "rows", "cones", "optimum", "seconds", "sha256",
+    "problem", "group", "format", "contacts", "variables", "rows", "cones", "optimum", "seconds",
+    "sha256",
 )  # fmt: skip
+
+FORMS = (("cbf", "conic"), ("mps", "octagon"))
+"""Formats, and the friction each is of."""
 
 _OPTIMUM = re.compile(r"between (\S+) and (\S+);")
 
 
-def scenes(most: int, hard: int) -> Iterator[Scene]:
+def scenes(most: int, hard: int) -> Iterator[tuple[str, Scene]]:
     """Growing ones up to ``most`` contacts, then ``hard`` small ones, families in turn."""
-    yield from (build() for size, build in GROWING.items() if size <= most)
+    yield from (("growing", build()) for size, build in GROWING.items() if size <= most)
     for family, seed, scale in samples(hard):
-        yield sample(family, seed, scale).scene
+        yield "hard", sample(family, seed, scale).scene
 
 
 def write(output: Path, most: int, hard: int, tell: Tell) -> None:
-    """The archive, file by file; ``OUT.zip.sha256`` beside it has its own checksum."""
-    rows: list[dict[str, Any]] = []
-    with zipfile.ZipFile(output, "w") as archive, tempfile.TemporaryDirectory() as folder:
-        for scene in scenes(most, hard):
-            for form, surface in (("cbf", "conic"), ("mps", "octagon")):
-                name = scene.name.replace(" ", "-")
-                path, start = Path(folder) / f"{name}.{form}", process_time()
-                try:
-                    problem, remarks = problem_of(scene, surface)
-                except CvxlimitError as error:
-                    tell(f"{scene.name}: left out, {error}")
-                    continue
-                seconds = process_time() - start
-                write_program(problem, path, form, name, remarks)
-                content = path.read_bytes()
-                path.unlink()
-                add(archive, path.name, content)
-                height, width = problem.matrix.shape
-                found = _OPTIMUM.search(remarks[1])
-                optimum = f"{found[1]} {found[2]}" if found else remarks[1].split(";")[0]
-                rows.append({
-                    "problem": path.name, "format": form, "contacts": len(scene.contacts),
-                    "variables": width, "rows": height, "cones": len(problem.cones),
-                    "optimum": optimum, "seconds": f"{seconds:.3g}",
-                    "sha256": hashlib.sha256(content).hexdigest(),
-                })  # fmt: skip
-                tell(f"{path.name}: {len(scene.contacts):,} contacts, {optimum}, {seconds:.2g} s")
+    """The archive; ``OUT.zip.sha256`` beside it has its own checksum.
+
+    Problems are kept in the folder ``OUT`` beside it, and what stands there is not solved again.
+    """
+    folder = output.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    kept, rows = folder / "index.jsonl", []
+    done = {row["problem"]: row for row in kept_rows(kept)}
+    for group, scene in scenes(most, hard):
+        for form, surface in FORMS:
+            path = folder / f"{scene.name.replace(' ', '-')}.{form}"
+            row = done.get(path.name)
+            if row is None:
+                row = {"group": group, **exported(scene, surface, form, path)}
+                with kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+                tell(
+                    f"{path.name}: {row['contacts']} contacts, {row['optimum']}, {row['seconds']} s"
+                )
+            if row["sha256"]:
+                rows.append(row)
+    with zipfile.ZipFile(output, "w") as archive:
+        for row in rows:
+            add(archive, row["problem"], (folder / row["problem"]).read_bytes())
         table = io.StringIO(newline="")
         writer = csv.DictWriter(table, COLUMNS)
         writer.writeheader()
@@ -98,53 +96,28 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
     tell(f"{output}: {len(rows)} problems, sha256 {digest}")
 
 
+def exported(scene: Scene, surface: str, form: str, path: Path) -> Row:
+    """The problem's file and its row of the index; no checksum if it cannot be written."""
+    start = process_time()
+    try:
+        problem, remarks = problem_of(scene, surface)
+        seconds = process_time() - start
+        write_program(problem, path, form, path.stem, remarks)
+    except CvxlimitError as error:
+        return {"problem": path.name, "contacts": len(scene.contacts), "sha256": "",
+                "optimum": f"left out, {error}", "seconds": ""}  # fmt: skip
+    height, width = problem.matrix.shape
+    found = _OPTIMUM.search(remarks[1])
+    return {
+        "problem": path.name, "format": form, "contacts": len(scene.contacts),
+        "variables": width, "rows": height, "cones": len(problem.cones),
+        "optimum": f"{found[1]} {found[2]}" if found else remarks[1].split(";")[0],
+        "seconds": f"{seconds:.3g}", "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+    }  # fmt: skip
+
+
 def add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     """With a date of its own, so that the same problems make the same archive."""
     entry = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))
     entry.compress_type = zipfile.ZIP_DEFLATED
     archive.writestr(entry, content)
-
-
-def solve_with_highs(archive: Path, tell: Tell, seconds: float = 60.0) -> dict[str, int]:
-    """HiGHS on every MPS file, from the files alone: how many end inside the proved interval."""
-    counts: dict[str, int] = {}
-    with zipfile.ZipFile(archive) as files, tempfile.TemporaryDirectory() as folder:
-        lines = files.read("SHA256SUMS").decode("utf-8").splitlines()
-        sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
-        rows = list(csv.DictReader(io.StringIO(files.read("index.csv").decode("utf-8"))))
-        for row in rows:
-            content = files.read(row["problem"])
-            if hashlib.sha256(content).hexdigest() != sums[row["problem"]]:
-                raise SystemExit(f"{row['problem']}: the checksum is another")
-            if row["format"] != "mps":
-                continue
-            path = Path(folder) / row["problem"]
-            path.write_bytes(content)
-            found, status = highs_on(path, seconds)
-            said = verdict(row["optimum"], found, status)
-            counts[said] = counts.get(said, 0) + 1
-            tell(f"{row['problem']}: {status}, {found}, {said}; proved {row['optimum']}")
-    tell(", ".join(f"{number} {said}" for said, number in counts.items()))
-    return counts
-
-
-def highs_on(path: Path, seconds: float) -> tuple[float | None, str]:
-    """Objective and status."""
-    highs = highspy.Highs()
-    highs.setOptionValue("output_flag", False)
-    highs.setOptionValue("time_limit", seconds)
-    highs.readModel(str(path))
-    highs.run()
-    status = highs.modelStatusToString(highs.getModelStatus())
-    return (highs.getInfo().objective_function_value if status == "Optimal" else None), status
-
-
-def verdict(optimum: str, found: float | None, status: str) -> str:
-    """Inside the interval to 1e-6 of it, or what else."""
-    if not optimum[0].isdigit() and optimum[0] != "-":
-        return "without an optimum, as proved" if found is None else "wrong"
-    if found is None:
-        return "without an answer"
-    low, high = map(float, optimum.split())
-    reach = 1e-6 * max(abs(low), abs(high))
-    return "inside" if low - reach <= found <= high + reach else "wrong"

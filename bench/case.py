@@ -33,10 +33,10 @@ CLASSES = (
 )  # fmt: skip
 LAYOUTS = ("published", "inferred", "own")
 
-PLANE = ("conic", "octagon", "vertex-forces")
+PLANE = ("conic", "octagon", "vertex-forces", "vertex-octagon")
 """What tools claim to compute. Where nothing twists other models say the same."""
 
-SURFACES = ("octagon", "conic", "parabolic", "exact", "vertex-forces")
+SURFACES = ("octagon", "conic", "parabolic", "exact", "vertex-forces", "vertex-octagon")
 READINGS = ("independent", "signed", "paper")
 """Of the interaction with bending (Eq. 30)."""
 
@@ -129,6 +129,19 @@ class Case:
         """Where its record is kept."""
         return RECORDS / f"{self.name}.json"
 
+    def described(self) -> dict[str, Any]:
+        """What its script says of it, as its record has it."""
+        return {
+            "format": FORMAT, "version": VERSION, "case": self.name, "title": self.title,
+            "script": self.script, "layout": self.layout, "note": self.note,
+            "quantity": asdict(self.quantity), "models": list(self.models),
+            "values": [
+                {**asdict(value), "interval": list(value.interval),
+                 "source": {"key": value.source, **SOURCES[value.source]}}
+                for value in self.values
+            ],
+        }  # fmt: skip
+
     def record(self) -> dict[str, Any]:
         """As it is kept."""
         found: dict[str, Any] = json.loads(self.record_file.read_text("utf-8"))
@@ -192,21 +205,20 @@ def make(each: Case) -> None:
         }
     before = each.record() if each.record_file.exists() else {}
     brackets = before.get("brackets", {}) if before.get("scenes") == scenes else {}
-    write_record(each, {
-        "format": FORMAT, "version": VERSION, "case": each.name, "title": each.title,
-        "script": each.script, "scenes": scenes, "layout": each.layout, "note": each.note,
-        "quantity": asdict(each.quantity), "models": list(each.models),
-        "values": [
-            {**asdict(value), "interval": list(value.interval),
-             "source": {"key": value.source, **SOURCES[value.source]}}
-            for value in each.values
-        ],
-        "brackets": {model: b for model, b in brackets.items() if model in each.models},
-    })  # fmt: skip
+    kept = {model: brackets[model] for model in each.models if model in brackets}
+    write_record(each, {**each.described(), "scenes": scenes, "brackets": kept})
 
 
-def write_record(each: Case, record: dict[str, Any]) -> None:
+ORDER = (
+    "format", "version", "case", "title", "script", "scenes", "layout", "note", "quantity",
+    "models", "values", "brackets",
+)  # fmt: skip
+"""Of what stands in a record."""
+
+
+def write_record(each: Case, record: Mapping[str, Any]) -> None:
     """In one step, so that an interruption leaves the old one."""
+    record = {key: record[key] for key in ORDER}
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     write_file(each.record_file, text.encode("utf-8"))
 

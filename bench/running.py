@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -18,7 +20,6 @@ from cvxlimit.files import write_file
 
 RESULTS = HOME / "results.jsonl"
 PAGE = HOME.parent / "docs" / "evidence" / "bench.md"
-START, END = "<!-- table -->\n", "<!-- end -->\n"
 CLOSE = 1e-5
 """Relative distance from the bracket that rounding and a solver's default tolerance explain."""
 
@@ -32,12 +33,16 @@ def tools() -> dict[str, dict[str, Any]]:
     return found
 
 
+def kept_rows(path: Path) -> list[Row]:
+    """Rows of a file of JSON lines; none if there is no file yet."""
+    return (
+        [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
+    )
+
+
 def rows() -> list[Row]:
-    """All that were kept; of several for one tool and scene the last counts."""
-    if not RESULTS.exists():
-        return []
-    read = [json.loads(line) for line in RESULTS.read_text("utf-8").splitlines()]
-    return list({(row["tool"], row["scene"]): row for row in read}.values())
+    """All answers that were kept; of several for one tool and scene the last counts."""
+    return list({(row["tool"], row["scene"]): row for row in kept_rows(RESULTS)}.values())
 
 
 def run(tool: str, pattern: str, seconds: float, tell: Tell) -> None:
@@ -121,38 +126,59 @@ def said(row: Mapping[str, Any]) -> str:
     return f"{row['answer']}: {row['reason']}" if row.get("reason") else str(row["answer"])
 
 
-def verdict(row: Mapping[str, Any], each: Case, record: Mapping[str, Any], model: str) -> str:
-    """Inside the proved bracket, or how far off; right or wrong where it stands or falls."""
+def verdict(row: Row, each: Case, role: str, bracket: Row | None, own_reach: float) -> str:
+    """Inside the proved bracket, or how far off; right or wrong where it stands or falls.
+
+    A tool that can tell loads apart to ``own_reach`` only cannot tell parameters that are nearer.
+    """
     if row["answer"] == "refused":
         return "-"
-    bracket = record["brackets"].get(model)
     if bracket is None or bracket["lower"] is None:
         return "not proved"
     factor = row.get("load_factor")
-    role = row["scene"].removeprefix(each.name).lstrip(".")
     if role:
         falls = row["answer"] == "falls" or (factor is not None and factor < 0.0)
-        return "right" if falls == (role == "falls") else "WRONG"
+        if falls == (role == "falls"):
+            return "right"
+        is_near = bracket["upper"] - bracket["lower"] <= own_reach * bracket["upper"]
+        return "too near to tell" if is_near else "WRONG"
+    if row["answer"] == "no limit" and bracket["upper"] is None:
+        return "inside"
     if factor is None:
         return "right" if row["answer"] == "stands" else "WRONG"
     found = factor * each.quantity.factor
-    reach = row.get("reach", 0.0) * each.quantity.factor
-    outside = max(bracket["lower"] - found, found - bracket["upper"], 0.0) - reach
-    off = outside / max(abs(bracket["upper"]), 1e-300)
+    upper = math.inf if bracket["upper"] is None else bracket["upper"]
+    reach = max(row.get("reach", 0.0) * each.quantity.factor, own_reach * abs(found))
+    outside = max(bracket["lower"] - found, found - upper, 0.0) - reach
+    off = outside / max(abs(bracket["lower"]), 1e-300)
     return "inside" if off <= CLOSE else f"{off:.0e} off"
 
 
-def judged(pattern: str) -> Iterator[tuple[Case, str, dict[str, tuple[Row, str]]]]:
-    """Cases and scenes, with row and verdict by tool."""
-    kept, models = rows(), {name: made["model"] for name, made in tools().items()}
+Answers = dict[str, tuple[Row, str]]
+"""Rows and verdicts by tool."""
+
+
+def judged(pattern: str) -> Iterator[tuple[Case, str, Row, Answers]]:
+    """Cases, roles of their scenes and records, with what every tool answered."""
+    kept = {(row["tool"], row["scene"]): row for row in rows()}
     for each in cases(pattern):
         record = each.record()
         for role in each.roles:
-            mine = {
-                row["tool"]: (row, verdict(row, each, record, models[row["tool"]]))
-                for row in kept if row["scene"] == each.scene_name(role) and row["tool"] in models
-            }  # fmt: skip
-            yield each, each.scene_name(role), mine
+            answers = {}
+            for name, made in tools().items():
+                row = kept.get((name, each.scene_name(role)))
+                if row is not None:
+                    bracket = record["brackets"].get(made["model"])
+                    mark = verdict(row, each, role, bracket, made.get("reach", 0.0))
+                    answers[name] = row, mark
+            yield each, role, record, answers
+
+
+MARKS = {
+    "inside": "inside", "right": "right on standing or falling", "off": "off",
+    "too near to tell": "too near to tell", "not proved": "not proved", "-": "refused",
+}  # fmt: skip
+"""Kinds of verdicts, and what a sum of them is called."""
 
 
 def table(pattern: str, is_written: bool, tell: Tell) -> None:
@@ -160,41 +186,43 @@ def table(pattern: str, is_written: bool, tell: Tell) -> None:
     names = list(tools())
     head = ["scene", "contacts", "proved (conic)", *names]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    counts: dict[str, dict[str, int]] = {name: {} for name in names}
-    for each, scene, answers in judged(pattern):
-        record = each.record()
-        role = scene.removeprefix(each.name).lstrip(".")
-        cells = [scene, str(record["scenes"][role]["contacts"]), shown(record, role)]
+    counts: dict[str, Counter[str]] = {name: Counter() for name in names}
+    for each, role, record, answers in judged(pattern):
+        contacts = record["scenes"][role]["contacts"]
+        cells = [each.scene_name(role), f"{contacts:,}", shown(record, role)]
         for name in names:
             if name not in answers:
                 cells.append("")
                 continue
             row, mark = answers[name]
-            kind = mark if mark in ("inside", "right", "-") else "off"
-            counts[name][kind] = counts[name].get(kind, 0) + 1
+            counts[name][mark if mark in MARKS else "off"] += 1
             took = "" if row["seconds"] is None else f", {row['seconds']:.2g} s"
             word = "refused" if mark == "-" else f"{said(row)}, {mark}"
             cells.append(word + took)
         lines.append("| " + " | ".join(cells) + " |")
     sums = [
-        f"{name}: {c.get('inside', 0)} inside, {c.get('right', 0)} right on standing or falling, "
-        f"{c.get('off', 0)} off, {c.get('-', 0)} refused"
+        f"- {name}: " + ", ".join(f"{c[k]} {word}" for k, word in MARKS.items() if c[k])
         for name, c in counts.items()
     ]
-    text = "\n".join([*(f"- {line}" for line in sums), "", *lines]) + "\n"
+    text = "\n".join([*sums, "", *lines]) + "\n"
     tell(text)
     if is_written:
-        before, rest = PAGE.read_text("utf-8").split(START)
-        written = before + START + "\n" + text + "\n" + END + rest.split(END)[1]
-        write_file(PAGE, written.encode("utf-8"))
+        into_page("table", text)
+
+
+def into_page(name: str, text: str) -> None:
+    """In the place of what stands in the docs between the comments of that name."""
+    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    before, rest = PAGE.read_text("utf-8").split(start)
+    write_file(PAGE, f"{before}{start}\n{text}\n{end}{rest.split(end)[1]}".encode())
 
 
 def shown(record: Mapping[str, Any], role: str) -> str:
-    """The bracket of the cone, short."""
-    bracket = record["brackets"].get("conic")
-    if bracket is None or bracket["lower"] is None:
+    """The bracket of the cone, short; of a parameter what its scene is proved to do."""
+    bracket = record["brackets"]["conic"]
+    if bracket["lower"] is None:
         return ""
     if role:
-        return str(role)
+        return role
     low, high = bracket["lower"], bracket["upper"]
     return f"{low:.6g}" if abs(high - low) <= 2e-6 * abs(high) else f"{low:.5g} to {high:.5g}"

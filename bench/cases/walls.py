@@ -97,7 +97,7 @@ def s10_panel() -> Scene:
 
 
 CLASS = "A panel like the specimen, with another front and return."
-SAME = ("octagon", "conic", "parabolic", "vertex-forces")
+SAME = ("octagon", "conic", "parabolic", "vertex-forces", "vertex-octagon")
 
 
 @case("s12-class", "panel like S12: front 0.80 m, return 0.52 m, 19 courses",

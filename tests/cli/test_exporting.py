@@ -10,8 +10,8 @@ import highspy
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from bench.cbf import read_cbf
 
-from cbf import read_cbf
 from cvxlimit import solve
 from cvxlimit.cli.main import run
 from cvxlimit.masonry import builtin_scene

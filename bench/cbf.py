@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -29,28 +30,26 @@ def read_cbf(path: Path) -> Cbf:
     matrix, cones = sp.csr_array((0, 0)), []
     for keyword in lines:
         first = next(lines).split()
-        if keyword == "VER":
-            assert first == ["3"]
-        elif keyword == "OBJSENSE":
-            assert first == ["MIN"]
-        elif keyword == "VAR":
-            assert next(lines).split() == ["F", first[0]]
+        if (keyword, first) in (("VER", ["3"]), ("OBJSENSE", ["MIN"])):
+            continue
+        if keyword == "VAR" and next(lines) == f"F {first[0]}":
             cost = np.zeros(int(first[0]))
         elif keyword == "CON":
             offset = np.zeros(int(first[0]))
-            pairs = (next(lines).split() for _ in range(int(first[1])))
+            pairs = (line.split() for line in islice(lines, int(first[1])))
             cones = [(kind, int(size)) for kind, size in pairs]
-            assert sum(size for _, size in cones) == len(offset)
-        else:
-            entries = [next(lines).split() for _ in range(int(first[0]))]
-            values = np.array([float(entry[-1]) for entry in entries])
-            at = np.array([[int(i) for i in entry[:-1]] for entry in entries]).T
+            if sum(size for _, size in cones) != len(offset):
+                raise ValueError(f"{path}: the cones have not as many rows as the constraints")
+        elif keyword in ("OBJACOORD", "BCOORD", "ACOORD"):
+            words = " ".join(islice(lines, int(first[0]))).split()
+            table = np.array(words, dtype=float).reshape(int(first[0]), -1)
+            at, values = table[:, :-1].astype(np.int64).T, table[:, -1]
             if keyword == "OBJACOORD":
                 cost[at[0]] = values
             elif keyword == "BCOORD":
                 offset[at[0]] = values
-            elif keyword == "ACOORD":
-                matrix = sp.csr_array((values, (at[0], at[1])), (len(offset), len(cost)))
             else:
-                raise ValueError(f"no section {keyword!r} was expected")
+                matrix = sp.csr_array((values, (at[0], at[1])), (len(offset), len(cost)))
+        else:
+            raise ValueError(f"{path}: {keyword} {' '.join(first)} was not expected")
     return Cbf(cost, matrix, offset, cones, comments)

@@ -1,0 +1,157 @@
+"""Other people's solvers on the problems of an archive, from its files alone."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import tempfile
+import time
+import zipfile
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import clarabel
+import highspy
+import scipy.sparse as sp
+
+from bench.case import HOME
+from bench.cbf import read_cbf
+from bench.running import Row, Tell, into_page, kept_rows
+
+ANSWERS = HOME / "answers.jsonl"
+LOOSE = 1e-6
+"""Relative distance from the proved interval that a solver's default tolerance explains."""
+NEAR_ZERO = 1e-8
+"""The same where the optimum is about zero: what solvers ask of a gap."""
+
+Found = tuple[float | None, str]
+"""Objective and status."""
+
+
+def highs(path: Path, seconds: float) -> Found:
+    """Default settings."""
+    solver = highspy.Highs()
+    solver.setOptionValue("output_flag", False)
+    solver.setOptionValue("time_limit", seconds)
+    solver.readModel(str(path))
+    solver.run()
+    status = solver.modelStatusToString(solver.getModelStatus())
+    return (solver.getInfo().objective_function_value if status == "Optimal" else None), status
+
+
+CONES = {
+    "L=": clarabel.ZeroConeT, "L+": clarabel.NonnegativeConeT, "Q": clarabel.SecondOrderConeT,
+}  # fmt: skip
+
+
+def clarabel_on(path: Path, seconds: float) -> Found:
+    """Default settings; the file through a reader that knows nothing of our writer."""
+    read, settings = read_cbf(path), clarabel.DefaultSettings()
+    settings.verbose, settings.time_limit = False, seconds
+    free = sp.csc_matrix((len(read.cost), len(read.cost)))
+    cones = [CONES[kind](size) for kind, size in read.cones]
+    solution = clarabel.DefaultSolver(
+        free, read.cost, sp.csc_matrix(-read.matrix), read.offset, cones, settings
+    ).solve()
+    status = str(solution.status)
+    return (solution.obj_val if status in ("Solved", "AlmostSolved") else None), status
+
+
+SOLVERS: dict[str, tuple[str, Callable[[Path, float], Found]]] = {
+    "mps": ("HiGHS", highs), "cbf": ("Clarabel", clarabel_on),
+}  # fmt: skip
+
+
+def solve(archive: Path, seconds: float, tell: Tell) -> list[Row]:
+    """Every problem that has no answer yet; a row for each in ``bench/answers.jsonl``."""
+    done = {(row["solver"], row["sha256"]): row for row in kept_rows(ANSWERS)}
+    found = []
+    with zipfile.ZipFile(archive) as files, tempfile.TemporaryDirectory() as folder:
+        lines = files.read("SHA256SUMS").decode("utf-8").splitlines()
+        sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
+        for row in csv.DictReader(io.StringIO(files.read("index.csv").decode("utf-8"))):
+            content = files.read(row["problem"])
+            if hashlib.sha256(content).hexdigest() != sums[row["problem"]]:
+                raise SystemExit(f"{row['problem']}: the checksum is another")
+            name, solver = SOLVERS[row["format"]]
+            answer = done.get((name, row["sha256"]))
+            if answer is None:
+                path = Path(folder) / row["problem"]
+                path.write_bytes(content)
+                start = time.process_time()
+                objective, status = solver(path, seconds)
+                took = round(time.process_time() - start, 3)
+                said = verdict(row["optimum"], objective, status)
+                answer = {**row, "solver": name, "objective": objective, "status": status,
+                          "took": took, "verdict": said}  # fmt: skip
+                path.unlink()
+                with ANSWERS.open("a", encoding="utf-8") as kept:
+                    kept.write(json.dumps(answer) + "\n")
+                tell(f"{row['problem']}: {name} {status}, {objective}, {said}; "
+                     f"proved {row['optimum']}")  # fmt: skip
+            found.append(answer)
+    counts = Counter((row["solver"], row["verdict"]) for row in found)
+    tell(", ".join(f"{solver} {number} {said}" for (solver, said), number in counts.items()))
+    return found
+
+
+def verdict(optimum: str, objective: float | None, status: str) -> str:
+    """Inside the proved interval, or what else."""
+    is_proved_without = not optimum[0].isdigit() and optimum[0] != "-"
+    if objective is None:
+        says_without = "feasible" in status.lower() or "bounded" in status.lower()
+        if is_proved_without == says_without:
+            return "inside" if says_without else "without an answer"
+        return "wrong" if says_without else "without an answer"
+    if is_proved_without:
+        return "wrong"
+    low, high = map(float, optimum.split())
+    reach = max(LOOSE * max(abs(low), abs(high)), NEAR_ZERO)
+    return "inside" if low - reach <= objective <= high + reach else "wrong"
+
+
+def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
+    """Structures one by one, hard small problems counted; Markdown."""
+    lines = [
+        "| problem | contacts | variables | rows | cones | proved optimum | ours, s | solver "
+        "| its answer | its s |",
+        "|---" * 10 + "|",
+    ]
+    small: list[Row] = []
+    for row in rows:
+        if row["group"] == "hard":
+            small.append(row)
+            continue
+        answer = f"{row['status']}, {row['verdict']}"
+        if row["objective"] is not None:
+            answer = f"{row['objective']:.9g}, {row['verdict']}"
+        lines.append(
+            f"| {row['problem']} | {int(row['contacts']):,} | {int(row['variables']):,} "
+            f"| {int(row['rows']):,} | {int(row['cones']):,} | {ends(row['optimum'])} "
+            f"| {row['seconds']} | {row['solver']} | {answer} | {row['took']:.3g} |"
+        )
+    lines += ["", "| hard small problems | solver | inside | without an answer | wrong |",
+              "|---" * 5 + "|"]  # fmt: skip
+    for form, (solver, _) in SOLVERS.items():
+        counts = Counter(row["verdict"] for row in small if row["solver"] == solver)
+        cells = " | ".join(str(counts[k]) for k in ("inside", "without an answer", "wrong"))
+        lines.append(f"| {sum(counts.values())} as {form.upper()} | {solver} | {cells} |")
+    text = "\n".join(lines) + "\n"
+    tell(text)
+    if is_written:
+        into_page("answers", text)
+
+
+def ends(optimum: str) -> str:
+    """An interval to the digits that its ends share, at most nine."""
+    try:
+        low, high = map(float, optimum.split())
+    except ValueError:
+        return optimum
+    for digits in range(9, 1, -1):
+        if f"{low:.{digits}g}" == f"{high:.{digits}g}":
+            return f"{low:.{digits}g}"
+    return f"{low:.9g} to {high:.9g}"
