@@ -20,42 +20,36 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.methods.complementarity import FrictionSystem, Point, in_blocks, in_order, typical
+from cvxlimit.methods.complementarity import FrictionSystem, Point, in_blocks, typical
 from cvxlimit.solvers import LimitState
+from cvxlimit.solvers.sparse import symmetric_lu
 
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """Of one path, in typical forces and rates."""
 
-    steps: int = 400
-    """Most steps of a path; of those that arrive most need 80 to 360."""
+    steps: int = 400  # at most; of paths that arrive most need 80 to 360
+    # standard deviation of the weights' logarithms: with equal ones the paths of symmetrical scenes
+    # meet branches and stop there
     spread: float = 0.7
-    """Standard deviation of the weights' logarithms: with equal weights the paths of symmetrical
-    scenes meet branches and stop there."""
+    # what may be left at the end, where the polish goes on: below 1e-8 rounding keeps correctors
+    # from their aim
     ends: float = 1e-06
-    """Share of the load factor, and of typical forces and rates, that may be left at the end; the
-    polish goes on from there. Below 1e-8 rounding keeps correctors from their aim."""
+    # error of products at which the next predictor leaves, and the largest change by a corrector:
+    # with more, correctors leave the path at folds
     near: float = 0.1
     clamp: float = 0.5
-    """Relative error of products at which the path is left for the next predictor, and the largest
-    relative change by a corrector: with more, correctors leave the path at folds."""
-    longest: float = 2.0
+    longest: float = 2.0  # change of any product's factor by a predictor, over its size,
     first: float = 0.5
     shortest: float = 0.0001
-    """Largest, first and least change of any product's factor by a predictor, over its size."""
-    rests: float = 0.01
-    """Largest rest of linear equations, in typical forces and rates, for a predictor."""
-    correctors: int = 7
-    """Correctors before a predictor is tried again, a quarter as long."""
-    air: float = 0.9
-    down: float = 0.97
-    """Share of the way to the boundary, and of tau, that one step may take."""
-    damping: float = 1e-12
-    """Added to the diagonal of the stiffness, over typical force by rate: blocks may be loose."""
+    rests: float = 0.01  # largest rest of linear equations for a predictor
+    correctors: int = 7  # before a predictor is tried again, a quarter as long
+    air: float = 0.9  # share of the way to the boundary that one step may take,
+    down: float = 0.97  # and of tau
+    damping: float = 1e-12  # of the stiffness: blocks may be loose
 
 
 _N = _Numbers()
@@ -203,7 +197,6 @@ class _Follower:
     # ways to go
 
     def _directions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Steps to the point of the path with the same tau, and along it."""
         system, (pressed, open_by, *_, tau, _) = self.system, self._read(at)
         balance, opening, limit, power = self._linear(at)
         weights = self.weights[: len(pressed)]
@@ -257,14 +250,11 @@ class _Follower:
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
     def _solved(self, square: sp.csc_array, right: FloatArray) -> FloatArray:
-        order, damping = self.system.order, _N.damping * self.force / self.rate
-        square = (square + damping * sp.eye_array(len(order))).tocsc()
-        options = {"SymmetricMode": True}
-        ordered = in_order(square, order)
-        factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
-        found = np.zeros_like(right)
+        damping = _N.damping * self.force / self.rate
+        square = (square + damping * sp.eye_array(len(right))).tocsc()
+        solve, found = symmetric_lu(square, "MMD_AT_PLUS_A"), np.zeros_like(right)
         for _ in range(3):
-            found[order] += factor.solve((right - square @ found)[order])
+            found += solve(right - square @ found)
         return found
 
     def _tangent(self, at: FloatArray, along: FloatArray, last: FloatArray | None) -> FloatArray:
@@ -301,7 +291,6 @@ class _Follower:
         return corrector + h * tangent
 
     def _reach(self, at: FloatArray, step: FloatArray) -> float:
-        """Largest share of a step after which the point is inside all cones."""
         now, change = self._read(at), self._read(step)
         inside = [(now.pressed, change.pressed), (now.open, change.open), *_spare(now, change)]
         twists = ((now.local, change.local), (now.slip, change.slip))

@@ -17,8 +17,8 @@ import numpy as np
 from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.convex import dead_load_falls
-from cvxlimit.methods.driver import Method, Run, Steps, fallen
+from cvxlimit.methods.convex import dead_load_falls, fallen
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.readings.halves import Half
@@ -233,7 +233,6 @@ class _Proof:
 
     @cached_property
     def method(self) -> InnerMethod:
-        """Searches from below."""
         return InnerMethod(self.run, self.rule.solves, reductions=self.found)
 
     def _borrow(self) -> Iterator[None]:

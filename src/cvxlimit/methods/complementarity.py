@@ -16,14 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
@@ -35,23 +33,19 @@ from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """Of one polish, in typical forces and rates."""
 
-    steps: int = 25
-    """Most steps of one polish; where it converges, 5 to 20 are enough."""
-    tries: int = 6
-    """Dampings tried for a step that must make residuals smaller, each 8 times the last."""
-    damping: float = 0.001
+    steps: int = 25  # at most; where it converges, 5 to 20 are enough
+    tries: int = 6  # dampings tried for a step that must make residuals smaller,
+    factor: float = 8.0  # each so many times the last
+    damping: float = 0.001  # at first
     least_damping: float = 1e-10
-    factor: float = 8.0
+    # least damping over the largest diagonal entry: with less, rounding makes matrices indefinite,
+    # and SuperLU, which does not pivot, may not return
     rounding: float = 1e-13
-    """Least damping over the largest diagonal entry: with less, rounding makes matrices indefinite,
-    and SuperLU's symmetric mode, which does not pivot, may not return."""
-    slow: float = 0.7
-    patience: int = 3
-    """Steps that leave more than this share of the squared residual are slow; so many end it."""
-    exact: float = 1e-24
-    """Sum of squared residuals, in typical forces and rates, where rounding begins."""
+    slow: float = 0.7  # share of the squared residual that a slow step leaves at least;
+    patience: int = 3  # so many of them end it
+    exact: float = 1e-24  # sum of squared residuals where rounding begins
 
 
 _N = _Numbers()
@@ -99,11 +93,6 @@ class FrictionSystem:
         self.limit = sp.csr_array((contacts.friction[at], (at, np.arange(len(at)))))
         self.cohesion = contacts.cohesion * contacts.area / units.force
 
-    @cached_property
-    def order(self) -> IntArray:
-        """In which to eliminate block rates."""
-        return elimination_order(self.opening.T @ self.opening + self.slip.T @ self.slip)
-
     def point(self, state: LimitState) -> Point:
         """A state with forces and mechanism, the latter scaled to live power 1."""
         if state.mechanism is None or state.load_factor is None or state.internal is None:
@@ -115,7 +104,6 @@ class FrictionSystem:
         return Point(forces[self._corners], forces[self._friction], motion, factor)
 
     def state(self, point: Point, state: LimitState) -> LimitState:
-        """A point as a state, with all else from ``state``."""
         units, internal = self.assemblage.scaling, np.empty(len(self._unit))
         internal[self._corners], internal[self._friction] = point.pressed, point.friction
         internal *= self._unit
@@ -146,7 +134,6 @@ class _Newton:
         self.columns = np.full(len(self.first), self.force)
         self.columns[self.ends[1] : self.ends[2]] = float(np.abs(first.motion).mean()) or 1.0
         self.columns[-1] = max(abs(first.load_factor), self.force)
-        self._order: IntArray | None = None
 
     def solved(self) -> Point:
         at, damping, slow = self.first, _N.damping, 0
@@ -178,16 +165,11 @@ class _Newton:
         largest = float(square.diagonal().max())
         if not np.isfinite(largest):
             return None
-        if self._order is None:
-            self._order = elimination_order(square)
         damping = max(weight, _N.rounding * largest) * sp.eye_array(len(down))
-        matrix = (square + damping).tocsc()
-        step = np.empty_like(down)
         try:
-            step[self._order] = factorised(in_order(matrix, self._order))(down[self._order])
+            return factorised((square + damping).tocsc())(down)
         except RuntimeError:
             return None
-        return step
 
     def _point(self, at: FloatArray) -> Point:
         pressed, friction, motion, factor = np.split(at, self.ends)
@@ -266,25 +248,11 @@ def projected(force: FloatArray, limit: FloatArray) -> Projected:
     return Projected(value, by_force, np.column_stack(by_limit))
 
 
-def elimination_order(square: sp.csc_array) -> IntArray:
-    """Of minimum degree, as SuperLU finds it; the pattern is that of all steps."""
-    each, symmetric = sp.eye_array(square.shape[0]), {"SymmetricMode": True}
-    matrix = (square + float(square.diagonal().max()) * each).tocsc()
-    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
-    return np.argsort(factor.perm_c)
-
-
-def in_order(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
-    """Rows and columns in another order."""
-    return matrix[order][:, order].tocsc()
-
-
 def typical(values: FloatArray) -> float:
     """Root of the mean square; 1 where all are zero."""
     return float(np.sqrt(np.mean(values**2))) or 1.0
 
 
 def in_blocks(blocks: FloatArray) -> sp.csr_array:
-    """Block diagonal (i n, j n) of (n, i, j)."""
     n, i, j = blocks.shape
     return sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(i * n, j * n)).tocsr()

@@ -13,12 +13,13 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
 from cvxlimit.methods.admissible import carried_exactly
-from cvxlimit.methods.driver import Method, Run, Steps, fallen
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Reduction
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
+from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import YieldSurface
@@ -30,15 +31,13 @@ TOLERANCE = 1e-5
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """Of questions beside the load factor."""
 
+    # contact forces, over the dead load, beyond which it is rounding alone that could hold a block:
+    # solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms
     no_force: float = 100000000.0
-    """Contact forces, over the dead load, beyond which it is rounding alone that could hold a
-    block: solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms."""
-    rungs_aside: int = 2
-    """Rungs of the ladder for a question on the way: the first may fail where friction is huge."""
-    whole: float = 1.0 - 1e-06
-    """Share of the dead load that counts as all of it: solvers reach a limit of 1 to 1e-8."""
+    rungs_aside: int = 2  # of the ladder: the first may fail where friction is huge
+    whole: float = 1.0 - 1e-06  # share of the dead load that is all: limits of 1 come out to 1e-8
 
 
 _N = _Numbers()
@@ -89,6 +88,15 @@ def dead_load_falls(run: Run) -> bool:
         return False
     run.best, run.remarks = inquiry.run.best, inquiry.run.remarks
     return True
+
+
+def fallen(scene: Scene, rates: FloatArray) -> str:
+    """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
+    row = int((rates * scene.dead_forces).sum(axis=1).argmax())
+    block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
+    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
+    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
+    return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
 
 
 class Inquiry:
@@ -184,14 +192,11 @@ class Inquiry:
             return (certifier or self.certifier).of(state)
 
     def dead_load_falls(self) -> bool:
-        """True if the dead load cannot stand; the run then has the mechanism, and says so."""
         with self.run.clock.phase("certify"):
             stands = self.certifier.witnesses.easy_dead_state is not None
         return not stands and self._is_new("dead load") and self._falls(*self._dead_load_alone())
 
     def _falls(self, rates: FloatArray | None, resistance: float) -> bool:
-        """Note a fall, if there are rates (free, 6) on which the dead load alone does work, and
-        contact forces that could stop it."""
         if rates is None:
             return False
         scene, run = self.run.scene, self.run

@@ -38,14 +38,14 @@ Solver = Callable[[SolverSettings], LimitState]
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """What no method changes."""
 
+    # load factor, over dead load / live load of the loaded blocks, beyond which one asks whether
+    # the live load does any harm
     boundless: float = 1000000.0
-    """Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether
-    the live load does any harm."""
+    # a cycle is one of 2 to 8 values that were run through three times: two could be chance
     laps: int = 3
     longest: int = 8
-    """A cycle is one of 2 to 8 values that were run through three times: two could be chance."""
 
 
 _N = _Numbers()
@@ -428,15 +428,6 @@ def __getattr__(name: str) -> NoReturn:
     if name == "Rule":
         raise ImportError("Rule has become cvxlimit.Method: its settings, and one generator, steps")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def fallen(scene: Scene, rates: FloatArray) -> str:
-    """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
-    row = int((rates * scene.dead_forces).sum(axis=1).argmax())
-    block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
-    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
-    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
-    return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
 
 
 def cycles(values: Sequence[float | None], tolerance: float) -> bool:

@@ -170,7 +170,6 @@ def check(what: str, run: Run, takes: Collection[str]) -> None:
 
 
 def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
-    """Refuse a value that is not one of those allowed; ``what`` names it."""
     if value not in allowed:
         raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")
 

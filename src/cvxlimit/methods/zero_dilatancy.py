@@ -7,7 +7,7 @@ is admissible in the associated model as well, whose load factor is hence an upp
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import cvxpy as cp
@@ -35,31 +35,22 @@ from cvxlimit.solvers import run as run_solver
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """Only what is found, and how fast, depends on them: members are checked."""
 
+    # largest random price, over friction at a rate at which the whole live load does power 1, where
+    # no iterate has told its size: blocks that wedge each other need some to have a solution
     natural: float = 4.0
-    """Largest random price where no iterate has told its size yet, over friction at a rate at which
-    the whole live load does power 1: blocks that wedge each other need some price to have a
-    solution."""
+    # random prices over the last iterate's largest, in turn: only far higher ones find the lowest
+    # branch of a wall whose solutions are all known
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    """Random prices over the last iterate's largest, in turn: only prices far above find the lowest
-    branch of a wall whose solutions are all known."""
-    polish: int = 10
-    """Iterates between attempts to solve the equations from there, as long as five of them."""
+    polish: int = 10  # iterates between polishes, each of which takes as long as five
+    # how far from an iterate paths begin: near ones keep to its branch, far ones arrive more often
     widths: tuple[float, ...] = (0.1, 1.0)
-    """How far from an iterate paths begin, in turn: near ones keep to its branch, far ones arrive
-    more often."""
-    promising: float = 100.0
-    """Residual over the tolerance up to which a path's end is polished."""
-    walk: int = 6
-    """Steps of a walk between mechanisms and forces before it begins again at the lowest member."""
-    price: float = 1000.0
-    """Of power on a mechanism, in scaled load factors: a penalty that is exact once it exceeds the
-    multiplier; solutions are checked in any case."""
-    nudge: float = 0.02
-    """Size of random costs of normal forces, in load factors per total load."""
-    little: float = 0.001
-    """Size of random costs, beside power at ``price``."""
+    promising: float = 100.0  # residual over the tolerance up to which a path's end is polished
+    walk: int = 6  # steps between mechanisms and forces before it begins again at the lowest
+    price: float = 1000.0  # of power on a mechanism, in scaled load factors: above the multiplier
+    nudge: float = 0.02  # size of random costs of normal forces, in load factors per total load
+    little: float = 0.001  # size of random costs beside power at that price
 
 
 _N = _Numbers()
@@ -201,28 +192,27 @@ class _Search:
             yield
         return None
 
-    def _better(self, found: Found, state: LimitState) -> Found:
-        before = found[0]
-        member = self.verifier.member(state, before.start, before.iterations)
-        is_better = member is not None and member.residual < before.residual
-        return (member, state) if member is not None and is_better else found
-
-    def _polished(self, found: Found) -> Found:
-        if self.system is None or found[1].internal is None:
+    def _better(self, found: Found, way: Callable[[LimitState], LimitState]) -> Found:
+        before, state = found
+        if state.internal is None:
             return found
         with self.run.clock.phase("solve"):
-            near = self.system.polished(found[1])
-        return self._better(found, near)
+            near = way(state)
+        member = self.verifier.member(near, before.start, before.iterations)
+        if member is None or not member.residual < before.residual:
+            return found
+        return member, near
+
+    def _polished(self, found: Found) -> Found:
+        return found if self.system is None else self._better(found, self.system.polished)
 
     def _followed(self, found: Found, at: tuple[int, int]) -> Found:
-        tolerance = self.rule.tolerance
-        if self.system is None or found[1].internal is None or found[0].residual <= tolerance:
+        system, tolerance = self.system, self.rule.tolerance
+        if system is None or found[0].residual <= tolerance:
             return found
         width = _N.widths[(at[1] // _N.polish - 1) % len(_N.widths)]
         random = np.random.default_rng((self.rule.seed, *at))
-        with self.run.clock.phase("solve"):
-            end = followed(self.system, found[1], width, random)
-        better = self._better(found, end)
+        better = self._better(found, lambda state: followed(system, state, width, random))
         is_near = tolerance < better[0].residual <= _N.promising * tolerance
         return self._polished(better) if better is not found and is_near else better
 
@@ -300,6 +290,8 @@ _NO_ASSOCIATED = (
     "solutions from above: solve with flow 'associated' first, it says why"
 )
 
+_OPENING = np.eye(len(COMPONENTS))[COLUMN["N"]]
+
 _LADDER = clarabel_at(1e-10, 1e-8)
 """Residuals below 1e-6 of the load factor take rates and forces to 1e-8 or better."""
 
@@ -346,9 +338,8 @@ class Verifier:
 
     def work(self, mechanism: FloatArray) -> FloatArray:
         """(n, 6): times forces, their power on a mechanism and what friction takes up of it."""
-        result, dilatancy = self.rates(mechanism)
-        result[:, COLUMN["N"]] += dilatancy
-        return result
+        rates, dilatancy = self.rates(mechanism)
+        return rates + dilatancy[:, None] * _OPENING
 
     def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
         """A solver's answer, balanced and scaled to live power 1, with all its residuals."""
@@ -360,8 +351,7 @@ class Verifier:
             return None
         mechanism = state.mechanism / live
         rates, dilatancy = self.rates(mechanism)
-        work = rates.copy()
-        work[:, COLUMN["N"]] += dilatancy
+        work = rates + dilatancy[:, None] * _OPENING
         balanced = self.strength.balanced(given, alpha, self.statics)
         forces = self.strength.forces(balanced)
         power = (forces * work).sum(axis=1)
@@ -414,7 +404,6 @@ class MechanismsOfForces:
         self._problem = cp.Problem(cp.Minimize(cost), limits)
 
     def of(self, state: LimitState, settings: SolverSettings) -> FloatArray | None:
-        """One mechanism (free blocks, 6); None if the solver finds none."""
         given = self.system.point(state)
         pressed = np.maximum(given.pressed, 0.0)
         self._on_opening.value = _N.price * pressed + self._chance(len(pressed))

@@ -16,7 +16,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
-from cvxlimit.solvers.sparse import Solve, factorised, nested_dissection
+from cvxlimit.solvers.sparse import Solve, factorised
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +36,15 @@ class Assemblage:
 
     @classmethod
     def of(cls, scene: Scene | Assemblage, scaling: Scaling | None = None) -> Assemblage:
-        """Of a scene; an assemblage is returned as it is."""
         if isinstance(scene, Assemblage):
             return scene
         statics = Statics.of(scene)
         return cls(scene, statics, scaling or Scaling.of(scene), Balance.of(statics))
 
     def of_less(self, statics: Statics) -> Assemblage:
-        """The same with less of the blocks and contacts."""
         return replace(self, statics=statics, balance=Balance.of(statics))
 
     def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
-        """The same blocks and contacts under other loads (6 free blocks,)."""
         loads = dead.reshape(-1, DOF), live.reshape(-1, DOF)
         scaling = Scaling.under(self.scaling.length, *loads)
         return Assemblage(self.scene, self.statics.under(dead, live), scaling, self.balance)
@@ -68,12 +65,10 @@ class Assemblage:
 
     @cached_property
     def scaled(self) -> Statics:
-        """Statics in the units of :attr:`scaling`."""
         return self.scaling.apply(self.statics)
 
     @property
     def contacts(self) -> Contacts:
-        """In the scene's units."""
         return self.statics.contacts
 
 
@@ -99,12 +94,10 @@ class Balance:
 
     @classmethod
     def of(cls, statics: Statics) -> Balance:
-        """Of corner compressions."""
         return cls(statics, corner_compressions(statics.contacts))
 
     @cached_property
     def matrix(self) -> sp.csr_array:
-        """Of equilibrium, (r free blocks, p)."""
         matrix = self.statics.matrix if self.rates is None else self.rates @ self.statics.matrix
         return (matrix @ self.model.meaning).tocsr()
 
@@ -131,32 +124,15 @@ class Balance:
     @cached_property
     def solve(self) -> Solve:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
-        contacts, number = self.statics.contacts, self.statics.row_of_block
-        count, a, b = int(number.max()) + 1, number[contacts.a], number[contacts.b]
-        free = (a >= 0) & (b >= 0)
-        ends = np.concatenate([a[free], b[free]]), np.concatenate([b[free], a[free]])
-        graph = sp.coo_array((np.ones(2 * free.sum()), ends), shape=(count, count))
-        blocks, each = nested_dissection(graph.tocsr()), self.matrix.shape[0] // count
-        order = (each * blocks[:, None] + np.arange(each)).ravel()
-        ordered = self.matrix[order]
-        square = ordered @ sp.diags_array(self.weights) @ ordered.T
+        square = self.matrix @ sp.diags_array(self.weights) @ self.transposed
+        each = sp.eye_array(square.shape[0])
         if self.statics.guide is not None:  # rates that guides prevent: any value will do
-            idle = sp.eye_array(len(order)) - self.statics.guide
-            square = square + idle.tocsr()[order][:, order]
+            square = square + (each - self.statics.guide)
         if self.held is not None:  # ways to move that nothing resists; no load does work on them
-            idle = _IDLE * float(square.diagonal().max())
-            square = square + idle * sp.eye_array(len(order))
-        solve = factorised(square.tocsc())
-
-        def unordered(right: FloatArray) -> FloatArray:
-            result = np.empty_like(right)
-            result[order] = solve(right[order])
-            return result
-
-        return unordered
+            square = square + _IDLE * float(square.diagonal().max()) * each
+        return factorised(square.tocsc())
 
     def change(self, residual: FloatArray) -> FloatArray:
-        """Internal forces (p,) that carry a residual (6 free blocks,) of opposite sign."""
         along = residual if self.rates is None else self.rates @ residual
         result: FloatArray = -self.weights * (self.transposed @ self.solve(along))
         return result

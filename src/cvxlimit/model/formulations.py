@@ -371,6 +371,10 @@ class ForceVariables:
             components[name] = _component(maps, column, float(units[column]))
         return cls(maps, components, [])
 
+    def lifted(self, lift: sp.csr_array) -> ForceVariables:
+        """The same variables, of which ``lift`` (6 m, 6 n) makes the forces of m contacts."""
+        return replace(self, maps=[(v, (lift @ meaning).tocsr()) for v, meaning in self.maps])
+
     def values(self) -> FloatArray:
         """Forces (n, 6) of the present solution, scaled."""
         total = np.zeros(self.maps[0][1].shape[0])

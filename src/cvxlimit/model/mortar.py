@@ -38,7 +38,6 @@ class Mortar:
 
     @classmethod
     def of(cls, scene: Scene) -> Mortar:
-        """Of any scene; one without tensile strength stays as it is."""
         contacts = scene.contacts
         tension = contacts.tensile_strength
         if not np.any(tension):
@@ -69,7 +68,6 @@ class Mortar:
         return cls(pulled._with_contacts(pressed), pull)
 
     def original(self, forces: FloatArray) -> FloatArray:
-        """Contact forces (n, 6) of the scene with tension."""
         result = np.array(forces)
         result[:, COLUMN["N"]] -= self.pull
         return result

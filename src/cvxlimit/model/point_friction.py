@@ -44,7 +44,6 @@ class PointFriction:
             raise ModelError(f"divisions must be at least 1, got {self.divisions!r}")
 
     def points(self, contacts: Contacts) -> Points:
-        """Where friction acts."""
         count = np.broadcast_to(np.asarray(self.divisions, dtype=int), (len(contacts),))
         return self.placing(contacts, count)
 

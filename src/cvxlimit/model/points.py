@@ -25,7 +25,6 @@ class Points:
     share: FloatArray
 
     def mean_slip(self, rates: FloatArray) -> FloatArray:
-        """Slip of contacts' points (n,), weighted by shares, for relative rates (n, 6)."""
         x, y = self.xy.T
         v1, v2, twist = (rates[self.contact, COLUMN[c]] for c in ("V1", "V2", "MT"))
         slip = np.hypot(v1 - y * twist, v2 + x * twist)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -254,9 +254,7 @@ class LimitProblem(StaticProblem):
         for name, condition, cone in self.model.strength(self.surfaces):
             stated = admissible(condition, forces.components, cone)
             self.strength.setdefault(name, []).extend(stated)
-        if lift is not None:
-            lifted = [(v, (lift @ meaning).tocsr()) for v, meaning in forces.maps]
-            forces = replace(forces, maps=lifted)
+        forces = forces if lift is None else forces.lifted(lift)
         limits = [limit for named in self.strength.values() for limit in named]
         self.still = self.reduction.still
         super().__init__(assemblage, forces, limits, objective, self.reduction.rates)

@@ -79,7 +79,6 @@ class Statics:
 
     @classmethod
     def of(cls, scene: Scene) -> Statics:
-        """Equilibrium in the scene's own units."""
         number = np.full(len(scene.blocks), -1)
         number[scene.free] = np.arange(len(scene.free))
         return cls(
@@ -91,14 +90,12 @@ class Statics:
         )
 
     def under(self, dead: FloatArray, live: FloatArray) -> Statics:
-        """The same under other loads (6 free blocks,); the matrix is kept."""
         other = replace(self, dead=dead, live=live)
         other.__dict__["matrix"] = self.matrix
         return other
 
     @cached_property
     def matrix(self) -> sp.csr_array:
-        """A of Eq. 7."""
         whole = equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
         return whole if self.guide is None else (self.guide @ whole).tocsr()
 
@@ -172,14 +169,12 @@ class Scaling:
 
     @classmethod
     def under(cls, length: float, dead: FloatArray, live: FloatArray) -> Scaling:
-        """For loads (free blocks, 6), with a unit of length."""
         each, push = block_sizes(dead, length), float(block_sizes(live, length).sum())
         force = float(each.sum()) or push
         loaded = float(each[np.any(live, axis=1)].sum()) or force
         return cls(force, length, push, loaded / push if push > 0.0 else 1.0)
 
     def apply(self, statics: Statics) -> Statics:
-        """The scaled copy; forces, lengths and load factor of order one."""
         rows = np.tile(np.repeat([1.0, self.length], 3), len(statics.dead) // DOF)
         return replace(
             statics,
@@ -190,7 +185,6 @@ class Scaling:
         )
 
     def load_factor(self, scaled: float) -> float:
-        """Load factor in the user's sense."""
         return scaled * self.force / self.live
 
     @property
@@ -203,9 +197,7 @@ class Scaling:
         return max(*map(abs, load_factors), self.least)
 
     def forces(self, scaled: FloatArray) -> FloatArray:
-        """Contact forces (contacts, 6) in the user's units."""
         return scaled * self.force * np.repeat([1.0, self.length], 3)
 
     def mechanism(self, scaled: FloatArray) -> FloatArray:
-        """Block rates (free, 6); live power 1 stays 1."""
         return scaled / (self.live * np.repeat([1.0, self.length], 3))

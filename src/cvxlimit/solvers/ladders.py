@@ -28,21 +28,15 @@ Ladder = tuple[SolverSettings, ...]
 class LadderNumbers:
     """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md."""
 
-    least_bracket: float = 1e-6
-    """Narrowest bracket that is asked of QOCO with cones."""
-    lean: float = 1e-10
-    """Tolerance of QOCO without cones and facets."""
-    tiny: int = 100
-    """Variables up to which Clarabel comes first in any case."""
-    loose: float = 0.05
-    """QOCO's first tolerance for repeated problems, over the bracket that is asked for."""
-    leading: float = 1e-6
-    leading_iterations: int = 60
-    """Of problems that only lead the way: those not solved in 60 were never solved later."""
-    iterate: float = 1e-9
-    node: float = 1e-8
-    tight: float = 1e-9
-    """Tolerances of fixed-point iterates, of nodes, and of forces that count to 1e-9."""
+    least_bracket: float = 1e-6  # narrowest that is asked of QOCO with cones
+    lean: float = 1e-10  # tolerance of QOCO without cones and facets
+    tiny: int = 100  # variables up to which Clarabel comes first in any case
+    loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
+    leading: float = 1e-6  # of problems that only lead the way:
+    leading_iterations: int = 60  # those not solved in 60 were never solved later
+    iterate: float = 1e-9  # of fixed-point iterates,
+    node: float = 1e-8  # of nodes,
+    tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
 
 

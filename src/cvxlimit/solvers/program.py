@@ -73,7 +73,6 @@ class ConeProgram:
         return outcome, np.asarray(x), np.asarray(y).ravel()
 
     def _data(self, is_split: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What CVXPY's interface to a solver takes, and what it needs for the way back."""
         p = self.zero
         dims = SimpleNamespace(
             zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]

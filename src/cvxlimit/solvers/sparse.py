@@ -7,6 +7,7 @@ of the time of SciPy's SuperLU.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -32,68 +33,68 @@ _BALANCE = 0.3
 
 
 def factorised(matrix: sp.csc_array) -> Solve:
-    """Solver of a positive definite matrix (n, n) whose rows are in elimination order already."""
-    matrix = matrix.astype(float)
-    matrix.sum_duplicates()
-    try:
-        return BACKENDS[best_backend()](matrix.indices, matrix.indptr).factorise(matrix.data)
-    except ArithmeticError:  # indefinite by rounding: LU does not mind
-        return SuperLU(matrix.indices, matrix.indptr).factorise(matrix.data)
+    """Solver of a positive definite matrix (n, n), of whose pattern there is but one.
+
+    Minimum degree is found faster than a dissection, which pays where a pattern comes many times.
+    """
+    if best_backend() == "cholmod":
+        lower = sp.tril(matrix.astype(float), format="csc")
+        lower.sum_duplicates()
+        with suppress(ArithmeticError):  # indefinite by rounding: LU does not mind
+            return Cholmod(lower.indices, lower.indptr, is_ordered=False).factorise(lower.data)
+    return symmetric_lu(matrix, "MMD_AT_PLUS_A")
+
+
+def symmetric_lu(matrix: sp.csc_array, order: str) -> Solve:
+    """SciPy's LU without pivoting, in one of SuperLU's orders.
+
+    Raises RuntimeError if a pivot is zero.
+    """
+    options = {"SymmetricMode": True, "Equil": False}
+    solve: Solve = splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options).solve
+    return solve
 
 
 class SuperLU:
-    """SciPy's LU, kept symmetric: no pivoting, no reordering.
+    """SciPy's LU of matrices of one pattern, without pivoting and reordering.
 
-    A factorisation is of matrices of one pattern, given by the rows (entries,) of its compressed
-    columns, in elimination order.
+    The lower half stands for all: rows (entries,) of its compressed columns, in elimination order.
     """
 
     def __init__(self, indices: Indices, indptr: Indices) -> None:
         n = len(indptr) - 1
         number = np.arange(1, len(indices) + 1)
         given = sp.csc_array((number, indices, indptr), shape=(n, n))
-        if sp.triu(given, 1).nnz == 0:  # the lower half stands for all
-            given = (given + sp.tril(given, -1).T).tocsc()
+        given = (given + sp.tril(given, -1).T).tocsc()
         self.place = given.data - 1
         self.indices, self.indptr = given.indices.astype(np.int32), given.indptr.astype(np.int32)
 
     def factorise(self, data: FloatArray) -> Solve:
-        """Solver of the matrix with these entries, in the order of the pattern by columns.
-
-        Raises RuntimeError if a pivot is zero.
-        """
-        n = len(self.indptr) - 1
-        factor = splu(
-            sp.csc_array((data[self.place], self.indices, self.indptr), shape=(n, n)),
-            permc_spec="NATURAL",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True, "Equil": False},
-        )
-        solve: Solve = factor.solve
-        return solve
+        """Solver of the matrix with these entries, in the order of the pattern by columns."""
+        shape = (len(self.indptr) - 1, len(self.indptr) - 1)
+        matrix = sp.csc_array((data[self.place], self.indices, self.indptr), shape=shape)
+        return symmetric_lu(matrix, "NATURAL")
 
 
 class Cholmod:
-    """CHOLMOD's supernodal Cholesky through CVXOPT."""
+    """The same by CHOLMOD's supernodal Cholesky, through CVXOPT; in an order of its own if the rows
+    are in none. A solver holds until the next factorisation.
+    """
 
-    def __init__(self, indices: Indices, indptr: Indices) -> None:
+    def __init__(self, indices: Indices, indptr: Indices, is_ordered: bool = True) -> None:
         from cvxopt import cholmod, matrix, spmatrix
 
         self.cholmod, self.matrix = cholmod, matrix
         n = len(indptr) - 1
-        columns = np.repeat(np.arange(n), np.diff(indptr))
-        self.is_lower = indices >= columns
-        rows = matrix(indices[self.is_lower].astype(np.int64))
-        self.lower = spmatrix(1.0, rows, matrix(columns[self.is_lower]), (n, n))
+        columns, rows = np.repeat(np.arange(n), np.diff(indptr)), indices.astype(np.int64)
+        self.lower = spmatrix(1.0, matrix(rows), matrix(columns), (n, n))
         cholmod.options["supernodal"] = 2
-        self.symbolic = cholmod.symbolic(self.lower, p=matrix(np.arange(n)))
+        order = {"p": matrix(np.arange(n))} if is_ordered else {}
+        self.symbolic = cholmod.symbolic(self.lower, **order)
 
     def factorise(self, data: FloatArray) -> Solve:
-        """As :meth:`SuperLU.factorise`; the solver holds until the next call.
-
-        Raises ArithmeticError if the matrix is not positive definite.
-        """
-        self.lower.V = self.matrix(data[self.is_lower])
+        """Raises ArithmeticError if the matrix is not positive definite."""
+        self.lower.V = self.matrix(data)
         self.cholmod.numeric(self.lower, self.symbolic)
         return self._solve
 
@@ -174,6 +175,5 @@ class _Dissection:
 
 
 def _distances(graph: sp.csr_array, start: int) -> FloatArray:
-    """Edges between each node and one of them."""
     result: FloatArray = dijkstra(graph, unweighted=True, indices=np.array([start]))[0]
     return result

@@ -38,7 +38,6 @@ class Cones:
         return [v[at].reshape(shape) for at, shape in zip(self.places, self.shapes, strict=True)]
 
     def product(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """u o v of the cones' Jordan algebra."""
         result = u * v
         for a, b, r in zip(self.parts(u), self.parts(v), self.parts(result), strict=True):
             r[0] = r.sum(axis=0)
@@ -107,7 +106,6 @@ class NesterovTodd:
         self.lam = self.times(z)
 
     def times(self, v: FloatArray) -> FloatArray:
-        """W v."""
         result = np.empty_like(v)
         n = self.cones.orthant
         result[:n] = v[:n] * self.diagonal

@@ -243,7 +243,6 @@ class NewtonSystem:
 
 
 def largest(v: FloatArray) -> float:
-    """Largest absolute entry, 0 of an empty vector."""
     return float(np.abs(v).max(initial=0.0))
 
 
@@ -381,7 +380,6 @@ class _Blocks:
 
 
 def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> FloatArray:
-    """Sub-matrices (r, c, k) at rows (r, k) and columns (c, k)."""
     shape = (len(rows), *columns.shape)
     i = np.broadcast_to(rows[:, None], shape).ravel()
     j = np.broadcast_to(columns[None], shape).ravel()
@@ -389,7 +387,6 @@ def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> Flo
 
 
 def _rank(order: IntArray) -> IntArray:
-    """Place of each index in an order: the inverse permutation."""
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return rank

@@ -73,7 +73,6 @@ class Point:
 
     @property
     def is_finite(self) -> bool:
-        """True without inf and NaN."""
         return all(np.isfinite(part).all() for part in (self.x, self.y, self.z, self.s))
 
 
@@ -195,7 +194,6 @@ class InteriorPoint:
         return v if margin > size else v + max(-2.0 * margin, size) * self.cones.identity
 
     def _warm(self, start: Point | None) -> Point | None:
-        """A start, moved inside the cones; None if it is no use."""
         if start is None or not start.is_finite:
             return None
         own = (self.c, self.f, self.h, self.h)
@@ -250,7 +248,6 @@ class InteriorPoint:
 
     @staticmethod
     def _is_done(found: _Measure, tolerance: float, scores: list[float], worst: float) -> bool:
-        """As good as asked, or no better for a while near the end."""
         if found.is_within(tolerance):
             return True
         is_late = worst < NUMBERS.solved or found.gap < 1e-10
@@ -310,7 +307,6 @@ class _Newton:
         return _Direction(Point(x, y, z, times(scaled[0])), *scaled, *lengths)
 
     def best(self) -> _Direction:
-        """Predictor, corrector and as many further correctors as pay."""
         cones, lam, mu = self.cones, self.lam, self.found.mu
         squares = cones.product(lam, lam)
         best = self.direction(-squares, 0)

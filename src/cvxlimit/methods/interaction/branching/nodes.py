@@ -135,7 +135,6 @@ class Relaxer:
         glued: IntArray | None = None,
         ladder: Sequence[SolverSettings] | None = None,
     ) -> LimitState:
-        """Solvers in turn, until one has a mechanism or claims that there is none."""
         for settings in ladder or self.ladder:
             self.solves += 1
             self.solvers.add(settings.name)
@@ -152,7 +151,6 @@ class Relaxer:
         return speed / max(float(self.statics.live @ mechanism.ravel()), 1e-300)
 
     def centre(self, forces: FloatArray) -> FloatArray:
-        """Pressure centres (n, 2) as fractions of the half extent."""
         at = Pressure.of(forces, self.contacts)
         return np.clip(at.centre / self.half, -1.0, 1.0)
 

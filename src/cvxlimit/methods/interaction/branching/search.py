@@ -10,7 +10,6 @@ from __future__ import annotations
 import heapq
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,14 +26,6 @@ from cvxlimit.methods.interaction.states.support import whole_boxes
 from cvxlimit.solvers import LimitState, Outcome
 
 _State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium
-
-
-@dataclass(order=True)
-class _Entry:
-    """A node in the queue: largest bound first, then in the order they came."""
-
-    key: tuple[float, int]
-    node: Node = field(compare=False)
 
 
 class BranchAndBound:
@@ -59,7 +50,7 @@ class BranchAndBound:
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.price: float | None = None
-        self.open: list[_Entry] = []
+        self.open: list[tuple[float, int, Node]] = []  # largest bound first, then as they came
         self.closed = -np.inf
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
@@ -72,8 +63,8 @@ class BranchAndBound:
 
     @property
     def upper(self) -> float:
-        nodes = [entry.node for entry in self.open[:1]] + list(self._running.values())
-        return max([self.closed, self.lower, *(node.bound for node in nodes)])
+        running = (node.bound for node in self._running.values())
+        return max([self.closed, self.lower, *(-key for key, *_ in self.open[:1]), *running])
 
     @property
     def width(self) -> float:
@@ -81,13 +72,8 @@ class BranchAndBound:
         return self.tolerance * self.run.scaling.unit(0.0, *known)
 
     @property
-    def is_closed(self) -> bool:
-        return bool(self.upper - self.lower <= self.width)
-
-    @property
     def can_go_on(self) -> bool:
-        """True while there is a gap, and nodes to split."""
-        return bool(self.open or self._running) and not self.is_closed
+        return bool(self.open or self._running) and self.upper - self.lower > self.width
 
     def _goal(self) -> Goal:
         tried = BRANCH.tried if self.nodes < BRANCH.tried_nodes else 1
@@ -115,7 +101,7 @@ class BranchAndBound:
         if self._executor is not None and self._is_tightened:
             self._step_elsewhere(self._executor)
         else:
-            node, explored = heapq.heappop(self.open).node, explore
+            (_, _, node), explored = heapq.heappop(self.open), explore
             if not self._is_tightened:
                 self._is_tightened, explored = True, tightened_root
             with self.run.clock.phase("solve"):
@@ -126,7 +112,7 @@ class BranchAndBound:
         if self._task is None:
             self._task = Task.of(uuid.uuid4().hex, self.relaxer, self.run.assemblage)
         while self.open and len(self._running) < self._workers:
-            node = heapq.heappop(self.open).node
+            _, _, node = heapq.heappop(self.open)
             self._running[executor.submit(self._task, node, self._goal())] = node
         with self.run.clock.phase("solve"):
             done, _ = wait(self._running, return_when=FIRST_COMPLETED)
@@ -164,14 +150,14 @@ class BranchAndBound:
 
     def _push(self, node: Node) -> None:
         self.count += 1
-        heapq.heappush(self.open, _Entry((-node.bound, self.count), node))
+        heapq.heappush(self.open, (-node.bound, self.count, node))
 
     def _book(self) -> None:
         run, before = self.run, self.run.best
         if self.forces is not None and self.lower > before.bracket.lower:
             with run.clock.phase("certify"):
                 run.best = self.checker.of(self.forces, self.lower).raising(run.best)
-        mechanism = (self.open[0].node if self.open else self._last).mechanism
+        mechanism = (self.open[0][2] if self.open else self._last).mechanism
         run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower
         if run.best is not before and (gap <= BRANCH.told * self._told or not self.can_go_on):

@@ -6,15 +6,12 @@ import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.statics import Scaling, Statics
-from cvxlimit.scene import Scene
 from cvxlimit.solvers import SolverSettings
 
 
@@ -23,9 +20,7 @@ class Task:
     """A relaxer on its way to another process: what it is made of, and ``key``, its name."""
 
     key: str
-    scene: Scene
-    statics: Statics
-    scaling: Scaling
+    assemblage: Assemblage
     moments: Moments
     ladder: tuple[SolverSettings, ...]
     opening: FloatArray | None
@@ -33,18 +28,15 @@ class Task:
     @classmethod
     def of(cls, key: str, relaxer: Relaxer, assemblage: Assemblage) -> Task:
         opening = relaxer.certifier.witnesses.opening_field
-        return cls(
-            key, assemblage.scene, assemblage.statics, assemblage.scaling, relaxer.moments,
-            relaxer.ladder, opening,
-        )  # fmt: skip
+        # without factorisations, which do not travel
+        bare = replace(assemblage, balance=Balance.of(assemblage.statics), repeats=None)
+        return cls(key, bare, relaxer.moments, relaxer.ladder, opening)
 
     def __call__(self, node: Node, goal: Goal) -> Explored:
         """Explore a node in this process, which keeps the relaxer for the next one."""
         relaxer = _known.get(self.key)
         if relaxer is None:
-            balance = Balance(self.statics, corner_compressions(self.statics.contacts))
-            assemblage = Assemblage(self.scene, self.statics, self.scaling, balance)
-            relaxer = Relaxer(assemblage, self.moments, self.ladder, self.opening)
+            relaxer = Relaxer(self.assemblage, self.moments, self.ladder, self.opening)
             _known.clear()
             _known[self.key] = relaxer
         return explore(relaxer, node, goal)

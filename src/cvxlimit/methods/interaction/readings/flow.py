@@ -52,7 +52,6 @@ class InteractionFlow:
     opened = shortfall  # the rule leaves no choice
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """An upper bound (n,) on the shortfall, without a search along the edges."""
         return self._support(-rates, 0)[0]
 
     def worst(self, rates: FloatArray) -> Support:

@@ -6,7 +6,7 @@ each of these problems has a symmetric solution. Bounds are computed on the whol
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,6 @@ from cvxlimit.arrays import IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.mirror import Mirror
 
@@ -50,11 +49,6 @@ class Half:
         is_kept = np.arange(len(contacts)) <= mirror.contacts
         kept, dropped = np.flatnonzero(is_kept), np.flatnonzero(~is_kept)
         return cls(kept, dropped, whole.forces, whole.rates)
-
-    def lifted(self, variables: ForceVariables) -> ForceVariables:
-        """Variables of the contacts kept, with what they mean for all."""
-        maps = [(v, (self.forces @ meaning).tocsr()) for v, meaning in variables.maps]
-        return replace(variables, maps=maps)
 
     @property
     def forces_of_all(self) -> sp.csr_array:

@@ -158,7 +158,6 @@ class Moments(ABC):
         return Eccentricity(np.maximum(arm, SUPPORT.rounding), *shears)
 
     def cells(self, contacts: Contacts, boxes: FloatArray) -> Cells:
-        """Those of contacts that neither are rectangles nor have friction at their corners."""
         chosen = ~contacts.is_rectangle & ~self.has_corner_hull(contacts, boxes)
         return Cells.of(contacts, chosen, boxes, self.largest_arm(contacts))
 
@@ -287,7 +286,6 @@ class TiedMoments(Moments):
 
     @property
     def is_about_centre(self) -> bool:
-        """True if torsion is taken about the pressure centre itself."""
         return bool((self.slopes == 1.0).all())
 
     @property

@@ -20,7 +20,6 @@ class SignedTorsionBending(TiedMoments):
     is_limited = True
 
     def lever(self, e: FloatArray) -> FloatArray:
-        """The pressure centre."""
         return e
 
 
@@ -85,7 +84,6 @@ def reading_of(name: str) -> Moments | None:
 
 
 def parse_moments(moments: str | Moments) -> Moments:
-    """The reading of this name; one of your own is returned as it is."""
     if isinstance(moments, Moments):
         return moments
     if moments not in MOMENTS:

@@ -80,7 +80,6 @@ class HullProblem:
         )
 
     def mechanism(self, duals: FloatArray) -> FloatArray:
-        """Rates (free, 6) in the user's units, from the duals of equilibrium."""
         rates = np.zeros(self.size)
         rates[self.rows] = duals
         full = rates if self.rates is None else np.asarray(self.rates.T @ rates)
@@ -211,7 +210,6 @@ class CopyColumns:
         return stacked(self.gives, (len(COMPONENTS) * len(self.problem.contacts), self.width))
 
     def program(self) -> ConeProgram:
-        """Equations of equilibrium, inequalities, and one cone per copy that shears."""
         problem = self.problem
         every = np.arange(len(problem.rows))
         loads = [(every, np.zeros(len(every), dtype=int), problem.live)]
@@ -244,7 +242,6 @@ class CopyColumns:
 
 
 def stacked(entries: list[_Entry], shape: tuple[int, int]) -> sp.csc_array:
-    """The sum of all entries as a matrix."""
     rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
     result = sp.csc_array((values, (rows, columns)), shape)
     result.eliminate_zeros()

@@ -78,8 +78,6 @@ class UpperBound:
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
-        """Solve, certify the mechanism, add copies where it opens too little, and repeat, until
-        bound and relaxation are within ``tolerance`` of each other."""
         for rung in ladder:
             for _ in range(BRACKET.most_rounds):
                 is_changed = self._improve(rung, tolerance)
@@ -91,7 +89,6 @@ class UpperBound:
                 return
 
     def offer(self, mechanism: FloatArray) -> None:
-        """Certify rates (free, 6) from elsewhere."""
         with self.run.clock.phase("certify"):
             bound = self.certifier.certificate(None, None, mechanism)
             run = self.run

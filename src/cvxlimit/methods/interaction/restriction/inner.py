@@ -59,13 +59,11 @@ class Boxes:
 
     @property
     def copies(self) -> Copies:
-        """The hull of all states within the boxes."""
         reach = self.size[:, None]
         ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
         return self.moments.box_copies(self.contacts, np.clip(ends, -1.0, 1.0))
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
-        """Move to the forces' pressure centres; shrink where they exceed Eq. 30."""
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
         over[~self.contacts.is_rectangle] = 0.0  # their boxes stay whole: cells take too long
         self.excess, self.largest = float(over.sum()), float(over.max())
@@ -114,8 +112,6 @@ class InnerMethod:
         return self._search("boxes", self._narrowed(start))
 
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
-        """Solves in a stricter reading, whose forces are admissible in this one too, where they
-        could be better than the best: its relaxation says so."""
         run, problems = self.run, self.problems
         problems.begin(f"{stricter} relaxation")
         relaxed = problems.relaxed("hull", stricter.box_copies(run.contacts))
@@ -146,7 +142,6 @@ class InnerMethod:
         return Boxes(problems.contacts, problems.moments, problems.step.scaling.force, start)
 
     def _narrowed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Hulls over boxes alone, until the last one's forces nearly satisfy Eq. 30."""
         boxes, point = self._boxes(start), self.middle
         for number in range(1, CLIMB.exploring + CLIMB.settling + 1):
             iterate = self.problems.relaxed("box", boxes.copies)
@@ -184,7 +179,6 @@ class InnerMethod:
             yield from self.climb(point)
 
     def _settling(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Hulls over boxes of pressure centres, and what is safe near the last ones."""
         problems, boxes = self.problems, self._boxes(start)
         best, nearly, explored, freezes = -np.inf, CLIMB.nearly, 0, True
         for _ in range(CLIMB.exploring + CLIMB.settling):

@@ -49,11 +49,9 @@ class LowerBound:
 
     @property
     def is_accepted(self) -> bool:
-        """True if the forces passed the checker, exactly or within its tolerance."""
         return bool(np.isfinite(self.value))
 
     def raising(self, answer: Answer) -> Answer:
-        """``answer`` with this bound and its forces, if they are better."""
         return answer.raised(self.value, self.is_proved, self.load_factor, self.forces)
 
 
@@ -71,7 +69,6 @@ class LowerBounds:
         self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
-        """The best bound that ``forces`` (n, 6) at ``load_factor`` give."""
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
         balanced = self.balanced(forces, load_factor)
@@ -90,7 +87,6 @@ class LowerBounds:
 
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
-        """Forces (n, 6) that carry the dead load strictly inside Eq. 30; there may be none."""
         found = tuple(state for state in central_states(self.assemblage) if self._is_inside(state))
         if found or not np.any(self.statics.dead):
             return found
@@ -153,7 +149,6 @@ class TrueStrength(Strength):
 
 
 def true_excess(forces: FloatArray, contacts: Contacts, moments: Moments) -> FloatArray:
-    """By how much forces (n, 6) exceed Eq. 9 and 30, per contact."""
     return np.maximum(rocking_excess(forces, contacts), moments.excess(forces, contacts))
 
 
@@ -168,7 +163,6 @@ def plain_witnesses(assemblage: Assemblage) -> Witnesses:
 
 
 def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
-    """Forces (n, 6) that carry the dead load with little shear, and pressure near the centres."""
     whole = assemblage.contacts
     for friction, size in PROOF.reserves:
         smaller = replace(
@@ -242,7 +236,6 @@ def _held(contacts: Contacts, e: FloatArray, pressed: IntArray) -> ForceModel:
 
 
 def basis(bracket: Bracket, *remarks: str) -> str:
-    """How the bounds were proved, or under which assumption they hold; and what else is to say."""
     if not np.isfinite(bracket.lower):
         lower = "no forces were found that satisfy Eq. 30"
     elif bracket.lower_is_proved:

@@ -76,7 +76,7 @@ class SafeStep:
         model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
         has_sizes = slopes is None or bool((slopes[:, 0] != slopes[:, 1]).any())
         self.fields, self.magnitudes = force_fields(model.components, contacts.friction, has_sizes)
-        self.model = model if half is None else half.lifted(model)
+        self.model = model if half is None else model.lifted(half.forces)
 
     def solve(
         self,
@@ -133,22 +133,18 @@ class InnerIterate:
 
     @property
     def load_factor(self) -> float:
-        """That of the problem; -inf where it has none."""
         return -np.inf if self.state.load_factor is None else self.state.load_factor
 
     @property
     def slack(self) -> float:
-        """Violation bought by a penalty step, over total load x contact size."""
         return self.state.slack if isinstance(self.state, StepState) else 0.0
 
     @property
     def lower(self) -> float:
-        """The bound; -inf where the checker refused the forces."""
         return -np.inf if self.bound is None else self.bound.value
 
     @property
     def is_safe(self) -> bool:
-        """True if the checker accepted the forces."""
         return self.bound is not None and self.bound.is_accepted
 
 
@@ -187,12 +183,10 @@ class SafeProblems:
     def leading_step(
         self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
     ) -> InnerIterate:
-        """A long or penalty step."""
         step = self.step
         return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.leading)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
-        """Contacts pressed at ``centre`` (n, 2), in fractions of the half extent."""
         copies = self.moments.safe_copies(self.contacts, centre)
         first = self.run.ladder or clarabel_at(CLIMB.frozen)
         return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), first[:1])
@@ -223,7 +217,6 @@ class SafeProblems:
             yield self.solved(iterate.kind, solver, self.tight)
 
     def solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
-        """Solve, check, keep the bound if it is better, and note all of it."""
         state, rung = self.run.try_solvers(solver, ladder)
         bound, figures = None, {}
         if state.forces is not None and state.load_factor is not None:

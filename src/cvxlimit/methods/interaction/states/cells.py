@@ -170,7 +170,6 @@ class ArmBounds:
         self.pairs, self.edges = every[crossing], np.linalg.inv(rows[crossing]).swapaxes(1, 2)
 
     def widths(self, centres: FloatArray) -> FloatArray:
-        """b (p, m) at centres (p, 2)."""
         return np.asarray(np.maximum(self.offsets - centres @ self.normals.T, 0.0))
 
     def over(self, triangles: FloatArray) -> FloatArray:

@@ -49,22 +49,18 @@ class Copies:
 
     @property
     def signed(self) -> BoolArray:
-        """True (k,) where torsion is taken about a lever."""
         return np.asarray(np.isfinite(self.lever).all(axis=1))
 
     def joined(self, *others: Copies) -> Copies:
-        """These and ``others``."""
         columns = zip(*(vars(c).values() for c in (self, *others)), strict=True)
         return Copies(*(np.concatenate(column) for column in columns))
 
     def without(self, contacts: IntArray) -> Copies:
-        """Those of all other contacts."""
         kept = ~np.isin(self.contact, contacts)
         return Copies(*(values[kept] for values in vars(self).values()))
 
     @classmethod
     def none(cls) -> Copies:
-        """No copies."""
         return copies_of(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
@@ -77,7 +73,6 @@ def copies_of(
     arm: FloatArray | float = np.nan,
     drag: FloatArray | float = np.nan,
 ) -> Copies:
-    """Copies of contacts ``rows``: see :class:`Copies`."""
     pairs = (np.broadcast_to(values, centre.shape) for values in (spread, lever, drag))
     spreads, levers, drags = pairs
     arms, limited = np.broadcast_to(arm, rows.shape), np.full(len(rows), is_limited)

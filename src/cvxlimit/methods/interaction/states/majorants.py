@@ -46,19 +46,16 @@ class Point:
         ).inside(contacts)
 
     def inside(self, contacts: Contacts) -> Point:
-        """The nearest point with pressure in the rectangles and shear components below friction."""
         half, mu = contacts.sides / 2.0, contacts.friction[:, None]
         return Point(np.clip(self.centre, -half, half), np.clip(self.shear, -mu, mu))
 
     def moved(self, share: float, before: Point) -> Point:
-        """Ahead by ``share`` of the way that led from ``before`` to here."""
         return Point(
             self.centre + share * (self.centre - before.centre),
             self.shear + share * (self.shear - before.shear),
         )
 
     def shrunk(self, share: float) -> Point:
-        """Towards the middle by ``share``."""
         return Point((1.0 - share) * self.centre, (1.0 - share) * self.shear)
 
 
@@ -108,7 +105,6 @@ class Row:
 
     @classmethod
     def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:
-        """``linear`` + products / N <= 0, majorised."""
         parts = [product.majorant(normal) for product in products]
         roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
         return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)

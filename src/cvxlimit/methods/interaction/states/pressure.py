@@ -45,7 +45,6 @@ class Pressure:
 
     @property
     def centre(self) -> FloatArray:
-        """Both eccentricities (n, 2)."""
         return np.stack([self.e1, self.e2], axis=1)
 
 
@@ -66,7 +65,6 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
 
 
 def polygon_arms(contacts: Contacts, rows: IntArray, centres: FloatArray) -> FloatArray:
-    """Arms (k,) of contacts ``rows`` of any convex shape, pressed at ``centres`` (k, 2)."""
     if not len(rows):
         return np.zeros(0)
     start, size = contacts.corner_start[rows], np.diff(contacts.corner_start)[rows]

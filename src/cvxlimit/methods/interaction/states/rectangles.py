@@ -28,7 +28,6 @@ class Rectangle:
 
     @property
     def turn(self) -> FloatArray:
-        """Rotation (2, 2) from the rectangle's frame to the contact's."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, -s], [s, c]])
 
@@ -110,11 +109,9 @@ class Rectangles:
         return replace(self, contacts=self.contacts.scaled(length), offset=self.offset * length)
 
     def outward(self, forces: FloatArray) -> FloatArray:
-        """Forces (n, 6) on the rectangles in the frames of the true contacts."""
         return _shifted(_turned(forces, self.turn), self.offset)
 
     def inward(self, forces: FloatArray) -> FloatArray:
-        """The inverse of :meth:`outward`."""
         return _turned(_shifted(forces, -self.offset), np.swapaxes(self.turn, 1, 2))
 
 

@@ -151,13 +151,11 @@ class Shares:
         self.high = np.maximum(np.maximum(least, 0.0), self.twist)
 
     def power(self, share: FloatArray) -> FloatArray:
-        """(p, k)."""
         slip = np.hypot(self.v1 - share * self.d2, self.v2 + share * self.d1)
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
 
     def unlimited(self) -> FloatArray:
-        """Power (p, k) with Eq. 30 alone, which has all of the twist."""
         return self.power(self.twist)
 
     def each(self) -> FloatArray:
@@ -236,12 +234,10 @@ def half_extent(contacts: Contacts) -> FloatArray:
 
 
 def whole_boxes(contacts: Contacts) -> FloatArray:
-    """The box of all pressure centres, (n, 2, 2): per axis from -1 to 1."""
     return np.tile([-1.0, 1.0], (len(contacts), 2, 1))
 
 
 def is_whole(boxes: FloatArray) -> BoolArray:
-    """True (n,) for boxes of all pressure centres."""
     return np.asarray((np.abs(boxes) >= 1.0).all(axis=(1, 2)))
 
 
