@@ -38,11 +38,9 @@ def carried_exactly(
     most: float = ON_BOUNDARY,
     others: Callable[[Assemblage], Iterable[FloatArray]] = lambda reached: (),
 ) -> FloatArray | None:
-    """Contact forces (n, 6) near a state that carry the dead load of ``assemblage``, or None.
-
-    In equilibrium to rounding, with no more excess than ``most``, a share of the forces on a
-    contact's less loaded block. ``others`` are tried where the state given does not pass: states
-    of the contacts that are left, in balance.
+    """Contact forces (n, 6) near a state that carry the dead load of ``assemblage``, or None: in
+    equilibrium to rounding, with no more excess than ``most``, a share of the forces on a contact's
+    less loaded block. ``others`` are states of the contacts that are left, tried next.
     """
     whole = strength_of(assemblage)
     if whole.state(state) is None:
@@ -50,7 +48,9 @@ def carried_exactly(
     length = whole.contacts.typical_size
     owner = whole.model.contact if whole.is_internal else np.arange(len(whole.contacts))
     for kept in _cuts(block_sizes(whole.forces(state), length)):
-        reached = _reached(assemblage, kept)
+        bears = np.any(assemblage.statics.dead.reshape(-1, DOF), axis=1)
+        is_whole = len(kept) == len(assemblage.contacts)
+        reached = assemblage if is_whole else with_contacts(assemblage, kept, bears)
         if not reached.balance.is_supported:
             continue
         strength = strength_of(reached)
@@ -71,12 +71,6 @@ def _cuts(size: FloatArray) -> Iterator[IntArray]:
     for k in np.argsort(-gap)[:_CUTS]:
         if gap[k] > _CUT:
             yield np.sort(order[k + 1 :])
-
-
-def _reached(assemblage: Assemblage, kept: IntArray) -> Assemblage:
-    if len(kept) == len(assemblage.contacts):
-        return assemblage
-    return with_contacts(assemblage, kept, np.any(assemblage.statics.dead.reshape(-1, DOF), axis=1))
 
 
 def _is_borne(strength: Strength, state: FloatArray, most: float, length: float) -> bool:

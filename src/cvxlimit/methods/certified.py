@@ -119,14 +119,12 @@ class Certified(Method):
         count(self.workers, 1, "workers")
 
     def steps(self, run: Run) -> Steps:
-        """One solve at a time, as a rule."""
         run.moments = parse_moments(self.moments)
         if dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         return (yield from _Proof(self, run).steps())
 
     def basis(self, run: Run) -> str:
-        """How the bounds were proved."""
         caution = [run.moments.caution]
         if not run.contacts.is_rectangle.all():
             caution.append("contacts that are not rectangles: lower bound on inscribed rectangles")
@@ -193,11 +191,8 @@ class _Proof:
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
     def _is_planar(self, outer: UpperBound) -> bool:
-        """True if the scene is planar and forces in its plane close the bracket.
-
-        Torsion is zero there, so that Eq. 30 asks for little more than friction. Bounds are checked
-        as all others are; nothing rests on the scene being planar.
-        """
+        """True if forces in the scene's plane close the bracket: without torsion Eq. 30 asks for
+        little more than friction. Bounds are checked as all others are."""
         run, found = self.run, self.found
         if found.plane is None:
             return False
@@ -302,12 +297,9 @@ class _Proof:
         return (own if rule.budget is None else rule.budget) - run.clock.elapsed
 
     def _cannot_stand(self) -> bool:
-        """True if no true states carry the dead load, with a mechanism that shows it.
-
-        By homogeneity a load alone is carried as a whole or not at all; taken as live load it has
-        a load factor of at most zero, or without bound. Where a single mechanism does not show it,
-        an upper bound below zero does all the same: the dead load would be carried at zero.
-        """
+        """True if no true states carry the dead load. By homogeneity a load alone is carried as a
+        whole or not at all. Where a single mechanism does not show it, an upper bound below zero
+        does all the same: the dead load would be carried at zero."""
         run = self.run
         if not np.any(run.scene.dead_forces):
             return False
@@ -338,10 +330,8 @@ class _Proof:
             run.best = run.best.raised(0.0, True, 0.0, forces)
 
     def _is_harmless(self) -> bool:
-        """True if forces carry the live load alone, strictly inside Eq. 30 where there are any.
-
-        Eq. 30 is homogeneous: with them, every load factor beyond some finite one is carried.
-        """
+        """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,
+        every load factor beyond some finite one is then carried."""
         run = self.run
         forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
         if forces is None:

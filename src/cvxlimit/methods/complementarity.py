@@ -68,11 +68,10 @@ class Point(NamedTuple):
 
 
 class FrictionSystem:
-    """The contacts of an assemblage with corner compressions and friction on the line of Eq. 24.
-
-    ``opening`` (k, 6 free) and ``slip`` (3 n, 6 free) give rates at corners and contacts, and
-    transposed what compressions and friction do to blocks; ``limit`` (n, k) is the friction that
-    compressions allow besides ``cohesion`` (n,). All are scaled, and torsion is over its arm.
+    """Contacts with corner compressions and friction on the line of Eq. 24, scaled, torsion over
+    its arm. ``opening`` (k, 6 free) and ``slip`` (3 n, 6 free) give rates at corners and contacts,
+    transposed what forces do to blocks; ``limit`` (n, k) is the friction that compressions allow
+    besides ``cohesion`` (n,).
     """
 
     def __init__(self, assemblage: Assemblage) -> None:

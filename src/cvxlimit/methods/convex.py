@@ -78,10 +78,8 @@ class Convex(Method):
 
 
 def dead_load_falls(run: Run) -> bool:
-    """True if the dead load cannot stand: the run then has the mechanism, and says so.
-
-    For methods whose states are admissible without interaction and with dilatancy as well. A
-    positive load factor would not show it: pushed, a block may stay on a slope that is too steep.
+    """True if the dead load cannot stand: the run then has the mechanism, and says so. A positive
+    load factor would not show it: pushed, a block may stay on a slope that is too steep.
     """
     inquiry = Inquiry(run.aside(), "full")
     if not inquiry.dead_load_falls():
@@ -100,10 +98,8 @@ def fallen(scene: Scene, rates: FloatArray) -> str:
 
 
 class Inquiry:
-    """What is asked of a scene without interaction: the load factor, and what loads do alone.
-
-    Bounds, mechanism and remarks of ``run`` are kept up. The certificate is that of the full scene
-    however much ``model`` there is.
+    """What is asked of a scene without interaction: the load factor, and what loads do alone. The
+    certificate is that of the full scene however much ``model`` there is.
     """
 
     def __init__(self, run: Run, model: str, tolerance: float = TOLERANCE) -> None:
@@ -208,10 +204,8 @@ class Inquiry:
         return True
 
     def _late_fall(self) -> tuple[FloatArray | None, float]:
-        """A mechanism that bounds the load factor below zero: the dead load does work on it.
-
-        If the bound needs an assumption, the question is asked again for the dead load alone.
-        """
+        """A mechanism that bounds the load factor below zero: the dead load does work on it, and is
+        asked for alone if the bound needs an assumption."""
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
             return self.certifier.opened(best.mechanism).rates, np.inf
@@ -219,16 +213,13 @@ class Inquiry:
         return self._dead_load_alone()
 
     def _dead_load_alone(self) -> tuple[FloatArray | None, float]:
-        """Give the certifier forces that carry the dead load well inside all surfaces.
-
-        An interior-point solver ends in the middle of all such forces, far deeper inside than
-        projections do. Where there are none, returns rates on which the dead load alone does
-        work, allowed by the flow rule, and the contact forces that could hold it all the same:
+        """Give the certifier forces that carry the dead load: an interior-point solver ends far
+        deeper inside all surfaces than projections do. Where there are none, returns rates on which
+        the dead load alone does work, and the contact forces that could hold it all the same,
         infinite if that is proved.
 
-        Asks for the largest share t <= 1 of the dead load that can be carried. Without constants
-        in the conditions it is 1 if the dead load stands and 0 if not, so an upper bound below
-        1 / 2 is a proof; with them only one below 1 is.
+        Asks for the largest share t <= 1 of it. Without constants in the conditions that is 1 or 0,
+        so an upper bound below 1 / 2 is a proof; with them only one below 1 is.
         """
         dead = self.run.assemblage.statics.dead
         if not np.any(dead):

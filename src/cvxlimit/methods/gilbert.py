@@ -106,12 +106,11 @@ class Gilbert(Method):
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
             state, rung = run.try_solvers(problem.solve, run.ladder or _LADDER)
-            if state.forces is None or state.load_factor is None:
-                run.note(state, rung)
-                claims = state.outcome.claims_no_optimum
-                return Status.NOT_CONVERGED if claims else Status.SOLVER_FAILED
             change = run.change(state)
             run.note(state, rung, change=change)
+            if state.forces is None or state.load_factor is None:
+                claims = state.outcome.claims_no_optimum
+                return Status.NOT_CONVERGED if claims else Status.SOLVER_FAILED
             over = [y.max() for s in run.surfaces for y in s.excess(state.forces, contacts)]
             excess = max(float(max(over)), 0.0) / unit
             run.best = Answer(state.load_factor, run.best.bracket, state.forces, state.mechanism)

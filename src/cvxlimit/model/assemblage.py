@@ -54,10 +54,7 @@ class Assemblage:
         return self.under(np.zeros_like(load), load)
 
     def like(self, scene: Scene) -> Assemblage:
-        """The mechanics of a scene of the same geometry: other strengths, densities and loads.
-
-        Equilibrium and its factorisation are kept.
-        """
+        """With other strengths, densities and loads; equilibrium and its factorisation are kept."""
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         statics = replace(self.statics.under(dead, live), contacts=scene.contacts)
         statics.__dict__["matrix"] = self.statics.matrix

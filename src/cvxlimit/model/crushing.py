@@ -49,10 +49,7 @@ class PlasticField:
 
 
 def recession_of(formulation: Formulation) -> Formulation:
-    """The formulation with its conditions' constants dropped: in which directions forces may grow.
-
-    Contacts with a compressive strength cannot be pressed any further in them.
-    """
+    """Without the constants of its conditions: in which directions forces may grow."""
 
     def recession(contacts: Contacts) -> ForceModel:
         model = model_of(formulation, contacts)

@@ -187,8 +187,7 @@ class FlowRule(StrengthRows):
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Of relative rates (n, 6), with as little dissipation as the missing opening allows: exact
-        where the conditions determine the flow uniquely, otherwise an upper bound.
-        """
+        where the conditions determine the flow, otherwise an upper bound."""
         inner = np.asarray(self.model.meaning.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, True))
 
@@ -207,10 +206,7 @@ class FlowRule(StrengthRows):
     def _completed(
         self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
     ) -> Shortfall:
-        """Complete proposed flows to exact ones with the least change, and measure what is left.
-
-        ``flows`` (all norm rows,) and ``multipliers`` (all conditions' rows,) are in order.
-        """
+        """Complete proposed flows to exact ones with the least change, measure what is left."""
         norms, resistance = self._norms, self._resistance
         rest, held = rates, np.where(self._is_coupled, flows, 0.0)
         if multipliers.any():
@@ -247,12 +243,8 @@ class FlowRule(StrengthRows):
 
     def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
         """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of
-        conditions without norms: cheap ones, or those that leave most opening to spare.
-
-        One small conic problem without coupling between contacts; what comes back is only a
-        proposal, which :meth:`_completed` makes exact and measures. Opening that is missing costs
-        more than dissipation can save, since no compression is above the strength that limits it.
-        """
+        conditions without norms: cheap ones, or those that leave most opening to spare. Missing
+        opening costs more than dissipation can save: no compression is above its strength."""
         scale = float(np.abs(rates).max())
         if self._is_unique or scale == 0.0:
             return self._nothing

@@ -21,11 +21,9 @@ from cvxlimit.model.statics import DOF, Statics
 def glued(
     assemblage: Assemblage, mechanism: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray, IntArray] | None:
-    """The assemblage with blocks glued where a mechanism (free, 6) moves them apart by less than
-    ``share`` of the largest rate; what is glued to a support is fixed.
-
-    Also the rates (bodies, 6) of the first block of each body, and which contacts (k,) are left.
-    None if nothing is glued, or all to the supports, and with ties or guides: they are no contacts.
+    """With blocks glued that a mechanism (free, 6) moves apart by less than a ``share`` of the
+    largest rate; the rates (bodies, 6) of each body's first block; the contacts (k,) left. None if
+    nothing is glued, or all to the supports, and with ties or guides: they are no contacts.
     """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
@@ -51,10 +49,9 @@ def glued(
 def without_idle(
     assemblage: Assemblage, forces: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray] | None:
-    """The assemblage without contacts whose forces (n, 6) are below ``share`` of the largest, and
-    without blocks that none touches any more; and the forces of the others. None if no contact is
-    left out, if some blocks then lack any support, as one that bears a load would, and with ties or
-    guides.
+    """Without contacts whose forces (n, 6) are below ``share`` of the largest, and blocks that none
+    touches any more; and the others' forces. None if no contact is left out, if some blocks then
+    lack any support, as one that bears a load would, and with ties or guides.
     """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:

@@ -30,10 +30,8 @@ DOF = 6
 def equilibrium_matrix(
     contacts: Contacts, centroids: FloatArray, row_of_block: IntArray
 ) -> sp.csr_array:
-    """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for contact forces x and loads f.
-
-    Contact forces act on block b, their opposites on a. ``row_of_block`` numbers free blocks from
-    0.
+    """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for loads f and contact forces x, which
+    act on block b, their opposites on a. ``row_of_block`` numbers free blocks from 0.
     """
     free, n = int(row_of_block.max()) + 1, len(contacts)
     block, columns = np.append(contacts.b, contacts.a), np.tile(np.arange(n), 2)
@@ -105,10 +103,8 @@ class Statics:
         return np.asarray(result).reshape(-1, DOF)
 
     def is_balanced(self, forces: FloatArray, load_factor: float, length: float) -> bool:
-        """True if no block's residual exceeds rounding of the forces that act on it.
-
-        Not of the total load: that would let a block of a millionth of the weight go unbalanced.
-        """
+        """True if no block's residual exceeds rounding of the forces that act on it: of the total
+        load it would let a block of a millionth of the weight go unbalanced."""
         rest = block_sizes(self.residual(forces, load_factor), length)
         size = self.acting(forces, load_factor, length)
         return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())

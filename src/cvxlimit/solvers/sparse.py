@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,7 +45,7 @@ def factorised(matrix: sp.csc_array) -> Solve:
     return symmetric_lu(matrix, "MMD_AT_PLUS_A")
 
 
-def symmetric_lu(matrix: sp.csc_array, order: str) -> Solve:
+def symmetric_lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Solve:
     """SciPy's LU without pivoting, in one of SuperLU's orders.
 
     Raises RuntimeError if a pivot is zero.
@@ -119,11 +119,10 @@ def best_backend() -> str:
 
 
 def nested_dissection(graph: sp.csr_array) -> IntArray:
-    """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in.
-
-    The graph is cut in two along a level of one of a few coordinates, the separator comes last, and
-    each part is treated alike. Coordinates are distances, counted in edges, from nodes far apart:
-    they follow a wall around corners.
+    """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in: it
+    is cut along a level of one of a few coordinates, the separator comes last, each part is treated
+    alike. Coordinates are distances in edges from nodes far apart: they follow a wall around
+    corners.
     """
     n = graph.shape[0]
     graph = sp.csr_array((np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))

@@ -139,10 +139,7 @@ class NewtonSystem:
         self._indptr = np.searchsorted(unique[:-1], np.arange(p + 1) * p)
 
     def factorise(self, scaling: NesterovTodd) -> None:
-        """Take up the scaling W of a new iterate.
-
-        Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes a matrix singular.
-        """
+        """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
         self.scaling, self._roots, parts = scaling, [], []
         for group in self.groups:
             root = _inverse_root(group.scaled_rows(scaling))
@@ -328,10 +325,8 @@ class _Blocks:
     def _lay_out(
         self, members: IntArray, owner: IntArray, kind: IntArray, edge: IntArray, border: IntArray
     ) -> None:
-        """Slabs of variables and rows, group by group: linear rows of all groups come first.
-
-        A block's shape is its number of variables, then 1 or minus the cone's size, row by row.
-        """
+        """Slabs of variables and rows, group by group: linear rows of all groups come first. A
+        block's shape is its number of variables, then 1 or minus the cone's size, row by row."""
         first_row = np.cumsum(self.height) - self.height
         first_column = np.cumsum(self.width) - self.width
         shape = np.zeros((len(self.width), 1 + int(self.height.max(initial=0))), int)

@@ -130,11 +130,8 @@ class InteriorPoint:
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def minimise(self, tolerance: float, max_iter: int, start: Point | None = None) -> Result:
-        """Iterates until the gap, relative to the objective, is below the tolerance, or until
-        rounding allows no more; the best iterate is returned.
-
-        A start that is no use, of another size or with NaN, is not used.
-        """
+        """The best iterate, when the relative gap is below the tolerance, or rounding allows no
+        more. A start that is no use, of another size or with NaN, is not used."""
         began = time.perf_counter()
         at = self._warm(start) or self._cold()
         best, scores, worst, count = at, [np.inf], np.inf, 0

@@ -30,11 +30,8 @@ from cvxlimit.surfaces import Rocking
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Boxes (n, 2, 2) of pressure centres and what is known about states in them.
-
-    ``bound`` is certified; ``forces`` and ``load_factor`` are the relaxation's, ``mechanism`` is
-    that of the bound, ``added`` are copies found by pricing.
-    """
+    """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
+    relaxation's ``forces`` and ``load_factor``, and copies ``added`` by pricing."""
 
     bound: float
     boxes: FloatArray

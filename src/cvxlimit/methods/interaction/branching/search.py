@@ -31,10 +31,9 @@ _State = tuple[FloatArray, float]  # forces, and the load factor with which they
 class BranchAndBound:
     """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
 
-    Bounds go to ``run.best`` as they improve; the bracket is valid whenever the search stops. What
-    the run knows already is where it begins. Nodes are closed at a ``tolerance`` relative to the
-    upper bound; an ``executor`` of :mod:`concurrent.futures` explores as many nodes at a time as it
-    has ``workers``, None is this process.
+    Bounds go to ``run.best``; the bracket is valid whenever the search stops. Nodes are closed at a
+    ``tolerance`` relative to the upper bound. An ``executor`` explores as many nodes at a time as
+    it has ``workers``, None is this process.
     """
 
     def __init__(
@@ -166,8 +165,7 @@ class BranchAndBound:
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
     def _raise_lower(self, node: Node) -> None:
-        """Admissible forces near the node's: the best safe ones, and on the way from these and
-        from the best known ones to the node's own."""
+        """Admissible forces near the node's: on the way to them from safe ones and the best."""
         if node.forces is None:
             return
         safe = self._settled(node)

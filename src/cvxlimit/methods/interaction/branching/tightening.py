@@ -112,9 +112,8 @@ class Reach:
     """How far from its contact's middle pressure can act if a load factor is to be reached.
 
     The largest e = X / N over all states of a relaxation with a load factor of ``least`` or more
-    is one convex problem: by homogeneity states may be scaled to N = 1 at the contact asked about,
-    with the dead load scaled by t >= 0 (Charnes and Cooper). Its mechanism shows why pressure
-    beyond cannot act: it bounds the load factor of all such states by ``least``.
+    is one convex problem: by homogeneity states may be scaled to N = 1 there, with the dead load
+    scaled by t >= 0 (Charnes and Cooper). Its mechanism bounds all states beyond by ``least``.
     """
 
     def __init__(self, problem: HullProblem, copies: Copies, least: float) -> None:
@@ -137,10 +136,8 @@ class Reach:
     def furthest(
         self, contact: int, axis: int, sign: float, settings: SolverSettings
     ) -> tuple[float, FloatArray] | None:
-        """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6).
-
-        None if the solver has no answer, for contacts that do not press among them.
-        """
+        """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6);
+        None without an answer, as for contacts that do not press."""
         base = len(COMPONENTS) * contact
         normal = self.meaning[[base + COLUMN["N"]]]
         if not normal.nnz:

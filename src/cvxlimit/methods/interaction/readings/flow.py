@@ -19,15 +19,11 @@ from cvxlimit.model.flow import Shortfall
 
 
 class InteractionFlow:
-    """The flow rule of torsion-shear-bending interaction, not linearised and not relaxed.
+    """Stands for :class:`cvxlimit.model.flow.FlowRule` in certificates of upper bounds.
 
-    Has the methods of :class:`cvxlimit.model.flow.FlowRule` that certificates use, so a
-    :class:`~cvxlimit.proof.certificate.Certifier` with it proves upper bounds on the collapse load
-    with interaction: the shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear,
-    and forces do at least -s N of work on rates q.
-    ``boxes`` (n, 2, 2) are the pressure centres considered: lowest and highest e1 and e2 as
-    fractions of :func:`half_extent`, None is all. Arms of polygons that are not rectangles are
-    bounded over cells (:mod:`cells`) where friction at their corners does not stand for all states.
+    The shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear, and forces do at
+    least -s N of work on rates q. ``boxes`` (n, 2, 2) are the pressure centres considered: lowest
+    and highest e1 and e2 as fractions of :func:`half_extent`, None is all.
     """
 
     def __init__(
@@ -42,11 +38,8 @@ class InteractionFlow:
         self._cells = moments.cells(contacts, self.boxes)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Missing opening of rates (n, 6), negative where some is to spare; nothing unresisted.
-
-        An upper bound on the exact value, above it by 1e-10 of the largest power at most
-        (independent signs on polygons: by what friction at the corners allows more).
-        """
+        """Above the exact one by 1e-10 of the largest power at most; with independent signs on
+        polygons by what friction at the corners allows more."""
         return Shortfall(self._support(-rates, SUPPORT.halvings)[0], np.zeros(0))
 
     opened = shortfall  # the rule leaves no choice
@@ -55,17 +48,14 @@ class InteractionFlow:
         return self._support(-rates, 0)[0]
 
     def worst(self, rates: FloatArray) -> Support:
-        """Shortfall (n,), and the pressure centres (n, 2) that have it, as fractions.
-
-        Centres are found for rectangles with independent signs, and are NaN elsewhere.
-        """
+        """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known."""
         return self._support(-rates, SUPPORT.halvings)
 
     def _support(self, w: FloatArray, halvings: int) -> Support:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction, rows, cells = self.contacts.friction, self._corners, self._cells
         if len(rows):
-            power[rows] = corner_support(w[rows], self.contacts, rows)
+            power[rows] = corner_support(w, self.contacts)[rows]
         if len(cells.cell):
             j = cells.contact
             found = self.moments.cell_power(w[j], friction[j], cells)

@@ -21,9 +21,7 @@ from cvxlimit.reductions.mirror import Mirror
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """The half of a symmetric scene that says it all, under one reading of Eq. 30.
-
-    ``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
+    """``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
     those of the other; ``forces`` (6 n, 6 k) of all contacts, per forces of those kept; ``rates``
     (r, 6 free blocks) the symmetric ways in which blocks move.
     """
@@ -35,10 +33,9 @@ class Half:
 
     @classmethod
     def of(cls, found: Reductions, moments: Moments) -> Half | None:
-        """Of a scene's reductions, or None: without a mirror plane, in planar scenes, where the
-        reading is not indifferent to the mirror, as one with tied signs need not be, and with
-        contacts that are not rectangles: safe steps put rectangles into those, in places of their
-        own, and their arms, not the problems, take the time (the dome gained nothing)."""
+        """None without a mirror plane, in planar scenes, where the reading is not indifferent to
+        the mirror, and with contacts that are not rectangles: safe steps put those into places of
+        their own, and their arms, not the problems, take the time (the dome gained nothing)."""
         mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.best()
         if mirror is None or found.plane is not None or not contacts.is_rectangle.all():
             return None
@@ -52,17 +49,14 @@ class Half:
 
     @property
     def forces_of_all(self) -> sp.csr_array:
-        """Forces (6 n,) of all contacts, per forces (6 n,) of which only those of contacts kept
-        count."""
-        columns = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
-        places = np.arange(len(columns)), columns
-        shape = (len(columns), self.forces.shape[0])
-        return (self.forces @ sp.csr_array((np.ones(len(columns)), places), shape)).tocsr()
+        """Per forces (6 n,) of which only those of contacts kept count."""
+        column = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
+        size, entries = self.forces.shape[0], self.forces.tocoo()
+        return sp.csr_array((entries.data, (entries.row, column[entries.col])), (size, size))
 
 
 def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:
-    """True if random forces exceed Eq. 30 at every contact by as much as their mirror image does:
-    a reading that is not indifferent differs almost surely."""
+    # a reading that is not indifferent differs almost surely for random forces
     random = np.random.default_rng(0)
     forces = random.normal(size=(len(contacts), len(COMPONENTS)))
     forces[:, COLUMN["N"]] = np.abs(forces[:, COLUMN["N"]])

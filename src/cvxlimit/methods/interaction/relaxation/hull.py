@@ -26,17 +26,7 @@ _Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a 
 
 class HullProblem:
     """Limit problems over copies of one scene's contacts; equilibrium is kept from one to the next.
-
     With a ``half`` of a symmetric scene problems are restricted to it; answers are of the whole.
-
-    Example
-    -------
-    >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.methods.interaction.readings.moments import SIGNED
-    >>> scene = builtin_scene("single-block")
-    >>> state = HullProblem(scene).solve(SIGNED.box_copies(scene.contacts))
-    >>> round(state.load_factor, 4)
-    0.4
     """
 
     def __init__(self, scene: Scene | Assemblage, half: Half | None = None) -> None:

@@ -32,8 +32,7 @@ def missed_copies(
     worth: float,
     beside: float = 0.0,
 ) -> Copies:
-    """Copies at the worst pressure centres of contacts that open too little; with ``beside``,
-    further ones that far along the edges of whole contacts.
+    """Copies at the worst pressure centres of contacts that open too little, ``beside`` them too.
 
     ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
@@ -61,9 +60,8 @@ def missed_copies(
 class UpperBound:
     """Relaxations of a run by the hull of every contact, with copies ``added`` as they are missed.
 
-    Bounds go to ``run.best``. ``state`` is the last relaxation with a mechanism: no hull bound
-    could be lower than nearly its load factor, and its pressure centres are a start for methods
-    from below. ``claims_no_optimum`` if the last solver found the relaxation to be without limit.
+    Bounds go to ``run.best``. ``state`` is the last relaxation with a mechanism;
+    ``claims_no_optimum`` if the last solver found it to be without limit.
     """
 
     def __init__(self, run: Run, half: Half | None = None) -> None:

@@ -28,16 +28,12 @@ from cvxlimit.reductions.choice import Reductions
 
 
 class Boxes:
-    """Boxes of pressure centres about those of ``forces`` (n, 6), or of whole contacts, that follow
-    a relaxation to admissible forces; ``force`` is the unit of excess.
+    """Boxes of pressure centres about those of ``forces`` (n, 6), or of whole contacts.
 
-    The hull of states pressed within a box holds states that are not admissible; the smaller the
-    box, the less they exceed Eq. 30. So boxes shrink where the last relaxation's forces exceed it,
-    and only there; while the way is still open (*exploring*) others even grow.
-
-    ``centre`` (n, 2) and ``size`` (n,) to either side are fractions of :func:`half_extent`;
-    ``excess`` and ``largest`` say by how much the last forces exceed Eq. 30, over ``force``: summed
-    over all contacts that have boxes, and at the worst of them.
+    The smaller a box, the less states in its hull exceed Eq. 30. So boxes shrink where the last
+    relaxation's forces exceed it, and only there; while the way is open (*exploring*) others even
+    grow. ``centre`` (n, 2) and ``size`` (n,) to either side are fractions of :func:`half_extent`;
+    ``excess`` and ``largest`` that of the last forces, over ``force``, in all and at the worst.
     """
 
     def __init__(
@@ -81,9 +77,8 @@ class Boxes:
 class InnerMethod:
     """Searches of one run; :meth:`iterates` may be called for several starts.
 
-    Bounds that the checker accepts go to ``run.best``, every solve into the run's history. Each
-    start has ``max_iterations`` solves at most, and ends when a bound gains less than ``gain`` of
-    the load factor. Where ``reductions`` have a mirror plane, steps stay among symmetric states.
+    Each has ``max_iterations`` solves at most, and ends when a bound gains less than a ``gain``,
+    relative. Where ``reductions`` have a mirror plane, steps stay among symmetric states.
     ``moments`` are a reading that is stricter than the run's, to search in; None is the run's.
     """
 
@@ -100,15 +95,14 @@ class InnerMethod:
         self.middle, self._mark = self.problems.middle, -np.inf
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """All solves in order, lazily; stop taking them when the bound is good enough. ``start``
-        (n, 6) are forces to begin at, admissible or not; None is the middle of the contacts."""
+        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle."""
         by_boxes = self.problems.moments.way == "boxes"
         way = self._settled(start) if by_boxes else self._stepped(start)
         return self._search("middle" if start is None else "relaxation", way)
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """Boxes about ``start`` (n, 6) that shrink until their forces nearly satisfy Eq. 30, and
-        steps from there: slower than :meth:`iterates`, and on irregular walls often higher."""
+        """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
+        than :meth:`iterates`, and on irregular walls often higher."""
         return self._search("boxes", self._narrowed(start))
 
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:

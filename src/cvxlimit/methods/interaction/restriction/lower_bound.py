@@ -32,10 +32,9 @@ from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 class LowerBound:
     """A lower bound on the load factor with interaction, and the forces (n, 6) that show it.
 
-    ``value`` is -inf if the forces were refused; ``load_factor`` is the one with which they are in
-    equilibrium. ``is_proved`` where they satisfy Eq. 9 and 30 and equilibrium to rounding;
-    otherwise they do so within :attr:`ProofSettings.accepted` of the total load, and ``value`` is
-    ``load_factor`` less what that is worth if no rate of the exact mechanism exceeds ten times that
+    ``value`` is -inf if the forces were refused. ``is_proved`` where they satisfy Eq. 9 and 30 and
+    equilibrium to rounding; otherwise they do so within :attr:`ProofSettings.accepted`, and
+    ``value`` is less by what that is worth if no rate of the exact mechanism exceeds ten times that
     of the block with the least live load, moving alone. ``excess`` and ``residual`` are the largest
     of Eq. 9 and 30 and of equilibrium, over the total load.
     """
@@ -56,12 +55,11 @@ class LowerBound:
 
 
 class LowerBounds:
-    """The checker of one scene in one moment convention.
+    """The checker of one scene in one reading, wherever forces come from.
 
-    The forces are brought into equilibrium (the least change). Where they do not pass exactly,
-    they are mixed with a share t of a state that carries the dead load alone strictly inside
-    Eq. 30: the mixture is in equilibrium with (1 - t) alpha, and is checked itself, since Eq. 30
-    is not convex. Nothing of this asks where the forces came from.
+    They are brought into equilibrium. Where they do not pass exactly, they are mixed with a share t
+    of a state that carries the dead load alone strictly inside Eq. 30: the mixture is in
+    equilibrium with (1 - t) alpha, and is checked itself, since Eq. 30 is not convex.
     """
 
     def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:

@@ -52,11 +52,9 @@ class StepState(LimitState):
 
 
 class SafeStep:
-    """The convex step of one scene, compiled anew at every point.
-
-    Compiling afresh costs a tenth of a solve; with Parameters (nine vectors) DPP would need
-    gigabytes, and without DPP CVXPY compiles afresh anyway. With a ``half`` of a symmetric scene
-    steps are restricted to that; answers are those of the whole.
+    """The convex step of one scene, compiled anew at every point: that costs a tenth of a solve,
+    where Parameters (nine vectors) would need gigabytes. With a ``half`` of a symmetric scene steps
+    are restricted to that; answers are those of the whole.
     """
 
     def __init__(
@@ -86,12 +84,8 @@ class SafeStep:
         curvature: float = 1.0,
         most: float | None = None,
     ) -> StepState:
-        """Maximise the load factor, less ``price`` x slack; None: no slack.
-
-        Without slack and with all of the rows' ``curvature`` every answer is safe; with a share of
-        it steps are longer (:meth:`Row.lengthened`). ``point`` is scaled, as :meth:`point` returns
-        it; ``most`` is the largest load factor asked for. Never raises for what the solver does.
-        """
+        """The load factor, at most ``most``, less ``price`` x slack; None: no slack. Then, with all
+        of the rows' ``curvature``, every answer is safe; with a share of it steps are longer."""
         slack = None if price is None else cp.Variable(len(self.kept), nonneg=True)
         limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
         bought = None if slack is None else price * cp.sum(slack)
@@ -124,8 +118,7 @@ class SafeStep:
 
 @dataclass(frozen=True, eq=False)
 class InnerIterate:
-    """One solve on the way to a lower bound: its ``kind``, as in the module's text, and the
-    ``bound`` that the checker made of its forces, None if there are none."""
+    """One solve, its ``kind`` as in the module's text, and the ``bound`` that its forces have."""
 
     kind: str
     state: LimitState
@@ -149,9 +142,8 @@ class InnerIterate:
 
 
 class SafeProblems:
-    """All problems of one run under one reading, or a stricter one; the checker is that of the run,
-    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on. The run's
-    ladder is gone down where a safe problem fails; None is loose solvers, then tight ones."""
+    """All problems of one run under its reading, or a stricter one; the checker is that of the run,
+    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on."""
 
     def __init__(
         self,
@@ -173,7 +165,7 @@ class SafeProblems:
         self._last: tuple[InnerIterate, Solver] | None = None
 
     def begin(self, start: str) -> float:
-        """Note where a search begins; returns the bound that it has to beat."""
+        """Returns the bound that a search has to beat."""
         self.start, self._last = start, None
         return self.run.best.bracket.lower
 

@@ -23,12 +23,9 @@ from cvxlimit.methods.interaction.states.support import Lever, Shares, half_exte
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Corners of cells of contacts in boxes, k of them.
-
-    ``contact``, ``cell`` (k,) say which contact, and which cell of all, a corner is one of;
-    ``place`` (k, 2) are pressure centres and ``arm`` (k,) t_k, in the contacts' unit of length;
-    ``drag`` (k, 2) is kappa2, kappa1: what abs(V1) and abs(V2) cost beside abs(V), with independent
-    signs.
+    """Corners of cells of contacts in boxes, k of them: of which contact and which cell of all,
+    ``place`` (k, 2) and ``arm`` t_k in the contacts' unit of length; ``drag`` (k, 2) is kappa2 and
+    kappa1: what abs(V1) and abs(V2) cost beside abs(V), with independent signs.
     """
 
     contact: IntArray
@@ -49,8 +46,7 @@ class Cells:
         boxes: FloatArray,
         most: FloatArray | float = np.inf,
     ) -> Cells:
-        """Of the contacts that are ``chosen`` (n,) in boxes (n, 2, 2), fractions of their extent;
-        ``most`` (n,) is the largest arm that a contact may have under the reading."""
+        """``most`` (n,) is the largest arm that a contact may have under the reading."""
         half, largest = half_extent(contacts), np.broadcast_to(most, (len(contacts),))
         parts, start = [], 0
         for j in np.flatnonzero(chosen).tolist():
@@ -69,8 +65,7 @@ class Cells:
 def cells(
     corners: FloatArray, low: FloatArray, high: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Corners (m, 2) and arms t_k (m,) of the cells of a convex polygon (k, 2) between ``low`` and
-    ``high`` (2,); none outside of it."""
+    """Corners (m, 2) and arms t_k (m,) of the cells of a convex polygon between low and high."""
     return _cells(corners.tobytes(), low.tobytes(), high.tobytes())
 
 
@@ -93,8 +88,7 @@ def _cells(corners: bytes, low: bytes, high: bytes) -> tuple[tuple[FloatArray, F
 
 
 def independent_power(w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-    """An upper bound (g,) on the power pressed in each cell with independent signs; ``w`` (k, 6)
-    and ``friction`` (k,) are those of the cells' corners, in their order."""
+    """An upper bound (g,) in each cell; ``w`` (k, 6) and ``friction`` are the corners'."""
     torsion = cells.arm * np.abs(w[:, COLUMN["MT"]])
     shear = np.abs(w[:, [COLUMN["V1"], COLUMN["V2"]]])
     slope = shear_support(shear, np.ones(len(w)), cells.drag)
@@ -236,8 +230,7 @@ class ArmBounds:
         return margin
 
     def _sectors(self, corners: FloatArray, widths: FloatArray) -> _Sectors:
-        """Slabs (s,) behind the edges of S(e0), whose ``corners`` are given from e0, with b_i(e0),
-        and M_i of the sectors."""
+        """Slabs behind the edges of S(e0), given by corners from e0; b_i(e0); M_i of sectors."""
         ahead = np.roll(corners, -1, axis=0)
         middle = 0.5 * (corners + ahead)
         slab = np.abs(np.abs(middle @ self.normals.T) - widths).argmin(axis=1)

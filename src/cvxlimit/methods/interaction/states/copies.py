@@ -29,9 +29,8 @@ class Copies:
     """Copies of contacts with frozen pressure centres, k of them.
 
     ``centre`` (k, 2) is a fraction of :func:`half_extent`; with ``spread`` (k, 2) it may lie
-    anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. ``lever``
-    (k, 2) is the point about which torsion is taken, as a fraction too: with signed moments the
-    centre, and spread costs torsion; NaN where every sign of the torque is on its own. ``limited``
+    anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. Torsion is
+    taken about ``lever`` (k, 2), a fraction too; NaN where every sign is on its own. ``limited``
     (k,) says where Eq. 27 stands beside Eq. 30. ``arm`` (k,), over the contact's c_T, and ``drag``
     (k, 2), kappa, are NaN but where they are not those of the centre.
     """

@@ -18,10 +18,8 @@ from cvxlimit.geometry.polygons import (
 
 @dataclass(frozen=True, eq=False)
 class Pressure:
-    """Pressure centres and effective torsion arms of all contacts (Eq. 26 and 31).
-
-    ``e1``, ``e2``, ``arm`` have shape (n,), in the unit of length; contacts without compression
-    count as pressed at their centre, where they carry nothing anyway.
+    """Pressure centres and effective torsion arms (n,) of all contacts (Eq. 26 and 31); contacts
+    without compression count as pressed at their centre, where they carry nothing anyway.
     """
 
     e1: FloatArray
@@ -30,12 +28,8 @@ class Pressure:
 
     @classmethod
     def of(cls, forces: FloatArray, contacts: Contacts, epsilon: float = 0.0) -> Pressure:
-        """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31.
-
-        Centres outside the contact are taken to its nearest edge. A force ``epsilon`` above zero
-        takes contacts that carry next to nothing for pressed near their centres: bounds are for
-        the true centres, without it.
-        """
+        """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31, which takes contacts that carry
+        next to nothing for pressed near their centres: bounds are without it."""
         normal, m1, m2 = (forces[:, COLUMN[c]] for c in ("N", "M1", "M2"))
         pressed = normal > 0.0
         safe = np.where(pressed, normal + epsilon, 1.0)
@@ -94,11 +88,8 @@ def areas_and_arms(
 
 def own_arm(contacts: Contacts) -> FloatArray:
     """Largest arm (n,) that independent signs grant a contact: c_T of the contact itself where it
-    is not convex, infinite elsewhere.
-
-    Contacts that are not convex rock about their hull, and effective regions are the hull's; the
-    hull's mean distance may exceed the contact's, which Eq. 24 has. With this limit independent
-    signs, the safe reading, imply Eq. 24 there as they do on rectangles.
+    is not convex, infinite elsewhere. The mean distance of the hull, about which it rocks, may
+    exceed that; with this limit the safe reading implies Eq. 24 there as it does on rectangles.
     """
     most = np.full(len(contacts), np.inf)
     outlines = [j for j in contacts.pieces if not contacts.is_rectangle[j]]

@@ -32,8 +32,6 @@ class Rectangle:
         return np.array([[c, -s], [s, c]])
 
     def arm_share(self, corners: FloatArray, largest: float) -> float:
-        """How much of its c_T is surely there in the contact around it, of arms up to
-        ``largest``."""
         half = np.array(self.half)
         if half.min() <= 0.0:
             return 0.0
@@ -66,8 +64,6 @@ class Rectangles:
         inscribed: Callable[[FloatArray], Rectangle],
         largest: FloatArray | None = None,
     ) -> Rectangles:
-        """Those ``inscribed`` in corners (k, 2), with their arms, of which contacts allow at most
-        ``largest`` (n,), None for any; rectangles stay as they are."""
         n = len(contacts)
         turn, offset, share = np.tile(np.eye(2), (n, 1, 1)), np.zeros((n, 2)), np.ones(n)
         if contacts.is_rectangle.all():
@@ -142,11 +138,8 @@ def largest_anywhere(corners: FloatArray) -> Rectangle:
 
 
 def _largest_at(corners: FloatArray, angle: float) -> Rectangle:
-    """Largest rectangle with its first side along ``angle``.
-
-    Between x0 and x1 a convex polygon has the height that its ends leave: the lower one of its
-    upper, the upper one of its lower chain.
-    """
+    # between x0 and x1 a convex polygon has the height that its ends leave: the lower one of its
+    # upper, the upper one of its lower chain
     turn = Rectangle((0.0, 0.0), angle, (0.0, 0.0)).turn
     points = corners @ turn
     first, last = points[:, 0].min(), points[:, 0].max()

@@ -26,10 +26,8 @@ Lever = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What a support function of n rectangles is asked for.
-
-    Rates ``w`` (n, 6), half sides (n, 2), friction (n,), and boxes (n, 2, 2) of pressure centres:
-    per axis the lowest and the highest, as fractions of the half sides.
+    """What a support function of n rectangles is asked for: rates ``w`` (n, 6), and boxes
+    (n, 2, 2) of pressure centres, per axis the lowest and the highest fraction of the half sides.
     """
 
     w: FloatArray
@@ -181,17 +179,11 @@ def _least(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatAr
     return best
 
 
-def corner_support(w: FloatArray, contacts: Contacts, rows: IntArray) -> FloatArray:
-    """Power (k,) of friction at the corners of contacts ``rows``, for rates w (k, 6)."""
-    place = np.full(len(contacts), -1)
-    place[rows] = np.arange(len(rows))
-    k = np.flatnonzero(place[contacts.corner_contact] >= 0)
-    j = place[contacts.corner_contact[k]]
-    at = contacts.corner_xy[k][None]
-    shares = Shares(lambda e: e, w[j], contacts.friction[rows][j], at, np.zeros((1, len(k))))
-    power = np.full(len(rows), -np.inf)
-    np.maximum.at(power, j, shares.unlimited()[0])
-    return power
+def corner_support(w: FloatArray, contacts: Contacts) -> FloatArray:
+    """Power (n,) of friction at the corners of contacts, for rates w (n, 6)."""
+    j, at = contacts.corner_contact, contacts.corner_xy[None]
+    shares = Shares(lambda e: e, w[j], contacts.friction[j], at, np.zeros((1, len(j))))
+    return np.maximum.reduceat(shares.unlimited()[0], contacts.corner_start[:-1])
 
 
 def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> FloatArray:
@@ -225,10 +217,7 @@ def box_corners(ends: FloatArray) -> FloatArray:
 
 
 def half_extent(contacts: Contacts) -> FloatArray:
-    """Half sides of rectangles, or the largest coordinates of a polygon's corners, (n, 2).
-
-    Pressure centres and boxes of them are given as fractions of it.
-    """
+    """Half sides (n, 2), or a polygon's largest coordinates: pressure centres are fractions."""
     size = np.maximum.reduceat(np.abs(contacts.corner_xy), contacts.corner_start[:-1], axis=0)
     return np.where(contacts.is_rectangle[:, None], contacts.sides / 2.0, size)
 
