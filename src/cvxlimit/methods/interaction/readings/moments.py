@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import cvxpy as cp
 import numpy as np
@@ -64,8 +64,6 @@ class Moments(ABC):
     """As in options and result files."""
     starts: tuple[str, ...]
     """Where searches for a lower bound begin unless they are told: relaxation, middle, boxes."""
-    way: Literal["steps", "boxes"] = "steps"
-    """How they go on: by safe steps, or by shrinking boxes of pressure centres."""
     is_limited: bool = False
     """True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N."""
     slopes: FloatArray | None = None
@@ -87,6 +85,12 @@ class Moments(ABC):
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def is_about_centre(self) -> bool:
+        """True if torsion is taken about the pressure centre itself. Searches for a lower bound
+        then go on by boxes of centres, which were better on all built-in panels, else by steps."""
+        return self.slopes is not None and bool((self.slopes == 1.0).all())
 
     @property
     def stricter(self) -> tuple[Moments, ...]:
@@ -285,17 +289,8 @@ class TiedMoments(Moments):
         return np.asarray(unit.T)
 
     @property
-    def is_about_centre(self) -> bool:
-        return bool((self.slopes == 1.0).all())
-
-    @property
     def starts(self) -> tuple[str, ...]:  # type: ignore[override]
         return ("relaxation",) if self.is_about_centre else ("relaxation", "middle")
-
-    @property
-    def way(self) -> Literal["steps", "boxes"]:  # type: ignore[override]
-        """Boxes about the pressure centre, which are better there on all built-in panels."""
-        return "boxes" if self.is_about_centre else "steps"
 
     @property
     def frozen(self) -> Callable[[Eccentricity, Cone], YieldSurface]:  # type: ignore[override]

@@ -96,7 +96,7 @@ class InnerMethod:
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle."""
-        by_boxes = self.problems.moments.way == "boxes"
+        by_boxes = self.problems.moments.is_about_centre
         way = self._settled(start) if by_boxes else self._stepped(start)
         return self._search("middle" if start is None else "relaxation", way)
 

@@ -163,14 +163,8 @@ def plain_witnesses(assemblage: Assemblage) -> Witnesses:
 def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
     whole = assemblage.contacts
     for friction, size in PROOF.reserves:
-        smaller = replace(
-            whole,
-            friction=friction * whole.friction,
-            corner_xy=size * whole.corner_xy,
-            pieces={j: tuple(size * p for p in parts) for j, parts in whole.pieces.items()},
-            sides=size * whole.sides,
-            area=size**2 * whole.area,
-        )
+        shrunk = replace(whole.scaled(size), origin=whole.origin)
+        smaller = replace(shrunk, friction=friction * whole.friction)
         statics = replace(assemblage.statics, contacts=smaller)
         balance = Balance(statics, corner_compressions(smaller))
         state = plain_witnesses(replace(assemblage, statics=statics, balance=balance)).dead_state

@@ -103,7 +103,7 @@ def levered_power(
     """The same with torsion about a lever: at the corners, and with Eq. 27 for all of a cell's."""
     if not is_limited:
         shares = Shares(lever, w, friction, cells.place[None], cells.arm[None])
-        return np.maximum.reduceat(shares.unlimited()[0], cells.start)
+        return np.maximum.reduceat(shares.power(shares.twist)[0], cells.start)
     size = np.diff([*cells.start, len(cells.cell)])
     corner = np.arange(int(size.max()))[:, None]
     rows = cells.start + np.minimum(corner, size - 1)  # (corners, cells), the last one repeated

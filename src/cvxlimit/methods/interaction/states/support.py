@@ -120,7 +120,7 @@ def levered_support(lever: Lever, is_limited: bool, asked: Asked, halvings: int)
         shares = Shares(lever, asked.w[j], asked.friction[j], e, arm)
         if is_limited:
             return e, shares.each(), shares.together()
-        power = shares.unlimited()
+        power = shares.power(shares.twist)  # Eq. 30 alone has all of it
         return e, power, power.max(axis=0)
 
     rows, ends = within_quadrants(asked.boxes)
@@ -153,9 +153,6 @@ class Shares:
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
 
-    def unlimited(self) -> FloatArray:
-        return self.power(self.twist)
-
     def each(self) -> FloatArray:
         """The least power (p, k), every centre with a share of its own."""
         return _least(self.power, self.low, self.high)
@@ -183,7 +180,7 @@ def corner_support(w: FloatArray, contacts: Contacts) -> FloatArray:
     """Power (n,) of friction at the corners of contacts, for rates w (n, 6)."""
     j, at = contacts.corner_contact, contacts.corner_xy[None]
     shares = Shares(lambda e: e, w[j], contacts.friction[j], at, np.zeros((1, len(j))))
-    return np.maximum.reduceat(shares.unlimited()[0], contacts.corner_start[:-1])
+    return np.maximum.reduceat(shares.power(shares.twist)[0], contacts.corner_start[:-1])
 
 
 def shear_support(rates: FloatArray, arm: FloatArray, weight: FloatArray) -> FloatArray:
