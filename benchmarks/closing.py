@@ -28,7 +28,7 @@ from rich.console import Console
 
 from cvxlimit import Block, Load, Scene, Status, builtin_scene
 from cvxlimit.masonry import BUILTIN, random_wall
-from cvxlimit.masonry.randoms import SIZES
+from cvxlimit.masonry.walls import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem

@@ -16,7 +16,7 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
 from cvxlimit.model.formulations import resultants
 from cvxlimit.plotting import plot
-from cvxlimit.plotting.crushing import CRUSHED_COLOUR, YIELDING_COLOUR, yielding
+from cvxlimit.plotting.annotations import CRUSHED_COLOUR, YIELDING_COLOUR, yielding
 from cvxlimit.plotting.webpage import Page, page
 from helpers import rotations
 

@@ -6,7 +6,7 @@ from benchmarks.stability.families import FAMILIES, sample
 
 from bench.case import READINGS, SURFACES, Value, case
 from cvxlimit import Scene
-from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.masonry.walls import random_wall
 
 WALLS = {
     1: "0.951182", 2: "1.976663", 3: "0.540251", 5: "0.257173", 7: "0.334841", 8: "0.244981",

@@ -15,7 +15,7 @@ from cvxlimit import Scene, Solution, builtin_scene, solve
 from cvxlimit.bracket import known
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.readings.moments import Moments

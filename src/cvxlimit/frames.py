@@ -11,8 +11,7 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
-from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.geometry.pressure import pressure_centres
+from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
 from cvxlimit.plotting.strength import BENDING, utilisations
 from cvxlimit.scene import Scene

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.stability.families import sample, samples
 
 from cvxlimit import Load, Scene, Solution, Status, solve
-from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.certified import Certified
 
 pytestmark = pytest.mark.exhaustive

@@ -19,7 +19,7 @@ from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import Formulation, corner_compressions, resultants
 from cvxlimit.model.point_friction import PointFriction, at_centroids, at_corners
 from cvxlimit.plotting import plot
-from cvxlimit.plotting.crushing import crushed_zones
+from cvxlimit.plotting.annotations import crushed_zones
 from cvxlimit.surfaces import Condition, Norm, ParabolicTorsionShear, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, regular, renumbered, rotations
@@ -251,12 +251,12 @@ class TestPicture:
         """A block of b x l = 0.4 x 0.4 tips about its crushed toe, N / (f l) wide along x."""
         scene = builtin_scene("single-block").with_strength(compressive=200.0)
         solution = solve(scene)
-        (zone,) = crushed_zones(scene, solution.forces)
+        (zone,) = crushed_zones(scene, solution.forces).values()
         width = scene.total_weight / (200.0 * 0.4)
-        along = zone.corners[:, 0]
+        along = zone[:, 0]
         assert along.min() == pytest.approx(0.4 - width, abs=1e-4)
         assert along.max() == pytest.approx(0.4, abs=1e-4)
-        np.testing.assert_allclose(np.ptp(zone.corners[:, 1]), 0.4, atol=1e-4)
+        np.testing.assert_allclose(np.ptp(zone[:, 1]), 0.4, atol=1e-4)
         plot(scene, solution, tmp_path / "crushed.png")
         assert (tmp_path / "crushed.png").stat().st_size > 0
 

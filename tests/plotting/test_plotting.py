@@ -29,8 +29,7 @@ from cvxlimit.plotting.camera import camera_from, default_camera
 from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS
 from cvxlimit.plotting.mesh import cropped, drawn_mesh
 from cvxlimit.plotting.movement import DEFORMATION, LARGEST_ROTATION, free_size
-from cvxlimit.plotting.picture import paint
-from cvxlimit.plotting.raster import NOTHING, Canvas
+from cvxlimit.plotting.picture import NOTHING, Canvas, paint
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Solution, Status
 

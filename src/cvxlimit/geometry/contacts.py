@@ -28,6 +28,12 @@ _ROUNDING = 1e-7
 within 1e-9 (:data:`~cvxlimit.geometry.polygons.SAME`)."""
 
 
+CARRIES = 1e-6
+"""Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to
+1e-8 of it in joints that carry nothing, and neither the moments over so little nor the share of so
+little mean anything."""
+
+
 @dataclass(frozen=True, eq=False)
 class Contact:
     """One contact, for people to read; made by indexing :class:`Contacts`.
@@ -221,9 +227,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
 
         A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges.
         """
-        last = self.corner_start[1:] - 1
         following = np.arange(1, len(self.corner_xy) + 1)
-        following[last] = self.corner_start[:-1]
+        following[self.corner_start[1:] - 1] = self.corner_start[:-1]
         along = self.corner_xy[following] - self.corner_xy
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
         inward /= np.linalg.norm(inward, axis=1)[:, None]
@@ -275,3 +280,16 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             pieces=self.pieces
             and {j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )
+
+
+def least_carried(forces: FloatArray) -> float:
+    return CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
+
+
+def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where forces (n, 6) press: (e1, e2) = (-M2, M1) / N (n, 2) in the contact's plane, and (n, 3)
+    in space; NaN where a contact carries nothing."""
+    normal = forces[:, COLUMN["N"]]
+    safe = np.where(normal > least_carried(forces), normal, np.nan)
+    centre = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1) / safe[:, None]
+    return centre, contacts.origin + np.einsum("nk,nkx->nx", centre, contacts.axes[:, :2])

@@ -14,6 +14,7 @@ from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facing_pairs
+from cvxlimit.geometry.mesh import unit
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.overlaps import Outlines, outlines
@@ -43,14 +44,13 @@ def detect(
     friction: float = 0.6,
     joint_tolerance: float | None = None,
 ) -> Detection:
-    """All contacts between ``blocks`` except those between two ``fixed`` ones, and near misses.
+    """Contacts between ``blocks``, except those between two ``fixed`` ones, and near misses.
 
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
     farther apart and no deeper in each other than ``joint_tolerance`` (length; None:
     :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE` of the thinner block's mean thickness) and
-    by how much they are warped, and the overlap is wider than that. The contact lies in their mean
-    plane; what two blocks transmit through one plane is one contact, with notches, holes and
-    several parts. Refused if blocks interpenetrate, or a block touches no other.
+    by how much they are warped, and the overlap is wider than that. What two blocks transmit
+    through one plane, the mean one, is one contact, with notches, holes and several parts.
     """
     if joint_tolerance is not None:
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
@@ -127,7 +127,6 @@ class _Joints:
 
     @property
     def is_close(self) -> BoolArray:
-        """Overlaps of facets that are within the tolerance of each other everywhere."""
         within = np.abs(self.gaps) <= (self.allowed + self.warped)[:, None]
         return np.asarray(within.all(axis=1) & (self.sine <= _STEEPEST))
 
@@ -155,7 +154,6 @@ class _Joints:
         )
 
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
-        """Joints that are no contacts by less than the reach."""
         wide = self.found.width > self.allowed
         close = self.is_close
         off = (np.abs(self.gaps) <= self.near[:, None]).all(axis=1)
@@ -185,8 +183,7 @@ class _Joints:
 
 
 def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArray]:
-    """Axes (p, 3, 3) as rows t1, t2, n of the mean planes of facet pairs, and a point in each."""
-    normal = _unit(lower.normal - upper.normal)
+    normal = unit(lower.normal - upper.normal)
     base = lower.corners[:, 0]
     below = -_height(base, lower, normal)
     above = -_height(base, upper, normal)
@@ -194,9 +191,9 @@ def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArra
     along -= np.einsum("pkc,pc->pk", along, normal)[:, :, None] * normal[:, None]
     length = np.linalg.norm(along, axis=2)
     first = (length > _SIDE * length.max(axis=1)[:, None]).argmax(axis=1)
-    t1 = _unit(along[np.arange(len(along)), first])
-    largest = t1[np.arange(len(t1)), np.abs(t1).argmax(axis=1)]
-    t1 = t1 * np.sign(largest)[:, None]  # the larger component is positive
+    rows = np.arange(len(along))
+    t1 = unit(along[rows, first])
+    t1 *= np.sign(t1[rows, np.abs(t1).argmax(axis=1)])[:, None]  # the larger component is positive
     axes = np.stack([t1, np.cross(normal, t1), normal], axis=1)
     return axes, base + 0.5 * (below + above)[:, None] * normal
 
@@ -229,15 +226,10 @@ def _gaps(
 
 
 def _is_aligned_rectangle(flat: FloatArray, sides: IntArray, size: FloatArray) -> BoolArray:
-    """Four corners, all edges along the axes to 1e-9 of the block size."""
     corners = flat[:, :4]
     edges = np.roll(corners, -1, axis=1) - corners
     straight = np.abs(edges).min(axis=2).max(axis=1) <= 1e-9 * size
     return np.asarray(straight & (sides == 4))
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
 
 def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:
@@ -254,12 +246,9 @@ def _check_every_block_touches(
     blocks: Sequence[Block], contacts: Contacts, is_fixed: BoolArray, misses: Sequence[NearMiss]
 ) -> None:
     """Refuse loose blocks; of several a free one is named, as it is the one to move."""
-    touched = np.zeros(len(blocks), dtype=bool)
-    touched[contacts.a] = True
-    touched[contacts.b] = True
-    if touched.all():
+    alone = np.setdiff1d(np.arange(len(blocks)), [contacts.a, contacts.b])
+    if not len(alone):
         return
-    alone = np.flatnonzero(~touched)
     lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
     nearly = [miss for miss in misses if lonely.id in (miss.a, miss.b)]
     hint = f" ({min(nearly, key=lambda miss: miss.factor).sentence()})" if nearly else ""

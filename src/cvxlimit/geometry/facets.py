@@ -10,12 +10,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.geometry.mesh import EdgeTable, Faces, area_vectors, plane_axes, triangulated
+from cvxlimit.geometry.mesh import Faces
 
 _SAME_WAY = 0.9
 """Cosine below which faces are not one facet, however small they are (26 degrees): a fillet
@@ -35,6 +34,10 @@ _PARALLEL = 0.05
 at for a common plane. Wide enough for facets of 1/20 of the body within any sensible tolerance."""
 
 
+STRAIGHT = 1e-9
+"""Sine of a bend that is rounding: coordinates of 16 digits over sides of 1e-7 of the size."""
+
+
 @dataclass(frozen=True)
 class Facets:
     """Planar facets of a body: its ``faces`` that make up each, and convex ``pieces`` that tile
@@ -52,8 +55,8 @@ class Facets:
 
 
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
-    """Faces are one facet when all their corners lie within ``tolerance`` (length) of their mean
-    plane; curved surfaces are covered by as large such patches as grow from their largest faces."""
+    """Faces are one facet when all their corners lie within ``tolerance`` of their mean plane;
+    curved surfaces are covered by as large such patches as grow from their largest faces."""
     surface = _Surface(points, faces)
     label = _joined_across_edges(surface, tolerance)
     label = _joined_by_plane(surface, label, tolerance)
@@ -73,29 +76,22 @@ class _Surface:
     """Faces with their planes, for one grouping."""
 
     def __init__(self, points: FloatArray, faces: Faces) -> None:
-        self.vectors = area_vectors(points, faces)
+        self.vectors = mesh.area_vectors(points, faces)
         self.area = np.linalg.norm(self.vectors, axis=1)
         self.normal = self.vectors / self.area[:, None]
-        width = max(len(f) for f in faces)
-        padded = np.array([[*f, *f[-1:] * (width - len(f))] for f in faces])
-        self.corners = points[padded]
+        self.corners = points[mesh.padded(faces)]
         self.middle = np.array([points[list(f)].mean(axis=0) for f in faces])
         steps = np.linalg.norm(np.roll(self.corners, -1, axis=1) - self.corners, axis=2)
         self.narrowness = 2.0 * self.area / steps.max(axis=1)
-        table = EdgeTable.of(faces)
-        one, other = table.twins()
-        self.neighbours = table.face[one], table.face[other]
+        table = mesh.EdgeTable.of(faces)
+        self.neighbours = [table.face[side] for side in table.twins()]
         self.size = float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def plane(self, group: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Unit normal and a point of the mean plane of some faces."""
         normal = self.vectors[group].sum(axis=0)
         weight = self.area[group]
         length = float(np.linalg.norm(normal)) or 1.0  # none for faces all around a body
         return normal / length, weight @ self.middle[group] / weight.sum()
-
-    def off(self, group: IntArray, normal: FloatArray, point: FloatArray) -> FloatArray:
-        return np.asarray(np.abs((self.corners[group] - point) @ normal).max(axis=1))
 
     def fits(
         self, group: IntArray, normal: FloatArray, point: FloatArray, tolerance: float
@@ -103,33 +99,28 @@ class _Surface:
         """Which faces lie in a plane and look the same way, or are too narrow to look anywhere."""
         same = self.normal[group] @ normal > _SAME_WAY
         narrow = self.narrowness[group] <= tolerance
-        return np.asarray((self.off(group, normal, point) <= tolerance) & (same | narrow))
+        off = np.abs((self.corners[group] - point) @ normal).max(axis=1)
+        return np.asarray((off <= tolerance) & (same | narrow))
 
 
 def _joined_across_edges(surface: _Surface, tolerance: float) -> IntArray:
     f, g = surface.neighbours
-    count = len(surface.area)
     same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > _SAME_WAY
     same |= np.minimum(surface.narrowness[f], surface.narrowness[g]) <= tolerance
     f, g = f[same], g[same]
-    links = coo_array((np.ones(len(f)), (f, g)), shape=(count, count))
-    _, label = connected_components(links, directed=False)
-    result = label.astype(np.int64)
-    following = int(result.max()) + 1
+    label = mesh.linked(len(surface.area), f, g)
+    result = label.copy()
     sizes = np.bincount(label)
     for group in (np.flatnonzero(label == k) for k in np.flatnonzero(sizes > 1).tolist()):
-        if surface.fits(group, *surface.plane(group), tolerance).all():
-            continue
-        for patch in _patches(surface, group, f, g, _CURVED * tolerance):
-            result[patch] = following
-            following += 1
+        if not surface.fits(group, *surface.plane(group), tolerance).all():
+            for patch in _patches(surface, group, f, g, _CURVED * tolerance):
+                result[patch] = result.max() + 1
     return result
 
 
 def _patches(
     surface: _Surface, group: IntArray, f: IntArray, g: IntArray, tolerance: float
 ) -> Iterable[IntArray]:
-    """A curved group of faces covered by flat patches, each grown from the largest face left."""
     inside = np.isin(f, group)
     ends = np.concatenate([f[inside], g[inside]]), np.concatenate([g[inside], f[inside]])
     order = np.argsort(ends[0], kind="stable")
@@ -161,7 +152,6 @@ def _patches(
 
 
 def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> IntArray:
-    """Facets in a common plane that look the same way become one."""
     names, label = np.unique(label, return_inverse=True)
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(label))[:-1])
@@ -187,8 +177,7 @@ def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> In
 def _convex_pieces(
     points: FloatArray, faces: Sequence[tuple[int, ...]], normal: FloatArray
 ) -> list[tuple[int, ...]]:
-    """One if the facet's outline is convex, else from its faces."""
-    axes = plane_axes(normal)
+    axes = mesh.plane_axes(normal)
     outline = faces[0] if len(faces) == 1 else _outline(faces)
     if outline is not None and _is_convex(points[list(outline)] @ axes.T):
         return [_without_straight(points, outline, axes)]
@@ -197,12 +186,11 @@ def _convex_pieces(
         if _is_convex(points[list(face)] @ axes.T):
             pieces.append(face)
         else:
-            pieces += [tuple(t) for t in triangulated(points, [face])[0].tolist()]
+            pieces += [tuple(t) for t in mesh.triangulated(points, [face])[0].tolist()]
     return pieces
 
 
 def _outline(faces: Sequence[tuple[int, ...]]) -> tuple[int, ...] | None:
-    """The loop around faces that share edges; None if there are several, or one meets itself."""
     sides = {(f[i - 1], f[i]) for f in faces for i in range(len(f))}
     following = {i: k for i, k in sides if (k, i) not in sides}
     if len(following) < sum((k, i) not in sides for i, k in sides):
@@ -220,16 +208,11 @@ def _is_convex(corners: FloatArray) -> bool:
     """True for counter-clockwise convex polygons (k, 2), straight corners included."""
     along = np.roll(corners, -1, axis=0) - corners
     ahead = np.roll(along, -1, axis=0)
-    lengths = np.hypot(along[:, 0], along[:, 1])
-    turns = along[:, 0] * ahead[:, 1] - along[:, 1] * ahead[:, 0]
-    scale = lengths * np.roll(lengths, -1)
+    turns = mesh.turn(along, ahead)
+    scale = np.hypot(*along.T) * np.hypot(*ahead.T)
     bends = np.arctan2(turns, (along * ahead).sum(axis=1))
     once = abs(float(bends.sum()) - 2.0 * np.pi) < 1.0
-    return once and bool((turns >= -_STRAIGHT * scale).all())
-
-
-_STRAIGHT = 1e-9
-"""Sine of a bend that is rounding: coordinates of 16 digits over sides of 1e-7 of the size."""
+    return once and bool((turns >= -STRAIGHT * scale).all())
 
 
 def _without_straight(
@@ -237,6 +220,6 @@ def _without_straight(
 ) -> tuple[int, ...]:
     flat = points[list(loop)] @ axes.T
     back, ahead = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
-    turns = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    lengths = np.hypot(*back.T) * np.hypot(*ahead.T)
-    return tuple(i for i, bent in zip(loop, turns > _STRAIGHT * lengths, strict=True) if bent)
+    scale = np.hypot(*back.T) * np.hypot(*ahead.T)
+    bends = mesh.turn(back, ahead) > STRAIGHT * scale
+    return tuple(i for i, bent in zip(loop, bends, strict=True) if bent)

@@ -10,8 +10,8 @@ import numpy as np
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.facets import Facets
-from cvxlimit.geometry.mesh import Faces, cross, polygon_vectors
+from cvxlimit.geometry.facets import STRAIGHT, Facets
+from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
 from cvxlimit.geometry.overlaps import members_of
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
@@ -54,24 +54,17 @@ class FacetTable:
 
 
 def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
-    """All facets, and the reach of every block; alike blocks are handled at once."""
     size, thickness = _extents(blocks)
-    tolerance = (
-        JOINT_TOLERANCE * thickness
-        if joint_tolerance is None
-        else np.full(len(blocks), joint_tolerance)
-    )
+    tolerance = JOINT_TOLERANCE * thickness
+    if joint_tolerance is not None:
+        tolerance = np.full(len(blocks), joint_tolerance)
     near = np.maximum(np.minimum(NEAR * tolerance, _THROUGH * thickness), tolerance)
-    shapes: dict[Facets, list[int]] = defaultdict(list)
-    for i, shape in enumerate(_shapes(blocks, tolerance)):
-        shapes[shape].append(i)
+    shapes = _shapes(blocks, tolerance)
     width = max(len(piece) for shape in shapes for piece in shape.pieces)
     parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
-    joined = FacetTable(
-        *(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0]))
-    )
-    order = np.argsort(joined.block, kind="stable")
-    table = joined.take(order)
+    columns = ([getattr(p, f.name) for p in parts] for f in fields(FacetTable))
+    joined = FacetTable(*map(np.concatenate, columns))
+    table = joined.take(np.argsort(joined.block, kind="stable"))
     new = np.flatnonzero(np.diff(table.facet, prepend=-1) | np.diff(table.block, prepend=-1))
     number = np.repeat(np.arange(len(new)), np.diff(new, append=len(table.facet)))
     return replace(table, facet=number), Reach(size, tolerance, near)
@@ -87,70 +80,50 @@ def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
 def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
     size, thickness = np.empty(len(blocks)), np.empty(len(blocks))
     for faces, which in _same_faces(blocks).items():
-        points = np.stack([blocks[i].vertices for i in which])
-        surface = np.linalg.norm(polygon_vectors(_padded(points, faces)), axis=2).sum(axis=1)
+        points = _points(blocks, np.array(which))
+        surface = np.linalg.norm(polygon_vectors(points[:, padded(faces)]), axis=2).sum(axis=1)
         size[which] = np.linalg.norm(np.ptp(points, axis=1), axis=1)
         thickness[which] = 2.0 * np.array([blocks[i].volume for i in which]) / surface
     return size, thickness
 
 
-def _padded(points: FloatArray, faces: Faces, width: int = 0) -> FloatArray:
-    """Corners (n, f, k, 3) of the faces of bodies with vertices (n, v, 3), last ones repeated."""
-    width = max(width, *(len(f) for f in faces))
-    return points[:, [[*f, *f[-1:] * (width - len(f))] for f in faces]]
-
-
-def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> list[Facets]:
+def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> dict[Facets, list[int]]:
     """Blocks with the same faces mostly have the same facets: those of one are tried on all others
-    at once, first each face for itself, and only where they do not fit a block is looked at
-    alone."""
-    result: list[Facets | None] = [None] * len(blocks)
+    at once, first each face for itself; only where they do not fit a block is looked at alone."""
+    result: dict[Facets, list[int]] = defaultdict(list)
     for faces, which in _same_faces(blocks).items():
+        shape, left = Facets.of_faces(faces), np.array(which)
         if all(blocks[i].bounds is not None for i in which):
-            box = Facets.of_faces(faces)
-            for i in which:
-                result[i] = box
+            result[shape] += which
             continue
-        left = np.array(which)
-        if len(faces) <= _FEW and all(blocks[i].is_convex for i in which):
-            left = _tried(Facets.of_faces(faces), blocks, left, tolerance, result)
+        is_tried = len(faces) <= _FEW and all(blocks[i].is_convex for i in which)
         while len(left):
-            shape = blocks[left[0]].facets(float(tolerance[left[0]]))
-            result[left[0]] = shape
-            left = left[1:]
-            if len(left) and len(shape.faces) <= _FEW:
-                left = _tried(shape, blocks, left, tolerance, result)
-    return [shape for shape in result if shape is not None]
+            if is_tried:
+                fits = _fits(_points(blocks, left), shape, tolerance[left])
+                result[shape] += left[fits].tolist()
+                left = left[~fits]
+            if len(left):
+                first, left = int(left[0]), left[1:]
+                shape = blocks[first].facets(float(tolerance[first]))
+                result[shape].append(first)
+                is_tried = len(shape.faces) <= _FEW
+    return {shape: which for shape, which in result.items() if which}
+
+
+def _points(blocks: Sequence[Block], which: IntArray) -> FloatArray:
+    return np.stack([blocks[i].vertices for i in which.tolist()])
 
 
 _FEW = 32
 """So many facets are compared each with each; bodies with more are grouped one at a time."""
 
-_ROUNDING = 1e-9
-"""Sine of a bend that is rounding."""
-
-
-def _tried(
-    shape: Facets,
-    blocks: Sequence[Block],
-    which: IntArray,
-    tolerance: FloatArray,
-    result: list[Facets | None],
-) -> IntArray:
-    """Give ``shape`` to those of the blocks it fits, and return the others."""
-    points = np.stack([blocks[i].vertices for i in which.tolist()])
-    fits = _fits(points, shape, tolerance[which])
-    for i in which[fits].tolist():
-        result[i] = shape
-    return which[~fits]
-
 
 def _planes(
     points: FloatArray, shape: Facets, width: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Pieces (n, p, k, 3) of bodies (n, v, 3), and of the mean planes of their facets the normal
-    and a point (n, p, 3), and how far off they are (n, p); no normal where there is no area."""
-    corners = _padded(points, shape.pieces, width)
+    """Pieces (n, p, k, 3) of bodies (n, v, 3), and their facets' mean planes: normal, none where
+    there is no area, and a point (n, p, 3), and how far corners are off (n, p)."""
+    corners = points[:, padded(shape.pieces, width)]
     vectors = polygon_vectors(corners)
     middle = np.stack(
         [corners[:, i, : len(piece)].mean(axis=1) for i, piece in enumerate(shape.pieces)], axis=1
@@ -169,8 +142,7 @@ def _planes(
 
 
 def _fits(points: FloatArray, shape: Facets, tolerance: FloatArray) -> BoolArray:
-    """Which bodies (n, v, 3) have flat facets of this shape, with convex pieces, no two nearly
-    looking the same way from nearly one plane."""
+    """Which bodies (n, v, 3) have flat facets of this shape, no two nearly in one plane."""
     corners, normal, middle, off = _planes(points, shape)
     # Without a normal it is another shape whose faces are named alike.
     result = (np.linalg.norm(normal, axis=2) > 0.0).all(axis=1)
@@ -182,19 +154,18 @@ def _fits(points: FloatArray, shape: Facets, tolerance: FloatArray) -> BoolArray
         ahead = np.roll(along, -1, axis=2)
         turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, sizes == size])
         scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
-        result &= (turns >= -_ROUNDING * scale).all(axis=(1, 2))
+        result &= (turns >= -STRAIGHT * scale).all(axis=(1, 2))
     first = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
     normal, middle = normal[:, first], middle[:, first]
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
     level = np.einsum("nfc,ngc->nfg", normal, middle)
     apart = np.abs(level - np.einsum("nff->nf", level)[:, :, None]) > 2.0 * tolerance[:, None, None]
-    steps = apart & (cosine > 1.0 - _ROUNDING)  # of a notch: parallel, not in one plane
+    steps = apart & (cosine > 1.0 - STRAIGHT)  # of a notch: parallel, not in one plane
     return np.asarray(result & ((cosine <= -_FACING) | steps).all(axis=(1, 2)))
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
-    points = np.stack([blocks[i].vertices for i in which.tolist()])
-    corners, normal, middle, off = _planes(points, shape, width)
+    corners, normal, middle, off = _planes(_points(blocks, which), shape, width)
     return FacetTable(
         np.repeat(which, len(shape.pieces)),
         np.tile(np.array(shape.facet), len(which)),
@@ -209,8 +180,8 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
 def facing_pairs(
     table: FacetTable, first: IntArray, second: IntArray, reach: Reach
 ) -> tuple[IntArray, IntArray]:
-    """Rows of pieces, of pairs of ``first`` and ``second`` blocks, that face each other from near
-    planes and whose boxes meet; in the order of the blocks' pairs and, within, of their facets."""
+    """Rows of pieces of pairs of blocks that face each other from near planes and whose boxes meet;
+    in the order of the blocks' pairs and, within, of their facets."""
     margin = reach.near[table.block][:, None]
     low, high = table.corners.min(axis=1) - margin, table.corners.max(axis=1) + margin
     start = np.flatnonzero(np.diff(table.block, prepend=-1))
@@ -230,7 +201,6 @@ def facing_pairs(
 
 
 def _within(table: FacetTable, plane: IntArray, other: IntArray, length: FloatArray) -> BoolArray:
-    """Pairs where some corner of the ``other`` piece, or a point between, is near the plane."""
     offset = table.corners[other] - table.point[plane][:, None]
     height = np.einsum("fkc,fc->fk", offset, table.normal[plane])
     return np.asarray((height.min(axis=1) <= length) & (height.max(axis=1) >= -length))

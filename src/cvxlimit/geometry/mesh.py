@@ -1,7 +1,6 @@
 """Closed surfaces: which faces share an edge, which way round they go, what they enclose.
 
-Faces are tuples of vertex indices. Nothing here repairs: a surface that does not enclose one body
-is refused with the place; :mod:`cvxlimit.geometry.solids` repairs before it asks.
+Nothing here repairs: :mod:`cvxlimit.geometry.solids` does before it asks.
 """
 
 from __future__ import annotations
@@ -46,14 +45,12 @@ class EdgeTable:
         return cls(start, end, np.repeat(np.arange(len(sizes)), sizes), key, uses)
 
     def twins(self) -> tuple[IntArray, IntArray]:
-        """Pairs of sides on one edge, where exactly two lie on it."""
         order = np.argsort(self.key, kind="stable")
         order = order[self.uses[self.key[order]] == 2]
         return order[::2], order[1::2]
 
 
 def by_size(faces: Sequence[Sequence[int]]) -> Iterator[tuple[IntArray, IntArray]]:
-    """Numbers (f,) and vertex indices (f, k) of the faces of k corners, for every k."""
     sizes = np.array([len(f) for f in faces])
     for size in np.unique(sizes).tolist():
         members = np.flatnonzero(sizes == size)
@@ -76,6 +73,26 @@ def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray,
     return np.concatenate(corners), np.concatenate(owners)
 
 
+def padded(faces: Faces, width: int = 0) -> IntArray:
+    width = max(width, *map(len, faces))
+    return np.array([[*f, *f[-1:] * (width - len(f))] for f in faces])
+
+
+def linked(count: int, first: IntArray, second: IntArray) -> IntArray:
+    """Which group each of so many things belongs to, where ``first`` and ``second`` are linked."""
+    links = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def turn(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Cross products of vectors (..., 2) of a plane: positive from u to v counter-clockwise."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
 def cross(u: FloatArray, v: FloatArray) -> FloatArray:
     """Cross products of vectors (..., 3); on small arrays three times as fast as ``np.cross``."""
     x, y, z = u[..., 0], u[..., 1], u[..., 2]
@@ -84,8 +101,8 @@ def cross(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def polygon_vectors(corners: FloatArray) -> FloatArray:
-    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not,
-    counter-clockwise seen against it; repeated corners do no harm."""
+    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not, counter-
+    clockwise seen against it; repeated corners do no harm."""
     spokes = corners[..., 1:, :] - corners[..., :1, :]
     return np.asarray(0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2))
 
@@ -98,7 +115,6 @@ def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArr
 
 
 def surface(points: FloatArray, faces: Sequence[Sequence[int]]) -> float:
-    """Area of all faces, warped ones projected on their mean planes."""
     return float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
 
 
@@ -116,8 +132,8 @@ def volume_and_centroid(
 
 
 def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
-    """The faces turned so that all normals point out of the body, and how many were turned; refused
-    if the surface is open, has one side only, or encloses several bodies."""
+    """The faces turned so that all normals point out, and how many were turned; refused if the
+    surface is open, has one side only, or encloses several bodies."""
     table = EdgeTable.of(faces)
     check_manifold(id, points, table)
     count = len(faces)
@@ -127,27 +143,25 @@ def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
     # Every face stands twice, as it is and turned; neighbours are linked where they agree.
     rows = np.concatenate([f, f + count])
     columns = np.concatenate([g + count * differ, g + count * (1 - differ)])
-    label = connected_components(
-        coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * count, 2 * count)), False
-    )[1]
-    if (label[:count] == label[count:]).any():
-        bad = int(np.flatnonzero(label[:count] == label[count:])[0])
+    as_is, reverse = linked(2 * count, rows, columns).reshape(2, count)
+    if (as_is == reverse).any():
+        bad = points[list(faces[int(np.argmax(as_is == reverse))])]
         raise GeometryError(
             f"block {id!r} has a surface with one side only, like a Moebius strip, near "
-            f"{place(points[list(faces[bad])].mean(axis=0))}: mend the mesh",
-            points=points[list(faces[bad])],
+            f"{place(bad.mean(axis=0))}: mend the mesh",
+            points=bad,
             blocks=(id,),
         )
-    sheet = np.minimum(label[:count], label[count:])
-    turned = label[:count] != sheet
-    oriented = tuple(face[::-1] if t else face for face, t in zip(faces, turned, strict=True))
-    flipped = _outside_out(id, points, oriented, np.unique(sheet, return_inverse=True)[1])
-    turn = turned ^ flipped
+    sheet = np.minimum(as_is, reverse)
+    turned = as_is != sheet
+    shell = np.unique(sheet, return_inverse=True)[1]
     # A shell may be walked either way: count what differs from the input.
-    return (
-        tuple(face[::-1] if t else face for face, t in zip(faces, turn, strict=True)),
-        int(turn.sum()),
-    )
+    turned ^= _outside_out(id, points, flipped(faces, turned), shell)
+    return flipped(faces, turned), int(turned.sum())
+
+
+def flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
+    return tuple(f[::-1] if turns else f for f, turns in zip(faces, which.tolist(), strict=True))
 
 
 def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
@@ -163,10 +177,8 @@ def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
         f"block {id!r} is not closed: the edge between vertices {table.start[side]} and "
         f"{table.end[side]}, from {place(ends[0])} to {place(ends[1])}, "
     )
-    fault += (
-        "has no face on its other side" if most == 1 else
-        f"does not belong to exactly two faces but to {most}"
-    )  # fmt: skip
+    shared = f"does not belong to exactly two faces but to {most}"
+    fault += "has no face on its other side" if most == 1 else shared
     more = f"; so are {len(wrong) - 1} more edges" if len(wrong) > 1 else ""
     raise GeometryError(
         f"{fault}{more}",
@@ -176,7 +188,6 @@ def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
 
 
 def _outside_out(id: str, points: FloatArray, faces: Faces, shell: IntArray) -> NDArray[np.bool_]:
-    """Which faces to turn: the outer shell's volume counts as positive, a cavity's as negative."""
     triangles, face = fan(points, faces)
     centred = triangles - points.mean(axis=0)
     volumes = np.zeros(int(shell.max()) + 1)
@@ -214,7 +225,6 @@ def winding(point: FloatArray, triangles: FloatArray) -> float:
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:
-    """Two unit vectors (2, 3) that make a right-handed frame with a unit ``normal``."""
     first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(normal, first)])
@@ -255,8 +265,8 @@ _EQUAL = 1e-9
 
 
 def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside: the shorter
-    one; of two as long, to rounding, the one whose middle is lower along x, y, z."""
+    """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside: the
+    shorter; of two as long, to rounding, the one whose middle is lower along x, y, z."""
     across = corners[:, [2, 3]] - corners[:, [0, 1]]
     normal = cross(across[:, 0], across[:, 1])
     spans = np.linalg.norm(across, axis=2)

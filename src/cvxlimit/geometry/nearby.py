@@ -17,8 +17,8 @@ _FEW = 512
 
 
 def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntArray, IntArray]:
-    """Every pair of bodies, first < second and sorted, that ``margin`` (n,) does not keep apart:
-    left out only if boxes around their points (k, 3), grown by their margins, are apart."""
+    """Pairs of bodies, first < second and sorted, but for those whose boxes around their points (k,
+    3), grown by their ``margin`` (n,), are apart."""
     levels = max(len(bodies) - 1, 0).bit_length()
     count = np.array([len(body) for body in bodies])
     begin = np.cumsum(count) - count
@@ -39,8 +39,7 @@ def nearby_pairs(bodies: Sequence[FloatArray], margin: FloatArray) -> tuple[IntA
 
 
 def _tree_order(centres: FloatArray, levels: int) -> IntArray:
-    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together;
-    every node is halved across its longest extent."""
+    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together."""
     place = np.arange(len(centres))
     order = place
     for level in range(levels):
@@ -63,7 +62,6 @@ def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, 
 def _meeting(
     first: IntArray, second: IntArray, points: FloatArray, start: IntArray, margin: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Pairs of nodes whose boxes meet: along the axes and, if many do, along their own."""
     low = np.minimum.reduceat(points, start) - margin[:, None]
     high = np.maximum.reduceat(points, start) + margin[:, None]
     meet = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
@@ -83,7 +81,6 @@ def _meeting(
 def _own_boxes(
     points: FloatArray, start: IntArray, margin: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Middle (n, 3), axes (n, 3, 3) as rows and half sides of boxes along principal axes."""
     count = np.diff(np.append(start, len(points)))
     node = np.repeat(np.arange(len(start)), count)
     centre = np.add.reduceat(points, start) / count[:, None]

@@ -22,10 +22,10 @@ _WORDS = {
 class NearMiss:
     """Two facets that are no contact, by little.
 
-    ``kind``: ``"gap"``, they are apart; ``"angle"``, at an angle that opens by more than the
-    tolerance; ``"overlap"``, in each other, less than what is refused; ``"sliver"``, they meet on a
-    width within the tolerance. ``size`` (gap, depth or width) was held against ``allowed``;
-    ``place`` (3,) is the middle of the joint that is not there, ``outline`` (k, 3) its corners.
+    ``kind``: ``"gap"``, they are apart; ``"angle"``, they open by more than the tolerance;
+    ``"overlap"``, in each other, less than what is refused; ``"sliver"``, on a width within the
+    tolerance. ``size`` (gap, depth or width) was held against ``allowed``; ``place`` (3,) is the
+    middle of the joint that is not there, ``outline`` (k, 3) its corners.
     """
 
     a: str
@@ -50,8 +50,7 @@ class NearMiss:
 
 
 def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
-    """One line with the number of near misses and the worst, the nearest to a joint; empty if
-    none."""
+    """How many there are, and the worst: the nearest to a joint. Empty without any."""
     if not near_misses:
         return ""
     worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))

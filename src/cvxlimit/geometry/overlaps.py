@@ -48,9 +48,8 @@ def outlines(
 ) -> Outlines:
     """Overlaps of pairs of facets, in the order of the pairs. Facets are convex pieces (p, k, 2),
     (p, m, 2), corners repeated where they have fewer; ``pair`` (p,) tells their facets. Where
-    ``is_box`` each is the only piece and both are rectangles along the axes. Parts that lie apart
-    from the others and are no wider than ``least``, one for each pair of facets, are overlaps of
-    their own: too narrow to count on, they must not widen the hull."""
+    ``is_box`` both are one rectangle along the axes. Parts that lie apart and are no wider than
+    ``least``, one for each pair, are overlaps of their own: they must not widen the hull."""
     boxes, other = np.flatnonzero(is_box), np.flatnonzero(~is_box)
     together: dict[int, list[FloatArray]] = defaultdict(list)
     overlaps = convex_overlap(first[other], second[other])
@@ -87,7 +86,6 @@ def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlin
 
 
 def _polygon(pair: int, parts: Sequence[FloatArray]) -> Outlines:
-    """The overlap of two facets, from those (m, 2) of their pieces."""
     hull, area, middle = united(parts)
     local, extent, turn = _along_own_sides(hull - middle)
     is_whole = abs(area_and_centroid(hull)[0] - area) <= _WHOLE * area
@@ -104,8 +102,8 @@ def _polygon(pair: int, parts: Sequence[FloatArray]) -> Outlines:
 
 def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
     """All pieces in parts wider than ``least``, then those of each narrower part. A narrow strip
-    that is joined to a wider part stays: it is the blocks' own shape, which is given and rigid, not
-    a few hairs' breadth by which two of them happen to reach over each other."""
+    joined to a wider part stays: it is the blocks' own shape, not a few hairs' breadth by which two
+    of them happen to reach over each other."""
     if len(pieces) == 1:
         return [pieces]
     shapes = shapely.polygons([shapely.linearrings(piece) for piece in pieces])
@@ -131,7 +129,7 @@ def _width(polygon: FloatArray, area: float | None = None) -> float:
 
 def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A centred polygon turned so that t1 runs along its longest edge, (l1, l2) if it is a
-    rectangle to 1e-9 of its size else NaN, and the rotation (2, 2) from old to new plane axes."""
+    rectangle to 1e-9 of its size else NaN, and the rotation (2, 2)."""
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     longest = edges[int(np.flatnonzero(lengths >= (1.0 - 1e-9) * lengths.max())[0])]

@@ -9,12 +9,12 @@ from functools import cache
 import manifold3d
 import numpy as np
 
+import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import Reach
-from cvxlimit.geometry.mesh import area_vectors, place, triangulated, volume_and_centroid
 from cvxlimit.geometry.nearmisses import NearMiss
 
 
@@ -28,28 +28,27 @@ class Body:
 
     @classmethod
     def of(cls, block: Block, origin: FloatArray) -> Body:
-        corners, _ = triangulated(block.vertices, block.faces)
-        mesh = manifold3d.Mesh64(block.vertices - origin, corners.astype(np.uint64))
-        return cls(block.vertices[corners], origin, manifold3d.Manifold(mesh))
+        corners, _ = mesh.triangulated(block.vertices, block.faces)
+        shell = manifold3d.Mesh64(block.vertices - origin, corners.astype(np.uint64))
+        return cls(block.vertices[corners], origin, manifold3d.Manifold(shell))
 
 
 def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:
     """How deep two bodies are in each other; the centroid and corners (k, 3) of the deepest common
-    part. The larger of two measures, each exact where the other sees nothing: its thickness across
-    its widest view, which is that of a plate, and the largest distance of its corners from the
-    surface of either, the depth of a corner in a face. Neither minds the parts without thickness
-    that booleans leave where bodies only touch."""
+    part. The larger of two measures, each exact where the other sees nothing: thickness across the
+    widest view, that of a plate, and the largest distance of corners from either surface, that of a
+    corner in a face. Booleans leave parts without thickness where bodies touch: neither minds."""
     depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
     for part in (one.manifold ^ other.manifold).decompose():
         if part.is_empty() or not part.volume() > 0.0:
             continue
-        mesh = part.to_mesh64()
-        corners = np.asarray(mesh.vert_properties)[:, :3] + one.origin
-        triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+        shell = part.to_mesh64()
+        corners = np.asarray(shell.vert_properties)[:, :3] + one.origin
+        triangles = np.asarray(shell.tri_verts, dtype=np.int64)
         deep = max(_distances(at, x.triangles).min() for at in corners for x in (one, other))
-        deep = max(deep, float(part.volume()) / _widest_view(corners, triangles))
+        deep = max(deep, float(part.volume()) / _widest_view(corners[triangles]))
         if deep > depth:
-            _, where = volume_and_centroid(corners, triangles.tolist())
+            _, where = mesh.volume_and_centroid(corners, triangles.tolist())
             depth, deepest = deep, corners
     return depth, where, deepest
 
@@ -59,10 +58,8 @@ _REAL = 1e-3
 slivers whose normals are rounding, and plates are thin across large faces."""
 
 
-def _widest_view(corners: FloatArray, triangles: IntArray) -> float:
-    """Largest area that a body shows, seen along the normals of its larger faces."""
-    a, b, c = (corners[triangles[:, i]] for i in range(3))
-    vectors = 0.5 * np.cross(b - a, c - a)
+def _widest_view(triangles: FloatArray) -> float:
+    vectors = mesh.polygon_vectors(triangles)
     area = np.linalg.norm(vectors, axis=1)
     real = area > _REAL * area.max()
     directions = np.unique((vectors[real] / area[real, None]).round(3), axis=0)
@@ -70,14 +67,12 @@ def _widest_view(corners: FloatArray, triangles: IntArray) -> float:
 
 
 def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Distance of a point from each triangle: from its plane, or from its sides."""
     along = np.roll(triangles, -1, axis=1) - triangles
     offset = point - triangles
     share = np.einsum("tsk,tsk->ts", offset, along) / np.einsum("tsk,tsk->ts", along, along)
     nearest = triangles + np.clip(share, 0.0, 1.0)[:, :, None] * along
     aside = np.linalg.norm(point - nearest, axis=2).min(axis=1)
-    normal = np.cross(along[:, 0], along[:, 1])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    normal = mesh.unit(np.cross(along[:, 0], along[:, 1]))
     inside = (np.einsum("tsk,tk->ts", np.cross(along, offset), normal) >= 0.0).all(axis=1)
     height = np.abs(np.einsum("tk,tk->t", offset[:, 0], normal))
     return np.where(inside, height, aside)
@@ -88,9 +83,8 @@ def check_no_interpenetration(
 ) -> list[NearMiss]:
     """Refuse blocks that share volume, among the pairs (``first``, ``second``) that may.
 
-    A contact's plane separates two convex blocks. Of other pairs those whose bounding boxes overlap
-    are looked at: if no face's plane separates them they are intersected. Overlaps that are beyond
-    the tolerance at a corner but too shallow to refuse are returned.
+    A contact's plane separates two convex blocks; others are intersected if no face's plane
+    separates them. Overlaps that are too shallow to refuse are returned.
     """
     count = np.array([len(b.vertices) for b in blocks])
     points, begin = np.concatenate([b.vertices for b in blocks]), np.cumsum(count) - count
@@ -101,7 +95,7 @@ def check_no_interpenetration(
     convex = np.array([b.is_convex for b in blocks])
     convex = convex[first] & convex[second]
     origin = 0.5 * (low.min(axis=0) + high.max(axis=0))
-    normals = cache(lambda i: _face_normals(blocks[i]))
+    normals = cache(lambda i: mesh.unit(mesh.area_vectors(blocks[i].vertices, blocks[i].faces)))
     bodies = cache(lambda i: Body.of(blocks[i], origin))
     sunk = []
     looked = (shared.min(axis=1) > margin) & ~(touching & convex)
@@ -118,8 +112,8 @@ def check_no_interpenetration(
         if depth > (1.0 if convex[j] else _REFUSED) * allowed:
             raise GeometryError(
                 f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near "
-                f"{place(where)}, beyond their joint tolerance of {allowed:.3g}: move or cut one "
-                "of them, or raise joint_tolerance if the model is no more exact",
+                f"{mesh.place(where)}, beyond their joint tolerance of {allowed:.3g}: move or cut "
+                "one of them, or raise joint_tolerance if the model is no more exact",
                 points=corners,
                 blocks=(a.id, b.id),
             )
@@ -133,18 +127,12 @@ _REFUSED = 2.0
 meet, corners of joints that overlap by one tolerance each lie deeper than either."""
 
 
-def _face_normals(block: Block) -> FloatArray:
-    vectors = area_vectors(block.vertices, block.faces)
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
-
-
 _MOST_EDGES = 150
 """Of convex bodies with more edges no planes through pairs of them are tried: 20 ms for 90 x 90."""
 
 
 def _overlap_across_edges(a: Block, b: Block) -> float:
-    """Least overlap of two convex blocks over the planes along an edge of each; -inf where those
-    are too many."""
+    """Least overlap over the planes along an edge of each; -inf where those are too many."""
     first, second = _edge_directions(a), _edge_directions(b)
     if max(len(first), len(second)) > _MOST_EDGES:
         return -np.inf
@@ -157,8 +145,6 @@ def _overlap_across_edges(a: Block, b: Block) -> float:
 
 
 def _edge_directions(block: Block) -> FloatArray:
-    sides = {
-        (min(i, k), max(i, k)) for f in block.faces for i, k in zip(f, (*f[1:], f[0]), strict=True)
-    }
-    along = np.diff(block.vertices[sorted(sides)], axis=1)[:, 0]
-    return np.asarray(along / np.linalg.norm(along, axis=1)[:, None])
+    table = mesh.EdgeTable.of(block.faces)
+    sides = table.start < table.end  # each edge once: its faces go along it both ways
+    return mesh.unit(block.vertices[table.end[sides]] - block.vertices[table.start[sides]])

@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.geometry.mesh import turn
 
 _SLENDER = 1e-3
 """Below this side ratio the gradient of c_T is taken at the ratio itself: its log term's slope
@@ -28,8 +29,8 @@ coordinates is 1e-13 of a contact's size for a scene a thousand times as large."
 def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
     """c_T of rectangles (Eq. 16): the mean distance of their points from their centre.
 
-    Written with r = min / max of the sides so that it keeps all digits when one goes to zero, where
-    Eq. 16 as printed does not. Convex and homogeneous of degree 1; 0 for a point.
+    With r = min / max of the sides it keeps all digits when one goes to zero; Eq. 16 as printed
+    does not. Convex and homogeneous of degree 1.
 
     >>> torsion_arm([1.0, 1.0, 1.0], [1.0, 0.5, 0.0]).round(6).tolist()
     [0.382598, 0.296617, 0.25]
@@ -45,7 +46,6 @@ def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
 
 
 def torsion_arm_gradient(l1: ArrayLike, l2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of :func:`torsion_arm` by ``l1`` and by ``l2`` (dimensionless)."""
     a, b = np.asarray(l1, dtype=float), np.asarray(l2, dtype=float)
     point = np.maximum(a, b) <= 0.0
     a, b = np.where(point, 1.0, a), np.where(point, 1.0, b)
@@ -61,11 +61,10 @@ def _slope(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
-    """Area and centroid (2,) of a simple polygon with counter-clockwise ``corners`` (k, 2)."""
     points = np.asarray(corners, dtype=float)
     spokes = points - points[0]
     ahead = np.roll(spokes, -1, axis=0)
-    doubled = spokes[:, 0] * ahead[:, 1] - spokes[:, 1] * ahead[:, 0]
+    doubled = turn(spokes, ahead)
     whole = float(doubled.sum())
     return whole / 2.0, points[0] + doubled @ (spokes + ahead) / (3.0 * whole)
 
@@ -79,12 +78,11 @@ def distance_integral(height: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def mean_distance_on_segment(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Mean distance (...) from the origin along segments between points (..., 2)."""
     along = end - start
     length = np.linalg.norm(along, axis=-1)
     safe = np.where(length > 0.0, length, 1.0)
     begin = (start * along).sum(axis=-1) / safe
-    height = (start[..., 0] * along[..., 1] - start[..., 1] * along[..., 0]) / safe
+    height = turn(start, along) / safe
     whole = distance_integral(height, begin + length) - distance_integral(height, begin)
     ends = np.linalg.norm(start, axis=-1) + np.linalg.norm(end, axis=-1)
     simpson = (ends + 4.0 * np.linalg.norm(0.5 * (start + end), axis=-1)) / 6.0
@@ -99,9 +97,9 @@ the difference of the integral's ends would lose as many digits as they are shor
 def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     """Mean distance of a polygon's points from ``point``: c_T of a general contact.
 
-    Exact: the integral over the triangle between the point and an edge at distance h is h / 3 times
-    that along the edge; h is negative for edges seen from outside. ``corners`` (k, 2)
-    counter-clockwise; a degenerate polygon is treated as its longest segment.
+    Exact: over the triangle between the point and an edge at distance h the integral is h / 3 times
+    that along the edge, with h negative for edges seen from outside. A degenerate polygon is its
+    longest segment.
     """
     points = np.asarray(corners, dtype=float) - np.asarray(point, dtype=float)
     if len(points) == 0:
@@ -116,21 +114,20 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
     kept = length > 0.0
     unit = along[kept] / length[kept, None]
     start = (points[kept] * unit).sum(axis=1)
-    height = points[kept, 0] * unit[:, 1] - points[kept, 1] * unit[:, 0]
+    height = turn(points[kept], unit)
     on_edges = distance_integral(height, start + length[kept]) - distance_integral(height, start)
     return float(height @ on_edges / (3.0 * area))
 
 
 def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
-    """Mean distance from ``point`` over polygons that do not overlap: c_T of any contact."""
     areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
     return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
 def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArray:
     """P ∩ (2e - P): the largest part of a convex contact (k, 2) centred on the pressure centre, for
-    a rectangle the effective area of Eq. 26. Corners (m, 2) counter-clockwise: two for a centre on
-    an edge, one in a corner, none outside."""
+    a rectangle the effective area of Eq. 26. Two corners for a centre on an edge, one in a corner,
+    none outside."""
     return effective_regions(corners, np.asarray(pressure_centre, dtype=float)[None])[0]
 
 
@@ -149,7 +146,6 @@ def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[F
 
 
 def _ends(points: FloatArray, tolerance: float) -> FloatArray:
-    """The two points farthest apart; one if they agree within the tolerance."""
     gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
     if not gaps.size or gaps.max() <= tolerance:
         return points[:1]
@@ -167,12 +163,12 @@ def united(pieces: Sequence[FloatArray]) -> tuple[FloatArray, float, FloatArray]
 
 
 def convex_hull(points: ArrayLike) -> FloatArray:
-    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise, no straight ones.
+    """Corners (k, 2) of the hull of points (m, 2), counter-clockwise, no straight ones; none on a
+    line.
 
     GEOS, on a grid of 2^-45 of the size, where its turns are exact: on coordinates as they are it
-    loses whole corners at times (``tests/geometry/test_plane_geometry.py`` has 17 points of which
-    it keeps half the area), manifold3d does so more often, and Qhull refuses slivers. Empty (0, 2)
-    where the points lie on a line.
+    loses whole corners at times (``tests/geometry/test_plane_geometry.py``), manifold3d does so
+    more often, and Qhull refuses slivers.
     """
     cloud = np.asarray(points, dtype=float)
     low, size = cloud.min(axis=0), np.ptp(cloud, axis=0).max(keepdims=True)
@@ -200,13 +196,14 @@ def _common(
     Not GEOS: it loses overlaps of polygons that share a corner and have nearly parallel edges
     (one of 250 random triangles against the same with one corner moved by rounding).
     """
-    corners, border = _counter_clockwise(first), _counter_clockwise(second)
+    corners, border = (
+        np.where(_doubled(x)[:, None, None] < 0.0, x[:, ::-1], x) for x in (first, second)
+    )
     count = np.full(len(corners), corners.shape[1])
     edges = np.roll(border, -1, axis=1) - border
     slack = np.reshape(tolerance, (-1, 1)) * np.linalg.norm(edges, axis=2)
     for k in range(border.shape[1]):
-        edge, offset = edges[:, k, None], corners - border[:, k, None]
-        inside = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
+        inside = turn(edges[:, k, None], corners - border[:, k, None])
         corners, count = clipped(corners, count, inside + slack[:, k, None])
     return corners, count
 
@@ -216,8 +213,7 @@ def clipped(
 ) -> tuple[FloatArray, IntArray]:
     """Parts of convex polygons where a height that is linear over each is not negative. ``corners``
     (p, k, d), of which the first ``count`` (p,) are meant, and the ``height`` (p, k) at each;
-    returns corners (p, m, d) and how many are meant. Corners on the line stay, straight ones
-    too."""
+    returns corners (p, m, d) and how many are meant. Corners on the line stay."""
     pairs, width, dimension = corners.shape
     ahead = _neighbour(corners, count, 1)
     height_ahead = _neighbour(height[:, :, None], count, 1)[:, :, 0]
@@ -231,36 +227,27 @@ def clipped(
 
 
 def _kept(corners: FloatArray, kept: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Some of the corners of each polygon, in their order, and how many they are."""
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, : max(int(count.max(initial=0)), 1)]
     return np.take_along_axis(corners, order[:, :, None], axis=1), count
 
 
-def _counter_clockwise(polygons: FloatArray) -> FloatArray:
-    return np.where(_doubled(polygons)[:, None, None] < 0.0, polygons[:, ::-1], polygons)
-
-
 def _doubled(polygons: FloatArray) -> FloatArray:
-    """Twice the areas (p,) of polygons (p, k, 2), corners repeated where they have fewer."""
     spokes = polygons[:, 1:] - polygons[:, :1]
-    turns = spokes[:, :-1, 0] * spokes[:, 1:, 1] - spokes[:, :-1, 1] * spokes[:, 1:, 0]
-    return np.asarray(turns.sum(axis=1))
+    return np.asarray(turn(spokes[:, :-1], spokes[:, 1:]).sum(axis=1))
 
 
 def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[FloatArray]:
     """Convex polygons (p, k, 2) without corners that coincide or are straight, within :data:`SAME`
-    of the ``size`` (p,) of what they were made from; empty where nothing is left that is wider. Of
-    neighbours that are straight every other one goes first, so that many of them cannot carry the
-    outline away."""
+    of the ``size`` (p,) of what they were made from; empty where none is wider. Of straight
+    neighbours every other one goes first, so that many of them cannot carry the outline away."""
     tolerance = SAME * size[:, None]
     apart = np.linalg.norm(corners - _neighbour(corners, count, -1), axis=2) > tolerance
     corners, count = _kept(corners, apart & _meant(corners, count))
     for parity in cycle((0, 1)):
         before, ahead = (_neighbour(corners, count, step) for step in (-1, 1))
         chord, offset = ahead - before, corners - before
-        away = np.abs(chord[..., 0] * offset[..., 1] - chord[..., 1] * offset[..., 0])
-        straight = away <= tolerance * np.linalg.norm(chord, axis=2)
+        straight = np.abs(turn(chord, offset)) <= tolerance * np.linalg.norm(chord, axis=2)
         straight &= (offset * (ahead - corners)).sum(axis=2) >= 0.0  # no tip of a needle
         meant = _meant(corners, count)
         straight &= meant & (count > 3)[:, None]

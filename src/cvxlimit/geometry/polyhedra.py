@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.mesh import Faces
 from cvxlimit.geometry.nearby import nearby_pairs
@@ -22,7 +22,6 @@ _CHUNK = 200_000
 def check_faces(
     id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
 ) -> None:
-    """Refuse faces without area and faces whose own sides cross, seen along their normals."""
     vectors = mesh.area_vectors(points, faces)
     areas = np.linalg.norm(vectors, axis=1)
     if not areas.min() > tolerance**2:
@@ -44,59 +43,52 @@ def check_faces(
 
 
 def _crosses_itself(corners: FloatArray, normal: FloatArray) -> bool:
-    """True if two sides of a polygon that do not follow each other cross in its own plane."""
     flat = corners @ mesh.plane_axes(normal).T
     along = np.roll(flat, -1, axis=0) - flat
-    turns = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
-    if len(corners) == 4 and (turns > 0.0).sum() >= 3:
+    if len(corners) == 4 and (mesh.turn(along, np.roll(along, -1, axis=0)) > 0.0).sum() >= 3:
         return False
-    ends = flat + along
-
-    def side(points: FloatArray) -> FloatArray:
-        """Sign of the side of every line (rows) on which ``points`` (columns) lie."""
-        offset = points[None] - flat[:, None]
-        cross = along[:, None, 0] * offset[:, :, 1] - along[:, None, 1] * offset[:, :, 0]
-        noise = 1e-12 * float(np.abs(along).max()) ** 2
-        return np.where(np.abs(cross) > noise, np.sign(cross), 0.0)
-
-    apart = side(flat) * side(ends) < 0.0
+    noise = 1e-12 * float(np.abs(along).max()) ** 2
+    sides = []  # of every line (rows) on which points (columns) lie
+    for points in (flat, flat + along):
+        height = mesh.turn(along[:, None], points[None] - flat[:, None])
+        sides.append(np.where(np.abs(height) > noise, np.sign(height), 0.0))
+    apart = sides[0] * sides[1] < 0.0
     return bool((apart & apart.T).any())
 
 
 def check_no_crossing(
     id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
 ) -> None:
-    """Refuse a surface where a side of one face passes through another by more than ``tolerance``
-    on both sides; surfaces that only touch pass."""
+    """Refuse a surface where a side of a face passes through another by more than a tolerance."""
     corners, _ = mesh.triangulated(points, faces)
     bodies = points[corners]
-    middle = bodies.mean(axis=1)
     first, second = nearby_pairs(list(bodies), np.zeros(len(bodies)))
     for at in range(0, len(first), _CHUNK):
         chunk = slice(at, at + _CHUNK)
         for i, k in ((first[chunk], second[chunk]), (second[chunk], first[chunk])):
-            hit = _pierced(points, corners[i], corners[k], tolerance)
+            hit = _pierced(bodies[i], bodies[k], tolerance)
             if hit is not None:
                 pair, where = hit
+                one, other = bodies[i[pair]], bodies[k[pair]]
                 raise GeometryError(
                     f"block {id!r} cuts itself near {mesh.place(where)}: two of its faces cross; "
                     "unite the parts before export, or make a block of each",
-                    points=np.vstack([bodies[i[pair]], bodies[k[pair]], middle[i[pair]][None]]),
+                    points=np.vstack([one, other, one.mean(axis=0)]),
                     blocks=(id,),
                 )
 
 
 def _pierced(
-    points: FloatArray, lines: IntArray, faces: IntArray, tolerance: float
+    lines: FloatArray, faces: FloatArray, tolerance: float
 ) -> tuple[int, FloatArray] | None:
     """First pair whose ``lines`` triangle has a side that passes through its ``faces`` triangle."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
+    a, b, c = np.moveaxis(faces, 1, 0)
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)
     wide = length > tolerance**2
     normal = normal / np.where(wide, length, 1.0)[:, None]
     for i, k in ((0, 1), (1, 2), (2, 0)):
-        ends = points[lines[:, i]], points[lines[:, k]]
+        ends = lines[:, i], lines[:, k]
         high, low = (np.einsum("pk,pk->p", e - a, normal) for e in ends)
         across = wide & (np.minimum(high, low) < -tolerance) & (np.maximum(high, low) > tolerance)
         rows = np.flatnonzero(across)
@@ -107,8 +99,7 @@ def _pierced(
         depth = np.full(len(rows), np.inf)
         for p, q in ((a, b), (b, c), (c, a)):
             along = q[rows] - p[rows]
-            inward = np.cross(normal[rows], along)
-            inward /= np.linalg.norm(along, axis=1)[:, None]
+            inward = np.cross(normal[rows], along) / np.linalg.norm(along, axis=1)[:, None]
             depth = np.minimum(depth, np.einsum("pk,pk->p", where - p[rows], inward))
         inside = np.flatnonzero(depth > tolerance)
         if len(inside):
@@ -133,7 +124,6 @@ but one."""
 
 
 def vertices_of(id: str, value: ArrayLike) -> FloatArray:
-    """``value`` as vertices (k, 3), finite and at least four; refused by name if they are not."""
     try:
         points = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -149,7 +139,6 @@ def vertices_of(id: str, value: ArrayLike) -> FloatArray:
 
 
 def checked_faces(id: str, faces: Sequence[Sequence[int]], count: int) -> Faces:
-    """The faces as tuples of indices below ``count``; refused by name if they are none."""
     if len(faces) < 4:
         raise GeometryError(
             f"block {id!r} needs at least four faces, got {len(faces)}", blocks=(id,)
@@ -180,8 +169,7 @@ def _face_indices(id: str, number: int, face: Sequence[int], count: int) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Faces (vertex indices, outward) and what they enclose: volume, centroid (3,), and whether
-    all vertices lie behind all faces, within the tolerance it was looked at with."""
+    """Faces (outward) and what they enclose; convex within the tolerance it was looked at with."""
 
     faces: Faces
     volume: float
@@ -217,11 +205,11 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
         (points[list(f)] @ n).min() < low for f, n, low in zip(faces, normals, own, strict=True)
     ):
         return None
-    oriented = tuple(f[::-1] if t else f for f, t in zip(faces, turned.tolist(), strict=True))
+    oriented = mesh.flipped(faces, turned)
     edges_of = Counter((f[i - 1], f[i]) for f in oriented for i in range(len(f)))
     if any(n != 1 or edges_of[e[::-1]] != 1 for e, n in edges_of.items()):
         return None
-    if len({i for f in faces for i in f}) < len(points):
+    if len(set().union(*faces)) < len(points):
         return None
     volume, centroid = mesh.volume_and_centroid(points, oriented)
     return Body(oriented, volume, centroid, True) if volume > tolerance**3 else None
@@ -230,9 +218,8 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
 def closed_body(
     id: str, points: FloatArray, faces: Faces, joint_tolerance: float | None = None
 ) -> Body:
-    """A body of any shape, nothing mended; refused if the faces enclose none."""
     check_faces(id, points, faces, RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, 0))))
-    unused = set(range(len(points))) - {i for f in faces for i in f}
+    unused = set(range(len(points))).difference(*faces)
     if unused:
         raise GeometryError(
             f"vertex {min(unused)} of block {id!r} belongs to no face; remove it",
@@ -245,8 +232,8 @@ def closed_body(
 def body_inside(
     id: str, points: FloatArray, oriented: Faces, joint_tolerance: float | None
 ) -> Body:
-    """The body inside a closed surface whose normals point out; refused if it has no volume, cuts
-    itself, or has a face that is not flat."""
+    """The body inside a closed surface whose normals point out; refused without volume or flat
+    faces."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     volume, centroid = mesh.volume_and_centroid(points, oriented)
     if not volume > (RELATIVE_TOLERANCE * size) ** 2 * size:
@@ -255,12 +242,11 @@ def body_inside(
             points=points,
             blocks=(id,),
         )
-    vectors = mesh.area_vectors(points, oriented)
-    areas = np.linalg.norm(vectors, axis=1)
-    allowed = joint_tolerance or default_tolerance(volume, float(areas.sum()))
+    allowed = joint_tolerance or default_tolerance(volume, mesh.surface(points, oriented))
     check_flat(id, points, oriented, allowed)
     middles = np.array([points[list(face)].mean(axis=0) for face in oriented])
-    is_convex = _all_behind(points, middles, vectors / areas[:, None], allowed)
+    normals = mesh.unit(mesh.area_vectors(points, oriented))
+    is_convex = _all_behind(points, middles, normals, allowed)
     if not is_convex:
         check_no_crossing(id, points, oriented, allowed)
     return Body(oriented, volume, centroid, is_convex)
@@ -271,7 +257,6 @@ def default_tolerance(volume: float, surface: float) -> float:
 
 
 def check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> None:
-    """Refuse faces that are warped by more than ``tolerance`` (length)."""
     off = warps(points, faces)
     number = int(off.argmax())
     if off[number] > (1.0 + RELATIVE_TOLERANCE) * tolerance:  # sums in another order may differ
@@ -285,9 +270,7 @@ def check_flat(id: str, points: FloatArray, faces: Faces, tolerance: float) -> N
 
 
 def warps(points: FloatArray, faces: Faces) -> FloatArray:
-    """How far each face's corners are off its mean plane at most, (f,)."""
-    normals = mesh.area_vectors(points, faces)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = mesh.unit(mesh.area_vectors(points, faces))
     result = np.zeros(len(faces))
     for number in (i for i, face in enumerate(faces) if len(face) > 3):
         corners = points[list(faces[number])]
@@ -298,7 +281,6 @@ def warps(points: FloatArray, faces: Faces) -> FloatArray:
 def _all_behind(
     points: FloatArray, middles: FloatArray, normals: FloatArray, tolerance: float
 ) -> bool:
-    """True if no vertex is in front of a face's plane; most shapes end in the first part."""
     level = np.einsum("fk,fk->f", middles, normals)
     step = max(1, 1_000_000 // len(points))
     return all(

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import cvxlimit.geometry.mesh as mesh
@@ -83,7 +81,6 @@ class _Mesh:
 
     @property
     def rough_thickness(self) -> float:
-        """Of an open mesh: the volume between its faces and their middle."""
         triangles, _ = mesh.fan(self.points, self.faces)
         corners = triangles - self.points.mean(axis=0)
         volume = float(np.abs(np.linalg.det(corners)).sum()) / 6.0
@@ -94,27 +91,18 @@ class _Mesh:
         return polyhedra.default_tolerance(volume, mesh.surface(self.points, self.faces))
 
     def weld(self, distance: float, among: IntArray | None = None) -> None:
-        """Make one of vertices nearer than ``distance``; of all, or of those ``among`` only."""
         chosen = np.arange(len(self.points)) if among is None else among
         pairs = cKDTree(self.points[chosen]).query_pairs(distance, output_type="ndarray")
         if not len(pairs):
             return
-        links = coo_array(
-            (np.ones(len(pairs)), (chosen[pairs[:, 0]], chosen[pairs[:, 1]])),
-            shape=(len(self.points),) * 2,
-        )
-        _, label = connected_components(links, directed=False)
+        label = mesh.linked(len(self.points), *chosen[pairs].T)
         _, first = np.unique(label, return_index=True)
         self.report("welded", len(self.points) - len(first), "vertices in the same place")
         self.points = self.points[first]
-        faces = [[int(i) for i in label[list(face)]] for face in self.faces]
-        self.faces = tuple(
-            tuple(i for i, before in zip(f, [f[-1], *f[:-1]], strict=True) if i != before)
-            for f in faces
-        )
+        faces = [label[list(face)].tolist() for face in self.faces]
+        self.faces = tuple(tuple(i for k, i in enumerate(f) if i != f[k - 1]) for f in faces)
 
     def drop_degenerate(self) -> None:
-        """Drop faces with fewer than three vertices, or an area below 1e-12 of the size squared."""
         real = [f for f in self.faces if len(set(f)) > 2]
         repeated = next((f for f in real if len(set(f)) < len(f)), None)
         if repeated is not None:
@@ -140,42 +128,38 @@ class _Mesh:
 
     def drop_doubled(self) -> None:
         """Keep one of faces with the same vertices; none where two others share all its edges."""
-        groups: dict[frozenset[int], list[int]] = defaultdict(list)
-        for number, face in enumerate(self.faces):
-            groups[frozenset(face)].append(number)
-        again = [g for g in groups.values() if len(g) > 1]
-        if not again:
+        copies: dict[frozenset[int], list[tuple[int, ...]]] = defaultdict(list)
+        for face in self.faces:
+            copies[frozenset(face)].append(face)
+        if len(copies) == len(self.faces):
             return
-        copies = {number for g in again for number in g[1:]}
-        kept = [number for number in range(len(self.faces)) if number not in copies]
-        table = mesh.EdgeTable.of([self.faces[i] for i in kept])
-        uses = {frozenset(e): int(n) for e, n in zip(
-            zip(table.start.tolist(), table.end.tolist(), strict=True),
-            table.uses[table.key], strict=True)}  # fmt: skip
-        inner = {
-            g[0] for g in again
-            if all(uses[frozenset((i, k))] == 3 for i, k in _sides(self.faces[g[0]]))
-        }  # fmt: skip
-        self.faces = tuple(self.faces[i] for i in kept if i not in inner)
-        self.report("doubled", len(copies) + len(inner), "faces listed more than once")
+        table = mesh.EdgeTable.of([same[0] for same in copies.values()])
+        inner = np.ones(len(copies), dtype=bool)
+        np.logical_and.at(inner, table.face, table.uses[table.key] == 3)
+        pairs = zip(copies.values(), inner.tolist(), strict=True)
+        kept = tuple(same[0] for same, is_inner in pairs if len(same) == 1 or not is_inner)
+        self.report("doubled", len(self.faces) - len(kept), "faces listed more than once")
+        self.faces = kept
 
     def close_seams(self, distance: float) -> None:
         self._join(polyhedra.RELATIVE_TOLERANCE * self.size)
-        table = mesh.EdgeTable.of(self.faces)
-        open_sides = table.uses[table.key] == 1
-        if open_sides.any():
-            ends = np.unique(np.concatenate([table.start[open_sides], table.end[open_sides]]))
+        _, sides, ends = self._open_sides()
+        if len(sides):
             self.weld(distance, ends)
             self.faces = tuple(f for f in self.faces if len(set(f)) > 2)
             self._join(distance)
 
-    def _join(self, distance: float) -> None:
-        """Put vertices of open edges that lie within another open edge into its face."""
+    def _open_sides(self) -> tuple[mesh.EdgeTable, IntArray, IntArray]:
+        """All sides, the numbers of those without a neighbour, and the vertices at their ends."""
         table = mesh.EdgeTable.of(self.faces)
         sides = np.flatnonzero(table.uses[table.key] == 1)
+        return table, sides, np.union1d(table.start[sides], table.end[sides])
+
+    def _join(self, distance: float) -> None:
+        """Put vertices of open edges that lie within another open edge into its face."""
+        table, sides, ends = self._open_sides()
         if not len(sides):
             return
-        ends = np.unique(np.concatenate([table.start[sides], table.end[sides]]))
         tree = cKDTree(self.points[ends])
         faces = [list(f) for f in self.faces]
         joined = 0
@@ -200,10 +184,8 @@ class _Mesh:
     def drop_unused(self) -> None:
         used = np.unique([i for f in self.faces for i in f])
         self.report("unused", len(self.points) - len(used), "vertices without a face")
-        new = np.full(len(self.points), -1)
-        new[used] = np.arange(len(used))
         self.points = self.points[used]
-        self.faces = tuple(tuple(int(new[i]) for i in f) for f in self.faces)
+        self.faces = tuple(tuple(np.searchsorted(used, f).tolist()) for f in self.faces)
 
     def split_warped(self, tolerance: float | None) -> None:
         """Cut faces into triangles that are warped by more than the tolerance.
@@ -228,7 +210,3 @@ class _Mesh:
     def report(self, kind: str, count: int, detail: str) -> None:
         if count:
             self.repairs.append(Repair(kind, count, detail))
-
-
-def _sides(face: tuple[int, ...]) -> Iterable[tuple[int, int]]:
-    return zip(face, (*face[1:], face[0]), strict=True)

@@ -17,10 +17,8 @@ from cvxlimit.masonry.builtin import BUILTIN, BuiltinScene, builtin_scene
 from cvxlimit.masonry.buttresses import flying_buttress
 from cvxlimit.masonry.facades import Opening, facade, house_corner
 from cvxlimit.masonry.panels import panel
-from cvxlimit.masonry.randoms import random_wall
-from cvxlimit.masonry.stacks import single_block, stack
 from cvxlimit.masonry.vaults import barrel_vault, dome
-from cvxlimit.masonry.walls import running_bond, wall
+from cvxlimit.masonry.walls import random_wall, running_bond, single_block, stack, wall
 
 __all__ = [
     "BUILTIN",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
-from cvxlimit.masonry.rings import Ring, between, check_ring, radial_joints
-from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile, scene_of
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.masonry.sizes import ALONG, Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
 
 
@@ -70,9 +72,9 @@ def arch(
     weight = positive(density, "density of the arch")
     sides = (0.0, positive(width, "width"))
     joints = ring.joints(sides)
-    blocks = [between(f"v{i + 1}", *ends, weight) for i, ends in enumerate(pairwise(joints))]
+    blocks = between_all(joints, weight)
     left, right = ring.abutments(sides)
-    return scene_of((left, *blocks, right), (1.0, 0.0, 0.0), live, friction, name)
+    return scene_of((left, *blocks, right), ALONG, live, friction, name)
 
 
 def arch_on_piers(
@@ -89,45 +91,36 @@ def arch_on_piers(
     live: Load | None = None,
     name: str = "arch-on-piers",
 ) -> Scene:
-    r"""A semicircular arch in the plane (x, z) on two free-standing piers::
+    """A semicircular arch in the plane (x, z) on two free-standing piers; the ground's top is z =
+    0.
 
-                . - ~ - .
-             ~ . - - - . ~
-           /  /             \  \      springing joints level with the piers' tops
-        +---+-+             +-+---+
-        |     |             |     |
-        +-----+             +-----+
-        |     |             |     |     pier_height, in pier_courses blocks
-        +-----+             +-----+
-        |     |<--- span -->|     |
-      ==+=====+=============+=====+==   ground, top at z = 0
-
-    The piers' inner faces are flush with the arch's inner side, so the clear span is
-    ``(2 - thickness_ratio) mean_radius``; what a pier is wider than the arch stands behind it.
+    Springing joints are level with the piers' tops. The piers' inner faces are flush with the
+    arch's inner side, so the clear span is ``(2 - thickness_ratio) mean_radius``; what a pier is
+    wider than the arch stands behind it.
     Voussoirs are named ``v1``, ``v2`` ... from the left, pier blocks ``l1`` ... and ``r1`` ...
     from the bottom.
 
     Parameters
     ----------
     voussoirs : int
-        Number of voussoirs, 2 or more.
+    Number of voussoirs, 2 or more.
     thickness_ratio, mean_radius
-        As for :func:`~cvxlimit.masonry.arch`.
+    As for :func:`~cvxlimit.masonry.arch`.
     pier_width : float
-        Along x, m; no less than the arch is thick.
+    Along x, m; no less than the arch is thick.
     pier_height : float
-        From the ground to the springing, m.
+    From the ground to the springing, m.
     pier_courses : int
-        Number of blocks in each pier.
+    Number of blocks in each pier.
     width : float
-        Of arch and piers, out of the arch's plane (y), m.
+    Of arch and piers, out of the arch's plane (y), m.
     density, friction, live, name
-        As for :func:`~cvxlimit.masonry.wall`.
+    As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
     InputError
-        For sizes that are not positive, or piers narrower than the arch is thick.
+    For sizes that are not positive, or piers narrower than the arch is thick.
 
     Example
     -------
@@ -147,7 +140,7 @@ def arch_on_piers(
     weight = positive(density, "density of the arch")
     angles = np.linspace(np.pi, 0.0, number + 1)
     joints = radial_joints(angles, radius, depth, (0.0, thick), (0.0, high))
-    ring = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
+    ring = between_all(joints, weight)
     inner = radius - depth / 2.0
     levels = np.linspace(0.0, high, count(pier_courses, "pier_courses") + 1)
     piers = [
@@ -155,6 +148,81 @@ def arch_on_piers(
         for prefix, x in (("l", (-inner - broad, -inner)), ("r", (inner, inner + broad)))
         for block in pile(prefix, x, (0.0, thick), levels, weight)
     ]
-    return scene_of(
-        (ground_below(piers, depth=depth), *piers, *ring), (1.0, 0.0, 0.0), live, friction, name
-    )
+    ground = ground_below(piers, depth=depth)
+    return scene_of((ground, *piers, *ring), ALONG, live, friction, name)
+
+
+_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 3, 7, 4), (1, 2, 6, 5))
+"""Faces of a block between two joints, whose corners are 0-3 and 4-7 in the same order."""
+
+
+def between(id: str, first: FloatArray, second: FloatArray, density: float | None = None) -> Block:
+    return Block.polyhedron(id, np.concatenate([first, second]), _FACES, density)
+
+
+def between_all(joints: FloatArray, density: float) -> list[Block]:
+    return [between(f"v{i}", *ends, density) for i, ends in enumerate(pairwise(joints), start=1)]
+
+
+def radial_joints(
+    angles: FloatArray,
+    radius: float,
+    thickness: float,
+    sides: Span,
+    centre: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """Corners (n, 4, 3) of joints at ``angles`` (n,) on a circle in the plane (x, z), from +x
+    towards +z: ``radius`` of their midpoints, ``thickness`` along it, ends ``sides`` in y."""
+    radii = radius + thickness * np.array([-0.5, 0.5, 0.5, -0.5])
+    corners = np.empty((len(angles), 4, 3))
+    corners[:, :, 0] = centre[0] + radii * np.cos(angles)[:, None]
+    corners[:, :, 1] = np.array(sides)[[0, 0, 1, 1]]
+    corners[:, :, 2] = centre[1] + radii * np.sin(angles)[:, None]
+    return corners
+
+
+def abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
+    """A fixed block: the radial joint at ``angle`` pushed by ``depth`` towards growing angles."""
+    return between(id, joint, joint + depth * np.array([-np.sin(angle), 0.0, np.cos(angle)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """Joints of an arch in the plane (x, z) about the origin, ``angles`` (n + 1,) from left to
+    right."""
+
+    angles: FloatArray
+    radius: float
+    thickness: float
+
+    @classmethod
+    def of(cls, voussoirs: int, mean_radius: float, thickness_ratio: float, embrace: float) -> Ring:
+        radius = positive(mean_radius, "mean_radius")
+        ratio = positive(thickness_ratio, "thickness_ratio")
+        angle = positive(embrace, "embrace")
+        check_ring(voussoirs, ratio, angle)
+        half = np.radians(angle) / 2.0
+        angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
+        return cls(angles, radius, ratio * radius)
+
+    def joints(self, sides: Span) -> FloatArray:
+        return radial_joints(self.angles, self.radius, self.thickness, sides)
+
+    def abutments(self, sides: Span) -> tuple[Block, Block]:
+        joints, depth = self.joints(sides), self.thickness
+        left = abutment("left-abutment", joints[0], self.angles[0], depth)
+        return left, abutment("right-abutment", joints[-1], self.angles[-1], -depth)
+
+
+def check_ring(number: int, ratio: float, angle: float) -> None:
+    if ratio >= 2.0:
+        raise InputError(
+            f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
+            "centre of the arch"
+        )
+    if angle >= 360.0:
+        raise InputError(f"embrace must be below 360 degrees, got {angle:g}")
+    if angle / number >= 180.0:
+        raise InputError(
+            f"voussoirs must each span less than 180 degrees, got {number} over {angle:g} degrees"
+        )

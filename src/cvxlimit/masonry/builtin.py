@@ -19,9 +19,8 @@ from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.buttresses import flying_buttress
 from cvxlimit.masonry.facades import Opening, facade, house_corner
 from cvxlimit.masonry.panels import panel
-from cvxlimit.masonry.stacks import single_block, stack
 from cvxlimit.masonry.vaults import barrel_vault, dome
-from cvxlimit.masonry.walls import running_bond, wall
+from cvxlimit.masonry.walls import running_bond, single_block, stack, wall
 from cvxlimit.scene import Load, Scene
 
 

@@ -11,8 +11,8 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.rings import between, radial_joints
-from cvxlimit.masonry.sizes import count, ground_below, is_negligible, pile
+from cvxlimit.masonry.arches import between_all, radial_joints
+from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
 
 _PRISM = (
@@ -101,28 +101,19 @@ def flying_buttress(
     """
     number, weight = count(voussoirs, "voussoirs"), positive(density, "density of the buttress")
     sides = (0.0, positive(width, "width"))
-    flyer = _Flyer(
-        positive(thickness, "thickness"),
-        positive(span, "span"),
-        positive(embrace, "embrace"),
-        positive(head, "head"),
-    )
+    names = ("thickness", "span", "embrace", "head")
+    flyer = _Flyer(*map(positive, (thickness, span, embrace, head), names))
     broad, tall = positive(pier_width, "pier_width"), positive(wall_height, "wall_height")
     step = positive(course, "course")
-    _check(flyer, broad, tall)
+    flyer.check(broad, tall)
     joints = flyer.joints(number, sides)
-    ring = [between(f"v{i + 1}", joints[i], joints[i + 1], weight) for i in range(number)]
+    ring = between_all(joints, weight)
     pier = _pier(flyer, joints[0], broad, step, pinnacle, weight)
     reach = (flyer.span, flyer.span + positive(wall_width, "wall_width"))
     wall = pile("w", reach, sides, np.linspace(0.0, tall, _courses(tall, step) + 1), weight)
     ground = ground_below([*pier, *wall], depth=step)
-    return Scene(
-        blocks=(ground, *pier, *ring, *wall),
-        supports=("ground",),
-        live=_thrust(wall, flyer.head + flyer.thickness / 2.0) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    thrust = _thrust(wall, flyer.head + flyer.thickness / 2.0)
+    return scene_of((ground, *pier, *ring, *wall), thrust, live, friction, name)
 
 
 @dataclass(frozen=True)
@@ -140,39 +131,36 @@ class _Flyer:
 
     @property
     def foot(self) -> float:
-        """Height of the lower inner corner."""
         return self.head - self.inner * (1.0 - float(np.cos(np.radians(self.embrace))))
 
     @property
     def setback(self) -> float:
-        """How far the foot reaches back over the pier."""
         return self.thickness * float(np.sin(np.radians(self.embrace)))
 
-    def joints(self, voussoirs: int, sides: tuple[float, float]) -> FloatArray:
+    def check(self, pier_width: float, wall_height: float) -> None:
+        if self.embrace >= 90.0:
+            raise InputError(f"embrace must be below 90 degrees, got {self.embrace:g}")
+        if is_negligible(self.foot, self.thickness):
+            raise InputError(
+                f"head must be above {self.head - self.foot:g}, got {self.head:g}: the flyer's "
+                "foot would be below the ground"
+            )
+        if not is_negligible(self.head + self.thickness - wall_height, self.thickness):
+            raise InputError(
+                "wall_height must be no less than head and thickness together, "
+                f"{self.head + self.thickness:g}, got {wall_height:g}"
+            )
+        if is_negligible(pier_width - self.setback, self.thickness):
+            raise InputError(
+                f"pier_width must be above {self.setback:g}, over which the flyer's foot reaches "
+                f"back, got {pier_width:g}"
+            )
+
+    def joints(self, voussoirs: int, sides: Span) -> FloatArray:
         angles = np.pi / 2.0 + np.linspace(np.radians(self.embrace), 0.0, voussoirs + 1)
         centre = (self.span, self.head - self.inner)
         middle = self.inner + self.thickness / 2.0
         return radial_joints(angles, middle, self.thickness, sides, centre)
-
-
-def _check(flyer: _Flyer, pier_width: float, wall_height: float) -> None:
-    if flyer.embrace >= 90.0:
-        raise InputError(f"embrace must be below 90 degrees, got {flyer.embrace:g}")
-    if is_negligible(flyer.foot, flyer.thickness):
-        raise InputError(
-            f"head must be above {flyer.head - flyer.foot:g}, got {flyer.head:g}: the flyer's foot "
-            "would be below the ground"
-        )
-    if not is_negligible(flyer.head + flyer.thickness - wall_height, flyer.thickness):
-        raise InputError(
-            f"wall_height must be no less than head and thickness together, "
-            f"{flyer.head + flyer.thickness:g}, got {wall_height:g}"
-        )
-    if is_negligible(pier_width - flyer.setback, flyer.thickness):
-        raise InputError(
-            f"pier_width must be above {flyer.setback:g}, over which the flyer's foot reaches back,"
-            f" got {pier_width:g}"
-        )
 
 
 def _courses(height: float, course: float) -> int:

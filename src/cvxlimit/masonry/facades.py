@@ -8,13 +8,12 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+import cvxlimit.masonry.sizes as sizes
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, scene_of, size_of
+from cvxlimit.masonry.sizes import Size, Span, is_negligible
 from cvxlimit.scene import Load, Scene
-
-Span = tuple[float, float]
 
 _SHORTEST = 0.25
 """A piece shorter than this share of a unit is not laid: its neighbour is cut longer instead.
@@ -50,8 +49,8 @@ class Opening:
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", positive(self.start, "start of an opening"))
         object.__setattr__(self, "width", positive(self.width, "width of an opening"))
-        count(self.sill, "sill of an opening", least=0)
-        count(self.courses, "courses of an opening")
+        sizes.count(self.sill, "sill of an opening", least=0)
+        sizes.count(self.courses, "courses of an opening")
 
 
 def facade(
@@ -124,20 +123,19 @@ def facade(
     >>> [block.id for block in scene.blocks if "lintel" in block.id]
     ['f.lintel1']
     """
-    size, rows = size_of(unit, "the unit"), count(courses, "courses")
+    size, rows = sizes.size_of(unit, "the unit"), sizes.count(courses, "courses")
     weight = positive(density, "density of the facade")
     lintel = _Lintel(
         size[0] / 2.0 if bearing is None else positive(bearing, "bearing"),
-        count(lintel_courses, "lintel_courses"),
+        sizes.count(lintel_courses, "lintel_courses"),
     )
-    walls = _walls(length, (left_return, right_return), size,
-                   (openings, left_openings, right_openings))  # fmt: skip
+    held = openings, left_openings, right_openings
+    walls = _walls(length, (left_return, right_return), size, held)
     for wall in walls:
         wall.check(rows, lintel)
     blocks = [block for wall in walls for block in wall.blocks(rows, size, lintel, weight)]
-    return scene_of(
-        (ground_below(blocks, depth=size[2]), *blocks), (0.0, -1.0, 0.0), live, friction, name
-    )
+    ground = sizes.ground_below(blocks, depth=size[2])
+    return sizes.scene_of((ground, *blocks), sizes.ACROSS, live, friction, name)
 
 
 def house_corner(
@@ -155,22 +153,10 @@ def house_corner(
     live: Load | None = None,
     name: str = "house-corner",
 ) -> Scene:
-    """Two walls of a house that meet in a corner, one window in each of them on every storey::
+    """Two walls of a house that meet in a corner, one window in each of them on every storey.
 
-           front (x)              plan
-
-        +---------------+        +---+
-        |     +--+      |        |   |
-        |     |  |      |        |   window    side, along y from x = 0
-        |     +--+      |        |   |
-        |---------------|        |   +-------------+
-        |     +--+      |        |          front  |
-        |     |  |      |        +------window-----+   pushed along -y
-        |     +--+      |
-        +---------------+   ``storeys`` of ``storey_courses`` courses, windows in the
-                            middle of both walls, a lintel over each
-
-    A :func:`facade` with one return; parameters not named here are as there.
+    The front stands along x, the side along y from x = 0; windows are in the middle of both, with a
+    lintel over each. A :func:`facade` with one return; parameters not named here are as there.
 
     Parameters
     ----------
@@ -185,10 +171,6 @@ def house_corner(
     window_courses, sill : int
         Height of the windows, and of the wall below them in every storey, in courses.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     InputError
@@ -200,39 +182,24 @@ def house_corner(
     >>> [block.id for block in scene.blocks if "lintel" in block.id]
     ['f.lintel1', 'l.lintel1']
     """
-    floors, high = count(storeys, "storeys"), count(storey_courses, "storey_courses")
-    below, tall = count(sill, "sill", least=0), count(window_courses, "window_courses")
+    floors, high = sizes.count(storeys, "storeys"), sizes.count(storey_courses, "storey_courses")
+    below, tall = sizes.count(sill, "sill", least=0), sizes.count(window_courses, "window_courses")
     if below + tall + 1 > high:
         raise InputError(
             f"storey_courses must be at least {below + tall + 1} for sill, window and lintel, "
             f"got {high}"
         )
-    front_windows, side_windows = (
-        [Opening(start, clear, floor * high + below, tall) for floor in range(floors)]
-        for start, clear in (
-            _centred(window_width, front, "front"),
-            _centred(window_width, side, "side"),
-        )
-    )
+    sills = [floor * high + below for floor in range(floors)]
+    windows = []
+    for length, what in ((front, "front"), (side, "side")):
+        clear, whole = positive(window_width, "window_width"), positive(length, what)
+        if is_negligible(whole - clear, whole):
+            raise InputError(f"{what} must be longer than window_width, {clear:g}, got {whole:g}")
+        windows.append([Opening((whole - clear) / 2.0, clear, at, tall) for at in sills])
     return facade(
-        front,
-        floors * high,
-        front_windows,
-        left_return=side,
-        left_openings=side_windows,
-        unit=unit,
-        density=density,
-        friction=friction,
-        live=live,
-        name=name,
-    )
-
-
-def _centred(width: float, length: float, what: str) -> Span:
-    clear, whole = positive(width, "window_width"), positive(length, what)
-    if is_negligible(whole - clear, whole):
-        raise InputError(f"{what} must be longer than window_width, {clear:g}, got {whole:g}")
-    return (whole - clear) / 2.0, clear
+        front, floors * high, windows[0], left_return=side, left_openings=windows[1],
+        unit=unit, density=density, friction=friction, live=live, name=name,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -250,11 +217,8 @@ class _Lintel:
 
 @dataclass(frozen=True)
 class _Wall:
-    """One wall: where it stands, how long its courses are, and its openings.
-
-    ``inset`` is what its start and its end give way to other walls, in every other course from
-    ``gives_way`` (0 or 1) on.
-    """
+    """One wall. ``inset`` is what its ends give way to other walls, in every other course from
+    ``gives_way`` (0 or 1) on."""
 
     prefix: str
     what: str
@@ -297,7 +261,6 @@ class _Wall:
                     )
 
     def gaps(self, row: int, lintel: _Lintel) -> list[tuple[int, Span]]:
-        """What a course leaves free for openings and lintels, by the opening's number."""
         found = []
         for number, opening in enumerate(self.openings, start=1):
             if row in lintel.rows(opening):
@@ -315,18 +278,12 @@ class _Wall:
             shift = length / 2.0 if shortened else 0.0
             solid = _between((start, end), [gap for _, gap in self.gaps(row, lintel)], length)
             pieces = [piece for span in solid for piece in _pieces(span, shift, length)]
-            for place, piece in enumerate(pieces, start=1):
-                levels = (row * height, (row + 1) * height)
-                yield self._box(f"{row + 1}.{place}", piece, levels, density)
+            name, levels = f"{self.prefix}{row + 1}.", (row * height, (row + 1) * height)
+            yield from sizes.laid(name, pieces, self.along, self.across, levels, density)
         for number, opening in enumerate(self.openings, start=1):
-            taken = lintel.rows(opening)
-            levels = (taken.start * height, taken.stop * height)
-            yield self._box(f".lintel{number}", lintel.over(opening), levels, density)
-
-    def _box(self, place: str, span: Span, levels: Span, density: float) -> Block:
-        ends = np.array([span, self.across] if self.along == 0 else [self.across, span])
-        low, high = (np.append(ends[:, end], levels[end]) for end in (0, 1))
-        return Block.box(self.prefix + place, low, high, density)
+            name, taken = f"{self.prefix}.lintel{number}", lintel.rows(opening)
+            span, levels = lintel.over(opening), (taken.start * height, taken.stop * height)
+            yield sizes.brick(name, span, self.along, self.across, levels, density)
 
 
 def _walls(
@@ -363,7 +320,6 @@ def _walls(
 
 
 def _between(whole: Span, gaps: Sequence[Span], unit: float) -> list[Span]:
-    """What is left of ``whole`` between ``gaps``, which do not overlap."""
     ends = [whole[0], *(end for gap in sorted(gaps) for end in gap), whole[1]]
     parts = zip(ends[::2], ends[1::2], strict=True)
     return [(low, high) for low, high in parts if not is_negligible(high - low, unit)]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
+import cvxlimit.masonry.sizes as sizes
 from cvxlimit.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, is_negligible, scene_of, size_of
+from cvxlimit.masonry.sizes import Size, Span, is_negligible
 from cvxlimit.scene import Load, Scene
-
-Span = tuple[float, float]
 
 
 def panel(
@@ -59,8 +59,8 @@ def panel(
     >>> [block.id for block in scene.blocks]
     ['ground', 'f1.1', 'f1.2', 'f1.3', 'l1.1', 'l1.2', 'f2.1', 'f2.2', 'f2.3', 'l2.1', 'l2.2']
     """
-    size = size_of(brick, "the brick")
-    rows = count(courses, "courses")
+    size = sizes.size_of(brick, "the brick")
+    rows = sizes.count(courses, "courses")
     weight = positive(density, "density of the panel")
     returns = {"l": _return_length(left_return, "left_return", size[1]),
                "r": _return_length(right_return, "right_return", size[1])}  # fmt: skip
@@ -71,14 +71,10 @@ def panel(
             f"front must be longer than the thickness of its {corners} return(s), "
             f"{corners * size[1]:g}, got {width:g}"
         )
-    blocks = [
-        block
-        for row in range(rows)
-        for block in _course(row, width, returns, size, weight)
-    ]  # fmt: skip
-    return scene_of(
-        (ground_below(blocks, depth=size[2]), *blocks), (0.0, -1.0, 0.0), live, friction, name
-    )
+    courses_laid = (_course(row, width, returns, size, weight) for row in range(rows))
+    blocks = list(chain.from_iterable(courses_laid))
+    ground = sizes.ground_below(blocks, depth=size[2])
+    return sizes.scene_of((ground, *blocks), sizes.ACROSS, live, friction, name)
 
 
 def _return_length(value: float, what: str, thickness: float) -> float:
@@ -97,19 +93,16 @@ def _course(
     row: int, front: float, returns: dict[str, float], size: Size, density: float
 ) -> Iterator[Block]:
     length, thickness, height = size
-    z0, z1 = row * height, (row + 1) * height
+    levels = row * height, (row + 1) * height
     through = row % 2 == 0
     inset = {side: 0.0 if through or not returns[side] else thickness for side in "lr"}
     first = length if through or returns["l"] else length / 2.0
     run = _bricks(inset["l"], front - inset["r"], length, first)
-    for place, (x0, x1) in enumerate(run, start=1):
-        yield Block.box(f"f{row + 1}.{place}", (x0, 0.0, z0), (x1, thickness, z1), density)
-    for side, x0 in (("l", 0.0), ("r", front - thickness)):
+    yield from sizes.laid(f"f{row + 1}.", run, 0, (0.0, thickness), levels, density)
+    for side, x in (("l", 0.0), ("r", front - thickness)):
         if returns[side]:
             run = _bricks(thickness if through else 0.0, returns[side], length, length)
-            for place, (y0, y1) in enumerate(run, start=1):
-                low, high = (x0, y0, z0), (x0 + thickness, y1, z1)
-                yield Block.box(f"{side}{row + 1}.{place}", low, high, density)
+            yield from sizes.laid(f"{side}{row + 1}.", run, 1, (x, x + thickness), levels, density)
 
 
 def _bricks(start: float, end: float, length: float, first: float) -> Iterator[Span]:

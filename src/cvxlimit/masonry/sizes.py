@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -17,6 +17,12 @@ from cvxlimit.scene import Load, Scene
 
 Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""
+
+Span = tuple[float, float]
+
+ALONG = Load(acceleration=(1.0, 0.0, 0.0))
+ACROSS = Load(acceleration=(0.0, -1.0, 0.0))
+"""Live loads unless others are given: the weights, in a wall's plane or out of it."""
 
 
 def count(value: Any, what: str, least: int = 1) -> int:
@@ -39,31 +45,32 @@ def ground_below(blocks: Sequence[Block], depth: float) -> Block:
     return Block.box("ground", (low[0], low[1], -depth), (high[0], high[1], 0.0))
 
 
-def pile(
-    prefix: str, x: tuple[float, float], y: tuple[float, float], levels: ArrayLike, density: float
-) -> list[Block]:
-    """Boxes on one another between ``levels`` (z, ascending): ``<prefix>1``, ``<prefix>2`` ..."""
-    heights = np.asarray(levels, dtype=float)
-    return [
-        Block.box(f"{prefix}{i + 1}", (x[0], y[0], z0), (x[1], y[1], z1), density)
-        for i, (z0, z1) in enumerate(pairwise(heights))
-    ]
+def laid(
+    prefix: str, spans: Iterable[Span], axis: int, across: Span, levels: Span, density: float
+) -> Iterator[Block]:
+    """Boxes ``<prefix>1``, ``<prefix>2`` ... beside one another along x (``axis`` 0) or y (1)."""
+    for place, span in enumerate(spans, start=1):
+        yield brick(f"{prefix}{place}", span, axis, across, levels, density)
+
+
+def brick(id: str, span: Span, axis: int, across: Span, levels: Span, density: float) -> Block:
+    (x0, x1), (y0, y1) = (span, across) if axis == 0 else (across, span)
+    return Block.box(id, (x0, y0, levels[0]), (x1, y1, levels[1]), density)
+
+
+def pile(prefix: str, x: Span, y: Span, levels: FloatArray, density: float) -> list[Block]:
+    heights = enumerate(pairwise(levels.tolist()), start=1)
+    return [brick(f"{prefix}{i}", x, 0, y, z, density) for i, z in heights]
 
 
 def scene_of(
-    blocks: Sequence[Block], push: Size, live: Load | None, friction: float, name: str
+    blocks: Sequence[Block], usual: Load, live: Load | None, friction: float, name: str
 ) -> Scene:
-    """Blocks without density are the supports; ``push`` times the weights is the load if none is
-    given."""
-    return Scene(
-        blocks=tuple(blocks),
-        supports=tuple(block.id for block in blocks if block.density is None),
-        live=Load(acceleration=push) if live is None else live,
-        friction=friction,
-        name=name,
-    )
+    """Blocks without density are the supports; the ``usual`` live load holds if none is given."""
+    supports = tuple(block.id for block in blocks if block.density is None)
+    load = usual if live is None else live
+    return Scene(tuple(blocks), supports, load, friction=friction, name=name)
 
 
 def is_negligible(length: float, unit: float) -> bool:
-    """True if ``length`` is too short to be told from rounding in a block of size ``unit``."""
     return length <= RELATIVE_TOLERANCE * unit

@@ -10,8 +10,9 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import not_negative, positive
 from cvxlimit.errors import InputError
-from cvxlimit.masonry.rings import Ring, between
-from cvxlimit.masonry.sizes import count, scene_of
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.masonry.arches import Ring, between
+from cvxlimit.masonry.sizes import ALONG, Span, count, scene_of
 from cvxlimit.masonry.walls import running_bond
 from cvxlimit.scene import Load, Scene
 
@@ -29,15 +30,7 @@ def barrel_vault(
     live: Load | None = None,
     name: str = "barrel-vault",
 ) -> Scene:
-    r"""A circular vault along y, laid in running bond on two fixed abutments::
-
-        section (x, z)            from above, unrolled
-
-            . - ~ - .             +---+-------+---+     row 4, on the right abutment
-          /  . - .   \            +-------+-------+
-         |  /     \   |           +---+-------+---+
-         |_|       |_|            +-------+-------+     row 1, on the left abutment
-        ======   ======             length (y)
+    """A circular vault along y, laid in running bond on two fixed abutments.
 
     Its cross-section is that of :func:`~cvxlimit.masonry.arch`: bed joints are radial, voussoirs
     straight between them, and a load that does not vary along y is carried as by an arch. Blocks
@@ -79,7 +72,7 @@ def barrel_vault(
             below, above = ring.joints(sides)[row : row + 2]
             voussoirs.append(between(f"v{row + 1}.{place}", below, above, weight))
     left, right = ring.abutments((0.0, far))
-    return scene_of((left, *voussoirs, right), (1.0, 0.0, 0.0), live, friction, name)
+    return scene_of((left, *voussoirs, right), ALONG, live, friction, name)
 
 
 def dome(
@@ -95,16 +88,7 @@ def dome(
     live: Load | None = None,
     name: str = "dome",
 ) -> Scene:
-    r"""A spherical dome of flat-sided blocks on a fixed ring, open at the crown::
-
-          elevation (x, z)                  plan (x, y)
-
-            .-|oculus|-.                      . - | - .
-         .'/__|      |__\'.                 .'\   |   /'.
-        /__/            \__\   courses     |    ( _ )    |   lunes between upright
-       |__|              |__|              |---(     )---|   planes through the axis
-       |__|              |__|               '. / '|' \ .'
-      ======            ======  ring          ' - | - '
+    """A spherical dome of flat-sided blocks on a fixed ring, open at the crown.
 
     All corners lie on two spheres about the origin, on vertical planes through the axis z and at
     equal steps of latitude. The bed joint at a latitude, a cone in a round dome, is a flat
@@ -149,10 +133,8 @@ def dome(
     (18, 36)
     """
     around, high = count(lunes, "lunes", least=3), count(courses, "courses")
-    ratio, radius = (
-        positive(thickness_ratio, "thickness_ratio"),
-        positive(mean_radius, "mean_radius"),
-    )
+    ratio = positive(thickness_ratio, "thickness_ratio")
+    radius = positive(mean_radius, "mean_radius")
     if ratio >= 2.0:
         raise InputError(
             f"thickness_ratio must be below 2, got {ratio:g}: the inner sphere would have no radius"
@@ -161,19 +143,17 @@ def dome(
     weight = positive(density, "density of the dome")
     latitudes = np.linspace(low, top, high + 1)
     below = low - (top - low) / max(high, 4)  # the ring is fixed: its depth is for the eye only
-    ring = [
-        between(f"ring{lune}", lower, upper)
-        for lune, lower, upper in _course(around, (below, low), radius, ratio * radius)
-    ]
+    radii = radius + ratio * radius * np.array([[-0.5], [0.5], [0.5], [-0.5]])
+    ring = _course("ring", around, (below, low), radii, None)
     shell = [
-        between(f"d{number}.{lune}", lower, upper, weight)
+        block
         for number, ends in enumerate(pairwise(latitudes.tolist()), start=1)
-        for lune, lower, upper in _course(around, ends, radius, ratio * radius)
+        for block in _course(f"d{number}.", around, ends, radii, weight)
     ]
-    return scene_of((*ring, *shell), (1.0, 0.0, 0.0), live, friction, name)
+    return scene_of((*ring, *shell), ALONG, live, friction, name)
 
 
-def _latitudes(springing: float, oculus: float) -> tuple[float, float]:
+def _latitudes(springing: float, oculus: float) -> Span:
     low, top = not_negative(springing, "springing"), 90.0 - oculus
     if low >= top:
         raise InputError(
@@ -184,14 +164,12 @@ def _latitudes(springing: float, oculus: float) -> tuple[float, float]:
 
 
 def _course(
-    lunes: int, latitudes: tuple[float, float], radius: float, thickness: float
-) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Number of each lune from 1, and the joints (4, 3) below and above its block."""
+    prefix: str, lunes: int, latitudes: Span, radii: FloatArray, density: float | None
+) -> Iterator[Block]:
     turns = 2.0 * np.pi * np.arange(lunes + 1) / lunes
     around = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=1)
     axis = np.array([0.0, 0.0, 1.0])
-    radii = radius + thickness * np.array([[-0.5], [0.5], [0.5], [-0.5]])
     for lune in range(lunes):
         outward = around[[lune, lune, lune + 1, lune + 1]]
         lower, upper = (radii * (np.cos(a) * outward + np.sin(a) * axis) for a in latitudes)
-        yield lune + 1, lower, upper
+        yield between(f"{prefix}{lune + 1}", lower, upper, density)

@@ -1,15 +1,16 @@
-"""Walls laid in courses, with openings: running bond or any list of block lengths."""
+"""Walls laid in courses, regular and random ones, and blocks piled on one another."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from cvxlimit.checks import positive
+from cvxlimit.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry.sizes import Size, count, ground_below, scene_of, size_of
+from cvxlimit.masonry.sizes import ALONG, Size, count, ground_below, laid, scene_of, size_of
 from cvxlimit.scene import Load, Scene
 
 Course = Sequence[float]
@@ -100,7 +101,7 @@ def wall(
     blocks = list(_laid_blocks(courses, size, weight))
     fixed = [ground_below(blocks, depth=size[2])]
     fixed += [_side_support(side, blocks, size) for side in _checked_sides(side_supports)]
-    return scene_of((*fixed, *blocks), (1.0, 0.0, 0.0), live, friction, name)
+    return scene_of((*fixed, *blocks), ALONG, live, friction, name)
 
 
 def _laid_blocks(courses: Sequence[Course], size: Size, density: float) -> Iterator[Block]:
@@ -111,14 +112,9 @@ def _laid_blocks(courses: Sequence[Course], size: Size, density: float) -> Itera
         lengths = _checked_course(row, course)
         ends = np.cumsum(np.abs(lengths)) * length
         starts = np.concatenate([[0.0], ends[:-1]])
-        solid = lengths > 0.0
-        for place, (x0, x1) in enumerate(zip(starts[solid], ends[solid], strict=True), start=1):
-            yield Block.box(
-                f"b{row + 1}.{place}",
-                (x0, 0.0, row * height),
-                (x1, thickness, (row + 1) * height),
-                density,
-            )
+        solid = np.stack([starts, ends], axis=1)[lengths > 0.0].tolist()
+        levels = (row * height, (row + 1) * height)
+        yield from laid(f"b{row + 1}.", solid, 0, (0.0, thickness), levels, density)
 
 
 def _checked_course(row: int, course: Course) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -151,3 +147,146 @@ def _side_support(side: str, blocks: Sequence[Block], size: Size) -> Block:
     top = max(block.vertices[:, 2].max() for block in blocks)
     x0 = -length if side == "start" else far
     return Block.box(f"side-{side}", (x0, 0.0, 0.0), (x0 + length, thickness, top))
+
+
+SIZES = ((2, 3), (2, 4), (2, 5), (3, 3), (3, 4), (3, 5), (4, 3), (4, 4))
+"""Whole units and courses: 14 to 46 contacts, with a side support or without."""
+
+FRICTION = (0.2, 0.9)
+"""Range of the coefficient of friction."""
+
+_JITTER = 0.2
+"""Head joints and course heights vary by this share of a unit, up and down, so that joints of
+following courses stay a tenth of a unit apart: bonded, though badly."""
+
+
+def random_wall(
+    seed: int,
+    *,
+    unit: Size = (0.4, 0.2, 0.2),
+    density: float = 20.0,
+    sizes: Sequence[tuple[int, int]] = SIZES,
+) -> Scene:
+    """An irregular running-bond wall with a random size, bond, friction and load direction.
+
+    Courses differ in height, head joints are moved at random about those of a running bond; half
+    of the walls lean on a rigid support at their start. The live load pushes in any direction of
+    space, in multiples of the weight; one that presses the wall down does no harm. The same seed
+    gives the same wall, whatever else was drawn before. Blocks are named as in
+    :func:`~cvxlimit.masonry.wall`. Each block rests with its whole lower face on the course below,
+    so the wall carries its own weight.
+
+    Parameters
+    ----------
+    seed : int
+        0 or more.
+    unit : (float, float, float)
+        Mean length, thickness and mean height of a block, m.
+    density : float
+        Weight per volume, kN/m3.
+    sizes : sequence of (int, int)
+        Whole units and courses, one of which is drawn; 14 to 46 contacts unless others are given.
+
+    Raises
+    ------
+    InputError
+        If the seed is not a whole number of 0 or more, or a size is not positive.
+
+    Example
+    -------
+    >>> scene = random_wall(7)
+    >>> scene.name, len(scene.free), len(scene.contacts)
+    ('random-wall-7', 18, 42)
+    """
+    rng = np.random.default_rng(count(seed, "seed", least=0))
+    length, thickness, height = size_of(unit, "the unit")
+    units, courses = sizes[int(rng.integers(len(sizes)))]
+    heights = height * rng.uniform(1.0 - _JITTER, 1.0 + _JITTER, courses)
+    levels = np.concatenate([[0.0], np.cumsum(heights)])
+    blocks: list[Block] = []
+    for row, span in enumerate(pairwise(levels.tolist())):
+        inner = np.arange(1, units) if row % 2 == 0 else np.arange(units) + 0.5
+        joints = length * (inner + rng.uniform(-_JITTER, _JITTER, len(inner)))
+        ends = [0.0, *joints.tolist(), units * length]
+        blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, density)
+    fixed = [ground_below(blocks, depth=height)]
+    if rng.random() < 0.5:
+        fixed.append(Block.box("side-start", (-length, 0.0, 0.0), (0.0, thickness, levels[-1])))
+    direction = rng.normal(size=3)
+    push = Load(acceleration=tuple(direction / np.linalg.norm(direction)))
+    friction = float(rng.uniform(*FRICTION))
+    return scene_of((*fixed, *blocks), push, None, friction, f"random-wall-{seed}")
+
+
+def stack(
+    blocks: int = 5,
+    size: Size = (0.5, 0.5, 0.25),
+    *,
+    shift: tuple[float, float] = (0.0, 0.0),
+    density: float = 20.0,
+    friction: float = 0.6,
+    live: Load | None = None,
+    name: str = "stack",
+) -> Scene:
+    """Equal blocks piled on one another on a fixed ground whose top is z = 0.
+
+    Blocks are named ``b1``, ``b2`` ... from the bottom.
+
+    Parameters
+    ----------
+    blocks : int
+        How many.
+    size : (float, float, float)
+        Length (x), thickness (y) and height (z) of each block, m.
+    shift : (float, float)
+        Offset in x and y of every block from the one below, m: a leaning stack.
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, or a shift so large that blocks do not touch (found
+        with the contacts).
+
+    Example
+    -------
+    >>> scene = stack(3, size=(1.0, 1.0, 0.5))
+    >>> scene.contacts.names
+    ('ground-b1', 'b1-b2', 'b2-b3')
+    """
+    length, thickness, height = size_of(size, "the block")
+    dx, dy = finite_vector(shift, 2, "shift")
+    weight = positive(density, "density of the stack")
+    pile = [
+        Block.box(
+            f"b{i + 1}",
+            (i * dx, i * dy, i * height),
+            (i * dx + length, i * dy + thickness, (i + 1) * height),
+            weight,
+        )
+        for i in range(count(blocks, "blocks"))
+    ]
+    ground = ground_below(pile[:1], depth=height)
+    return scene_of((ground, *pile), ALONG, live, friction, name)
+
+
+def single_block(
+    size: Size = (0.4, 0.4, 1.0),
+    *,
+    density: float = 20.0,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "single-block",
+) -> Scene:
+    """One block on a fixed ground: the smallest scene, with a load factor in closed form.
+
+    Pushed along x, it rocks at length / height or slides at ``friction``, whichever is less.
+    Parameters, units and errors as in :func:`stack`.
+
+    Example
+    -------
+    >>> single_block(size=(0.3, 0.3, 0.9)).contacts.names
+    ('ground-b1',)
+    """
+    return stack(1, size, density=density, friction=friction, live=live, name=name)

@@ -1,4 +1,4 @@
-"""What is drawn besides blocks: how joints lie, arrows of loads, and places that need a look."""
+"""What is drawn besides blocks: joints, arrows of loads, places to look at, crushed zones, ties."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.contacts import COLUMN, Contacts, pressure_centres
 from cvxlimit.loads import Load
 from cvxlimit.plotting.camera import upright
-from cvxlimit.plotting.movement import free_size
+from cvxlimit.plotting.movement import Motion, contact_forces, displaced, free_size
 from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
 
 LEVEL_WITHIN = 10.0
 """Degrees off level or upright up to which a joint counts as bed or head joint."""
@@ -34,8 +35,8 @@ class JointKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Marking:
-    """Contacts to be outlined: what each is, by code; codes without a colour stay unmarked, those
-    with a text are in the legend; ``width`` (n,) is each line's share of the widest."""
+    """Contacts to be outlined: what each is, by code; codes with a text are in the legend;
+    ``width`` (n,) is each line's share of the widest."""
 
     contacts: Contacts
     kind: IntArray
@@ -104,7 +105,6 @@ def refused(scene: Scene) -> InputError | None:
 
 
 def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
-    """:class:`JointKind` of every contact, by its normal."""
     steep = np.abs(contacts.axes[:, 2] @ upright(scene))
     kind = np.full(len(contacts), JointKind.SLOPING, dtype=np.int64)
     kind[steep >= np.cos(np.radians(LEVEL_WITHIN))] = JointKind.BED
@@ -129,7 +129,6 @@ def _arrows(scene: Scene) -> Iterator[Arrow]:
 
 
 def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, str]]:
-    """Point, force and name of what a load consists of; body forces as one resultant."""
     blocks = [scene.blocks[i] for i in scene.free]
     body = replace(load, forces={}, points=(), pressures=(), weights={}).actions(blocks)
     total = body.force.sum(axis=0)
@@ -153,3 +152,80 @@ def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, s
             what = single.actions([block])
             acting = int(np.linalg.norm(what.force, axis=1).argmax())
             yield what.at[acting], what.force[acting], text
+
+
+CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
+
+_AT_STRENGTH = 1e-3
+"""Share of the strength that may be missing where a contact or a tie counts as yielding."""
+
+
+def crushed_zones(scene: Scene, forces: FloatArray) -> dict[int, FloatArray]:
+    """Corners (4, 3) of the zone of each contact that crushes, for forces (n, 6).
+
+    A contact crushes where the pressure that its normal force and moments need is the strength: on
+    the effective rectangle around the pressure centre (Eq. 26), which no smaller one could bear.
+    """
+    c, normal = scene.contacts, forces[:, COLUMN["N"]]
+    centre, _ = pressure_centres(c, forces)
+    half = c.sides / 2.0 - np.abs(centre)
+    is_limited = np.isfinite(c.compressive_strength)
+    strength = np.where(is_limited, c.compressive_strength, 0.0)
+    can_crush = is_limited & c.is_rectangle & ~np.isnan(half[:, 0])
+    can_crush[len(c) - len(scene.ties) :] = False
+    most = (1.0 - _AT_STRENGTH) * strength * 4.0 * half.prod(axis=1)
+    is_full = (half <= 0.0).any(axis=1) | (normal >= most)
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return {
+        j: c.origin[j] + (centre[j] + signs * np.maximum(half[j], 0.0)) @ c.axes[j, :2]
+        for j in np.flatnonzero(can_crush & is_full).tolist()
+    }
+
+
+def yielding(scene: Scene, forces: FloatArray) -> BoolArray:
+    if not scene.ties:
+        return np.zeros(0, dtype=bool)
+    tension = -forces[-len(scene.ties) :, COLUMN["N"]]
+    strength = np.array([tie.yield_force for tie in scene.ties])
+    return np.asarray(tension >= (1.0 - _AT_STRENGTH) * strength)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A crushed zone, or a tie as a line: its ``points`` (k, 3), and how far the drawn mechanism
+    ``moves`` them; what it is, and what the legend calls its kind."""
+
+    points: FloatArray
+    moves: FloatArray
+    colour: str
+    text: str
+    label: str
+
+    @property
+    def is_zone(self) -> bool:
+        return len(self.points) > 2
+
+
+def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
+    forces = contact_forces(scene, solution)
+    if forces is None:
+        return []
+
+    def shape(points: FloatArray, blocks: list[int], colour: str, text: str, label: str) -> Shape:
+        moves = displaced(scene, moving, points, np.array(blocks)) - points
+        return Shape(points, moves, colour, text, label)
+
+    result = []
+    contacts = scene.contacts
+    for j, corners in crushed_zones(scene, forces).items():
+        text = f"crushed zone of {contacts.names[j]}"
+        blocks = [int(contacts.a[j])] * len(corners)
+        result.append(shape(corners, blocks, CRUSHED_COLOUR, text, "crushed zone"))
+    place = {block.id: i for i, block in enumerate(scene.blocks)}
+    for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
+        points = np.array([tie.start, tie.end])
+        colour = YIELDING_COLOUR if yields else TIE_COLOUR
+        text = f"tie {tie.a}-{tie.b} {'yields at' if yields else 'below'} {tie.yield_force:g}"
+        label = "tie yields" if yields else "tie"
+        result.append(shape(points, [place[tie.a], place[tie.b]], colour, text, label))
+    return result

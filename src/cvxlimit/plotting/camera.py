@@ -31,7 +31,6 @@ class Camera:
 
 
 def camera_from(scene: Scene, viewer: ArrayLike) -> Camera:
-    """A camera in direction ``viewer`` (3,) from the scene; up is against the dead load."""
     towards = finite_vector(viewer, 3, "viewer")
     if not np.any(towards):
         raise InputError("viewer must be a direction from the scene, got zero")
@@ -48,8 +47,7 @@ def _camera_towards(viewer: FloatArray, up: FloatArray) -> Camera:
 
 
 def default_camera(scene: Scene, motion: Motion) -> Camera:
-    """Look at the widest upright side, from the end to which the structure moves: by the free
-    blocks' mean displacement, or the live load where there is no mechanism."""
+    """Look at the widest upright side, from the end to which the structure moves, or is pushed."""
     up = upright(scene)
     thin, wide = _horizontal_axes(scene, up)
     move = motion.rates[:, :3].sum(axis=0)
@@ -71,9 +69,8 @@ def default_camera(scene: Scene, motion: Motion) -> Camera:
 
 
 def upright(scene: Scene) -> FloatArray:
-    """The coordinate axis nearest to the direction against gravity, +z without any. Gravity is that
-    of the dead load where it has one: forces that lift blocks turn no picture upside down. Else the
-    sum of the dead load stands for it."""
+    """The coordinate axis nearest to the direction against gravity, +z without any. The dead load's
+    own gravity: forces that lift blocks turn no picture upside down."""
     given = scene.dead.gravity
     down = scene.dead_forces[:, :3].sum(axis=0) if given is None else np.array(given)
     size = float(np.linalg.norm(down))
@@ -89,7 +86,6 @@ def thin_axis(scene: Scene) -> FloatArray:
 
 
 def _horizontal_axes(scene: Scene, up: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors along the thinner and the wider horizontal extent of the free blocks."""
     extent = np.ptp(free_bounds(scene), axis=0)
     level = [axis for axis in range(3) if not up[axis]]
     thin, wide = sorted(level, key=lambda axis: float(extent[axis]))

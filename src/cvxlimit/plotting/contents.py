@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.plotting.annotations import Annotations, Decal, Marking
+from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.crushing import Shape
 from cvxlimit.plotting.look import PALE, block_colours, title
 from cvxlimit.plotting.movement import Motion, motion, still
 from cvxlimit.scene import Scene
@@ -90,7 +89,6 @@ def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
 
 
 def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> Drawing:
-    """Pale blocks at rest, seen as if they moved: behind lines and coloured joints."""
     scene = solution.drawn_scene
     camera = camera_for(scene, motion(scene, solution), viewer)
     pale = block_colours(scene, still(scene), stone=PALE)

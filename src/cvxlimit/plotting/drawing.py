@@ -91,7 +91,6 @@ class SceneFigure(Figure, Saved):
 
 
 def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
-    """A scene that is not solved: joints by how they lie, loads, near misses, or the culprits."""
     moving = still(scene)
     marking = None if refusal else look.scene_joints(scene)
     camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
@@ -141,7 +140,6 @@ def thumbnail(scene: Scene, moving: Motion, refusal: InputError | None, pixels: 
 
 
 def _draw_notes(axes: Axes, drawing: Drawing) -> FloatArray:
-    """Arrows and rings over everything else; returns the points (n, 2) they take."""
     taken = [np.empty((0, 2))]
     for arrow in drawing.notes.arrows:
         ends = drawing.camera.project(np.array([arrow.tail, arrow.tip]))[:, :2]
@@ -164,7 +162,6 @@ def _draw_notes(axes: Axes, drawing: Drawing) -> FloatArray:
 
 
 def _draw_lines(axes: Axes, drawing: Drawing) -> FloatArray:
-    """Lines and dots over the blocks; returns the points (n, 2) that lines take."""
     taken = np.empty((0, 2))
     if drawing.lines is not None:
         taken = drawing.camera.project(drawing.lines.ends.reshape(-1, 3))[:, :2]
@@ -185,7 +182,6 @@ def _draw_lines(axes: Axes, drawing: Drawing) -> FloatArray:
 
 
 def _draw_shapes(axes: Axes, drawing: Drawing) -> FloatArray:
-    """Crushed zones and ties, and a line of text for each kind; returns the points (n, 2)."""
     taken = [np.empty((0, 2))]
     for shape in drawing.shapes:
         flat = drawing.camera.project(shape.points + shape.moves)[:, :2]
@@ -286,8 +282,7 @@ def _ring(label: str, **look: Any) -> Line2D:
 
 
 def _draw_axes(axes: Axes, scene: Scene, camera: Camera) -> FloatArray:
-    """Coordinate axes along the free blocks, level ones in front, the upright one left; returns the
-    points (n, 2) that must be in view for them."""
+    """Axes along the free blocks, level ones in front, the upright one left."""
     bounds, size, up = shown_bounds(scene), free_size(scene), upright(scene)
     pole = int(np.abs(up).argmax())
     level = [axis for axis in range(3) if axis != pole]
@@ -307,7 +302,6 @@ def _draw_axes(axes: Axes, scene: Scene, camera: Camera) -> FloatArray:
 def _draw_axis(
     axes: Axes, scene: Scene, camera: Camera, axis: int, through: FloatArray, outward: FloatArray
 ) -> FloatArray:
-    """One axis through a point, ticks in direction ``outward``; none if seen end-on."""
     size = free_size(scene)
     along, aside = camera.axes[:2, axis], camera.axes[:2] @ outward
     shown = float(np.linalg.norm(along))
@@ -332,7 +326,6 @@ def _draw_axis(
 
 
 def _ticks(low: float, high: float, room: int) -> FloatArray:
-    """At least two round values in a range, or none where they have no room."""
     if room < 1:
         return np.empty(0)
     locator = MaxNLocator(min(room, 8), steps=[1, 2, 2.5, 5, 10])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -38,11 +39,7 @@ KIND_COLOURS = {
     ContactKind.TWISTS: "#8b2fc9",
 }
 
-KIND_TEXTS = {
-    ContactKind.OPENS: "contact opens",
-    ContactKind.SLIDES: "contact slides",
-    ContactKind.TWISTS: "contact twists",
-}
+KIND_TEXTS = {kind: f"contact {kind.name.lower()}" for kind in KIND_COLOURS}
 
 JOINT_COLOURS = {
     JointKind.BED: "#1b6ca8",
@@ -50,11 +47,7 @@ JOINT_COLOURS = {
     JointKind.SLOPING: "#5b8c2a",
 }
 
-JOINT_TEXTS = {
-    JointKind.BED: "bed joint",
-    JointKind.HEAD: "head joint",
-    JointKind.SLOPING: "sloping joint",
-}
+JOINT_TEXTS = {kind: f"{kind.name.lower()} joint" for kind in JOINT_COLOURS}
 
 CASE_COLOURS = {"dead": "#3b4252", "live": "#c2185b"}
 """Arrows of the two load cases."""
@@ -79,7 +72,6 @@ def used_colour(share: float) -> str:
 
 
 def rgb(colour: str) -> FloatArray:
-    """Red, green, blue in 0..1 of ``"#rrggbb"``."""
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
 
 
@@ -90,19 +82,13 @@ def _mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
 
 
 def block_colours(
-    scene: Scene,
-    motion: Motion,
-    culprits: frozenset[str] = frozenset(),
-    stone: str = STONE_COLOUR,
+    scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset(), stone: str = STONE_COLOUR
 ) -> FloatArray:
-    """Colours (n_blocks, 3): by speed, supports grey, ``stone`` if nothing moves, culprits red."""
     if motion.moves:
         colours = _mixed(SPEED_STOPS, motion.speed)
     else:
         colours = np.tile(rgb(stone), (len(scene.blocks), 1))
-    fixed = np.ones(len(scene.blocks), dtype=bool)
-    fixed[scene.free] = False
-    colours[fixed] = rgb(SUPPORT_COLOUR)
+    colours[np.setdiff1d(np.arange(len(colours)), scene.free)] = rgb(SUPPORT_COLOUR)
     colours[[block.id in culprits for block in scene.blocks]] = rgb(CULPRIT_COLOUR)
     return colours
 
@@ -112,8 +98,7 @@ THINNEST = 0.22
 
 
 def moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
-    """Contacts by what they do in a mechanism, as wide as they move, so that many small slips do
-    not hide what fails."""
+    """As wide as they move, so that many small slips do not hide what fails."""
     what = moving.contacts
     kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
     slides = np.isin(what.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
@@ -181,17 +166,15 @@ IMAGES = (".png", ".svg", ".pdf")
 """Files of figures. In SVG and PDF the painted blocks are an image; everything else is lines."""
 
 
-class Saved:
+class Saved(ABC):
     """What can be written to a file: ``suffixes`` say how, ``file`` gives the bytes."""
 
     suffixes: ClassVar[tuple[str, ...]]
 
-    def file(self, kind: str) -> bytes:
-        raise NotImplementedError
+    @abstractmethod
+    def file(self, kind: str) -> bytes: ...
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a file, complete or not at all; the suffix of its name says what. Returns its
-        path."""
         target = with_suffix(path, self.suffixes)
         write_file(target, self.file(target.suffix.lower().removeprefix(".")))
         return target

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.mesh import EdgeTable, area_vectors, triangulated
+from cvxlimit.geometry.mesh import EdgeTable, area_vectors, linked, triangulated
 from cvxlimit.geometry.penetration import Body
 from cvxlimit.plotting.movement import free_bounds, free_size
 from cvxlimit.scene import Scene
@@ -30,9 +28,8 @@ curved and warped faces; voussoirs and bricks bend by 45 and more."""
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Flat convex faces of all drawn blocks: ``points`` (p, 3) of ``point_block``, faces
-    counter-clockwise seen from outside of ``face_block``. Between faces of one ``patch`` no line is
-    drawn."""
+    """Flat convex faces of all drawn blocks, counter-clockwise seen from outside. Between faces of
+    one ``patch`` no line is drawn."""
 
     points: FloatArray
     point_block: IntArray
@@ -42,31 +39,28 @@ class Mesh:
 
 
 def drawn_mesh(scene: Scene) -> Mesh:
-    """Supports outside the surroundings are left out."""
     margin = np.array([[-1.0], [1.0]]) * SURROUNDINGS * free_size(scene)
     low, high = free_bounds(scene) + margin
     fixed = set(scene.supports)
-    parts = [
-        cropped(block, low, high)
-        if block.id in fixed and block.is_convex
-        else (block.vertices, _convex_faces(block))
-        for block in scene.blocks
-    ]
-    points = np.concatenate([vertices for vertices, faces in parts if len(faces)])
-    shown = [len(vertices) if len(faces) else 0 for vertices, faces in parts]
-    offsets = np.cumsum([0, *shown]).tolist()
-    faces = [
-        [i + offset for i in face]
-        for (_, own), offset in zip(parts, offsets[:-1], strict=True)
-        for face in own
-    ]
-    number = np.arange(len(parts))
-    face_block = np.repeat(number, [len(own) for _, own in parts])
-    return Mesh(points, np.repeat(number, shown), faces, face_block, _patches(points, faces))
+    vertices: list[FloatArray] = []
+    point_block: list[int] = []
+    faces: list[list[int]] = []
+    face_block: list[int] = []
+    for number, block in enumerate(scene.blocks):
+        corners, own = block.vertices, _convex_faces(block)
+        if block.id in fixed and block.is_convex:
+            corners, own = cropped(block, low, high)
+        if len(own):
+            faces += [[i + len(point_block) for i in face] for face in own]
+            face_block += [number] * len(own)
+            vertices.append(corners)
+            point_block += [number] * len(corners)
+    points = np.concatenate(vertices)
+    owners = np.array(point_block), np.array(face_block)
+    return Mesh(points, owners[0], faces, owners[1], _patches(points, faces))
 
 
 def shown_bounds(scene: Scene) -> FloatArray:
-    """Lowest and highest coordinates (2, 3) of the free blocks, and of supports drawn whole."""
     fixed = set(scene.supports)
     whole = [b.vertices for b in scene.blocks if b.id in fixed and not b.is_convex]
     points = np.concatenate([free_bounds(scene), *whole])
@@ -74,7 +68,6 @@ def shown_bounds(scene: Scene) -> FloatArray:
 
 
 def cropped(block: Block, low: FloatArray, high: FloatArray) -> tuple[FloatArray, Faces]:
-    """The part of a convex block inside a box; no faces if nothing is left."""
     vertices = block.vertices
     if (vertices >= low).all() and (vertices <= high).all():
         return vertices, block.faces
@@ -98,7 +91,4 @@ def _patches(points: FloatArray, faces: Faces) -> IntArray:
     table = EdgeTable.of(faces)
     one, other = (table.face[side] for side in table.twins())
     smooth = np.einsum("ek,ek->e", normals[one], normals[other]) > SMOOTH
-    graph = coo_array(
-        (np.ones(smooth.sum()), (one[smooth], other[smooth])), shape=(len(faces), len(faces))
-    )
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return linked(len(faces), one[smooth], other[smooth])

@@ -133,13 +133,11 @@ def still(scene: Scene) -> Motion:
 
 
 def free_bounds(scene: Scene) -> FloatArray:
-    """Lowest and highest coordinates (2, 3) of the free blocks."""
     points = np.concatenate([scene.blocks[i].vertices for i in scene.free])
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def free_size(scene: Scene) -> float:
-    """Diagonal of the free blocks' bounding box."""
     low, high = free_bounds(scene)
     return float(np.linalg.norm(high - low))
 
@@ -151,7 +149,6 @@ def velocity_of(scene: Scene, rates: FloatArray, points: FloatArray, block: IntA
 
 
 def side_rates(scene: Scene, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rates (m, 3) of the contacts' corners as block a and as block b carry them."""
     c = scene.contacts
     one, other = (
         velocity_of(scene, rates, c.corner_points, block[c.corner_contact]) for block in (c.a, c.b)
@@ -164,12 +161,14 @@ def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray)
 
 
 def contact_motion(scene: Scene, rates: FloatArray, threshold: float) -> ContactMotion:
-    """Relative rates at all contacts, and what each contact does: closed when no corner's rate
-    exceeds ``threshold``. Associated sliding dilates: a slip s lifts the contact by friction times
-    s. So a contact slides or twists when its slip is at least the opening that this dilation leaves
-    unexplained, and it has not come off: some corner opens by no more than the dilation (times
+    """Relative rates at all contacts, and what each does.
+
+    It is closed when no corner's rate exceeds ``threshold``. Associated sliding dilates: a slip s
+    lifts the contact by friction times s. A contact slides or twists when its slip is at least the
+    opening that this leaves unexplained, and some corner opens by no more than the dilation (times
     :data:`FACET_DILATION`). Any other that moves opens. It twists, and does not slide, when the
-    centre it turns about lies no farther from its own than the farthest corner."""
+    centre it turns about is no farther off than a corner.
+    """
     c = scene.contacts
     j = c.corner_contact
     one, other = side_rates(scene, rates)

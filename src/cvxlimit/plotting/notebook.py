@@ -17,9 +17,6 @@ from cvxlimit.solution import Solution
 _MOST_BLOCKS = 3000
 """Blocks beyond which no picture is drawn unasked: it would take more than two seconds."""
 
-_STRESSED = {"load factor": ("<b>", "</b>")}
-"""Rows whose value stands out."""
-
 Rows = Iterator[tuple[str, str]]
 
 
@@ -68,7 +65,8 @@ def card(title: str, rows: Rows, image: bytes | None) -> str:
     """A table, and the picture on its left; texts from the scene are data, never markup."""
     cells = ""
     for name, value in rows:
-        shown = escape(printable(value)).join(_STRESSED.get(name, ("", "")))
+        stressed = ("<b>", "</b>") if name == "load factor" else ("", "")
+        shown = escape(printable(value)).join(stressed)
         cells += (
             f'<tr><td style="text-align:left;opacity:.7">{escape(name)}</td>'
             f'<td style="text-align:left">{shown}</td></tr>'

@@ -1,19 +1,19 @@
-"""The scene painted as an image: ghost of the undeformed blocks, deformed blocks, contact marks."""
+"""The scene painted as an image: hidden surfaces by a depth buffer, without OpenGL or a display."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.geometry.mesh import area_vectors
+from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.geometry.mesh import area_vectors, cross
 from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
 from cvxlimit.plotting.mesh import Mesh, drawn_mesh
 from cvxlimit.plotting.movement import VISIBLE, displaced, free_size
-from cvxlimit.plotting.raster import NOTHING, Canvas
 
 Pixels = NDArray[np.float32]
 
@@ -32,6 +32,66 @@ LIGHT = np.array([-0.35, 0.75, 0.56])
 """Towards the light: right, up, viewer. Tops are brightest, then the left sides."""
 
 
+NOTHING = -1
+"""Number of the background in :attr:`Canvas.seen`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """What is seen at every pixel: ``seen`` (height, width) holds face numbers, ``nearness`` the
+    distance towards the viewer."""
+
+    seen: NDArray[np.int32]
+    nearness: NDArray[np.float32]
+
+    @classmethod
+    def blank(cls, height: int, width: int) -> Canvas:
+        return cls(
+            np.full((height, width), NOTHING, dtype=np.int32),
+            np.full((height, width), -np.inf, dtype=np.float32),
+        )
+
+    def draw(self, polygon: FloatArray, number: int) -> None:
+        """Draw a convex polygon (k, 3): column, row and nearness, which varies as on the plane
+        through the corners (best fit if they are not flat). Edge-on ones leave no trace."""
+        corners: list[list[float]] = polygon.tolist()  # few: quicker one by one than as arrays
+        x, y, _ = zip(*corners, strict=True)
+        spokes = polygon[1:] - polygon[0]
+        normal = cross(spokes[:-1], spokes[1:]).sum(axis=0)
+        middle = polygon.mean(axis=0)
+        if abs(normal[2]) < 1e-6:
+            return
+        height, width = self.seen.shape
+        low = max(math.ceil(min(x)), 0), max(math.ceil(min(y)), 0)
+        high = min(math.floor(max(x)) + 1, width), min(math.floor(max(y)) + 1, height)
+        if high[0] <= low[0] or high[1] <= low[1]:
+            return
+        columns = np.arange(low[0], high[0])
+        rows = np.arange(low[1], high[1])[:, None]
+        inside = np.ones((len(rows), len(columns)), dtype=bool)
+        sign = math.copysign(1.0, normal[2])
+        for (x0, y0, _), (x1, y1, _) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            inside &= sign * (x1 - x0) * (rows - y0) >= sign * (y1 - y0) * (columns - x0)
+        across, down = normal[0] / normal[2], normal[1] / normal[2]
+        depth = middle[2] - across * (columns - middle[0]) - down * (rows - middle[1])
+        window = np.s_[low[1] : high[1], low[0] : high[0]]
+        nearest = inside & (depth > self.nearness[window])
+        self.nearness[window][nearest] = depth[nearest]
+        self.seen[window][nearest] = number
+
+    def outlines(self, patch: IntArray) -> NDArray[np.bool_]:
+        """Pixels where one surface (``patch`` of every face) ends; marks have no outline."""
+        known = np.append(patch, NOTHING)  # the background's -1 picks the last
+        is_face = self.seen < len(patch)
+        seen = np.where(is_face, known[np.minimum(self.seen, len(patch))], NOTHING)
+        result = np.zeros(seen.shape, dtype=bool)
+        for first, second in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+            differ = (seen[first] != seen[second]) & is_face[first] & is_face[second]
+            result[first] |= differ
+            result[second] |= differ
+        return result
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Part of the projected space, from ``low`` to ``high`` (3,), that is painted, in image
@@ -47,9 +107,8 @@ class Frame:
         return OVERSAMPLING * self.width / float(self.high[0] - self.low[0])
 
     def pixels(self, projected: FloatArray) -> FloatArray:
-        """Column, row and nearness (n, 3) of projected points, in drawn pixels. Nearness is in
-        pixels too, so that normals keep their direction, and counts from the farthest point, so
-        that single precision will do however far away the origin is."""
+        """Column, row and nearness (n, 3) in drawn pixels. Nearness too, so that normals keep their
+        direction, from the farthest point, so that single precision will do far from the origin."""
         from_corner = projected - np.array([self.low[0], self.high[1], self.low[2]])
         result: FloatArray = from_corner * np.array([1.0, -1.0, 1.0]) * self.scale
         return result - np.array([0.5, 0.5, 0.0])
@@ -67,8 +126,8 @@ class Picture:
 def paint(
     drawing: Drawing, pixels: int = 1500, frame: Frame | None = None, ghost: Canvas | None = None
 ) -> Picture:
-    """Blocks, marks and decals; the longer side has ``pixels`` pixels. ``frame`` replaces that
-    which holds what is painted, ``ghost`` is that of another picture in the same frame."""
+    """Blocks, marks and decals, ``pixels`` on the longer side; ``ghost`` is that of another picture
+    in the same ``frame``."""
     scene, moving, camera = drawing.scene, drawing.moving, drawing.camera
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
@@ -109,7 +168,6 @@ def frame_of(projected: FloatArray, pixels: int) -> Frame:
 
 
 def _draw_blocks(mesh: Mesh, points: FloatArray, frame: Frame) -> Canvas:
-    """Faces that look at the viewer; rows count downwards, so these turn clockwise."""
     canvas = Canvas.blank(frame.height * OVERSAMPLING, frame.width * OVERSAMPLING)
     facing = np.flatnonzero(area_vectors(points, mesh.faces)[:, 2] < 0.0)
     for f in facing.tolist():
@@ -125,8 +183,8 @@ def _shades(mesh: Mesh, points: FloatArray) -> FloatArray:
 
 
 def _draw_marks(canvas: Canvas, drawing: Drawing, frame: Frame, first: int) -> FloatArray:
-    """Fill the gap between the two sides of every marked contact's edges, and line both sides.
-    Returns the colours of what is drawn, numbered from ``first``."""
+    """Fill the gap between both sides of every marked contact's edges, and line them; returns
+    colours."""
     marking, moving = drawing.marking, drawing.moving
     if marking is None:
         return np.empty((0, 3))
@@ -180,7 +238,6 @@ def _ink(image: Pixels, canvas: Canvas, colours: FloatArray) -> None:
 
 
 def _blend(image: Pixels, where: NDArray[np.bool_], colour: FloatArray, opacity: float) -> None:
-    """Paint ``colour`` over some pixels of an image with straight alpha."""
     pixels, at = image.reshape(-1, 4), np.flatnonzero(where)
     below = pixels[at]
     left = below[:, 3:] * np.float32(1.0 - opacity)
@@ -190,7 +247,6 @@ def _blend(image: Pixels, where: NDArray[np.bool_], colour: FloatArray, opacity:
 
 
 def _reduced(image: Pixels) -> Pixels:
-    """Means of the oversampled pixels, weighted by opacity."""
     image[..., :3] *= image[..., 3:]
     times = range(OVERSAMPLING)
     parts = [image[i::OVERSAMPLING, j::OVERSAMPLING] for i in times for j in times]

@@ -60,12 +60,6 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
 
 
 def figures() -> ModuleType:
-    """What draws with Matplotlib, imported when it is used.
-
-    Raises
-    ------
-    ModelError
-        If Matplotlib is not installed.
-    """
+    """What draws with Matplotlib, imported when it is used; refused if that is not installed."""
     needed("matplotlib", "plot", "pictures (but for .html and .vtu)")
     return import_module("cvxlimit.plotting.drawing")

@@ -13,17 +13,8 @@ from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.plotting.movement import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.surfaces import (
-    Cone,
-    ParabolicTorsionShear,
-    Rocking,
-    Sliding,
-    Torsion,
-    TorsionShear,
-    YieldSurface,
-    utilisation,
-)
-from cvxlimit.surfaces.coulomb import surfaces_named
+from cvxlimit.surfaces import Cone, ParabolicTorsionShear, YieldSurface, utilisation
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear, surfaces_named
 
 BENDING = "utilisation_torsion_shear_bending"
 """Column of Eq. 30."""
@@ -33,15 +24,16 @@ _WITH_BENDING = ("fixed-point", "certified")
 
 
 def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
-    """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface; NaN
-    where a contact carries nothing. The largest is over the surfaces that were solved with (for the
-    exact limit of torsion with shear the parabola inside it, of which a little more than all may be
-    in use), with interaction over rocking and Eq. 30 as the solution reads it. Strength that a
-    formulation states itself, such as friction at every corner or stone that crushes, is no surface
-    and in no share. Refused if the solution has lost surfaces that are not built in."""
+    """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface;
+    NaN where a contact carries nothing. The largest is over the surfaces that were solved with
+    (for the exact limit of torsion with shear the parabola inside it, of which a little more
+    than all may be in use), with interaction over rocking and Eq. 30 as the solution reads it.
+    Strength that a formulation states itself is no surface. Refused if the solution has lost
+    surfaces of one's own."""
     contacts, forces = scene.contacts, contact_forces(scene, solution)
     solved = _solved_with(solution)
-    asked = {_column(s.name): s for s in (Rocking(), Sliding(), Torsion(), TorsionShear(), *solved)}
+    built_in = (Rocking(), Sliding(), Torsion(), TorsionShear())
+    asked: dict[str, YieldSurface] = {_column(s.name): s for s in (*built_in, *solved)}
     counted = [_column(surface.name) for surface in solved]
     reading = reading_of(solution.moments) if solution.interaction in _WITH_BENDING else None
     if reading is not None:
@@ -57,7 +49,6 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
 
 
 def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
-    """Share (n,) of strength in use, of one surface or the largest."""
     forces_of(scene, solution)
     found = utilisations(solution, scene)
     name = "utilisation" if surface is None else _column(surface)
@@ -79,9 +70,9 @@ def forces_of(scene: Scene, solution: Solution) -> FloatArray:
 def _with_bending(
     reading: Moments, cone: Cone, forces: FloatArray, contacts: Contacts
 ) -> FloatArray:
-    """Share of Eq. 30's right side, c mu N, in use where each contact itself is pressed: the frozen
-    surface (Eq. 32) of the forces' own eccentricities is Eq. 30. Sliding counts as well: it is all
-    that is left where nothing of the contact is effective, in its corners."""
+    """Share of Eq. 30's right side in use where each contact itself is pressed: the frozen surface
+    (Eq. 32) of the forces' own eccentricities. Sliding counts as well: it is all that is left where
+    nothing of the contact is effective, in its corners."""
     at = Pressure.of(forces, contacts)
     frozen = reading.frozen(reading.eccentricity(at, contacts), cone)
     sliding = utilisation(Sliding(cone), forces, contacts)

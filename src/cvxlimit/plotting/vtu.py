@@ -34,13 +34,12 @@ Arrays = Mapping[str, NDArray[Any]]
 def vtu_files(scene: Scene, solution: Solution) -> tuple[bytes, bytes]:
     """Contents of two .vtu files: the blocks, and the contacts.
 
-    Blocks carry ``speed`` (relative), ``is_support``, ``block`` (index in the scene), ``id``,
-    and at their corners ``velocity`` (the mechanism's rates) and ``displacement`` (scaled for
-    viewing: *Warp By Vector* with factor 1). Contacts carry ``kind`` (0 closed, 1 opens,
-    2 slides, 3 twists), ``opening``, ``slip``, ``twist``, ``friction``, the indices
-    ``block_a``, ``block_b``, the vector ``normal``, and the force components V1 ... MT if the
-    solution has them; their ``displacement`` is the mean of both sides. Both files carry the
-    load factor and its bracket as field data.
+    Blocks carry ``speed`` (relative), ``is_support``, ``block`` (index), ``id``, and at their
+    corners ``velocity`` and ``displacement`` (scaled for viewing: *Warp By Vector* with factor 1).
+    Contacts carry ``kind`` (0 closed, 1 opens, 2 slides, 3 twists), ``opening``, ``slip``,
+    ``twist``, ``friction``, ``block_a``, ``block_b``, ``normal``, and force components V1 ... MT if
+    there are any; their ``displacement`` is the mean of both sides. Both carry the load factor and
+    its bracket as field data.
     """
     moving = motion(scene, solution)
     numbers = {

@@ -14,9 +14,8 @@ import cvxlimit.plotting.look as look
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused
+from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
 from cvxlimit.plotting.camera import default_camera, upright
-from cvxlimit.plotting.crushing import shapes_of
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
@@ -215,7 +214,6 @@ def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
 
 
 def _short(values: FloatArray) -> list[float]:
-    """All numbers in a row, with :data:`DIGITS` significant digits."""
     return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
 
 

@@ -109,8 +109,8 @@ class Certificate(Bracket):
 class Opened(NamedTuple):
     """A mechanism that the flow rule allows, or as near to it as is known.
 
-    ``rates`` (free blocks, 6) dissipate at most ``dissipation``. Of what was given, ``missing`` is
-    the opening that contacts lack in all, and ``violation`` the largest that one does.
+    ``rates`` (free blocks, 6) dissipate at most ``dissipation``. What was given lacks ``missing``
+    of opening in all contacts, ``violation`` in one at most.
     """
 
     rates: FloatArray
@@ -413,10 +413,7 @@ class Certifier:
 
 
 def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
-    """The better one; the second also where it is proved and no more than its price is lost.
-
-    Bounds are better where ``sign`` times them is larger; a proof is not given up for that.
-    """
+    """The better one (larger times ``sign``); the second also if proved at little cost."""
     gain = sign * (second[0] - first[0])
     if first[1] == second[1]:
         return second if gain > 0.0 else first

@@ -84,9 +84,8 @@ class Strength:
     """The admissible forces of all contacts of an assemblage, as surfaces and formulation state.
 
     Forces are checked as *states*: contact forces (n, 6), or, where the formulation has conditions
-    of its own, its internal forces (p,), on which those are stated. A formulation without own
-    conditions only chooses among the forces that surfaces allow, so contact forces say it all.
-    ``flow`` is the flow rule of mechanisms, that of surfaces and formulation where it is None.
+    of its own, its internal forces (p,), on which those are stated. ``flow`` is the flow rule of
+    mechanisms, that of surfaces and formulation where it is None.
     """
 
     def __init__(
@@ -109,7 +108,6 @@ class Strength:
 
     @cached_property
     def balance(self) -> Balance:
-        """What restores equilibrium of states, but for forces that nothing resists."""
         balance = self.assemblage.balance
         if self.is_internal:
             balance = Balance(self.assemblage.statics, self.model)
@@ -130,7 +128,6 @@ class Strength:
 
     @cached_property
     def is_void(self) -> list[NDArray[np.bool_]]:
-        """Rows of each condition whose resistance is nothing at all."""
         found = []
         for condition, _ in self.conditions:
             nothing = np.zeros(len(condition.rows(len(self.contacts))))
@@ -140,7 +137,6 @@ class Strength:
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
-        """What states must satisfy, besides compressions that are not negative."""
         if self.is_internal:
             return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
@@ -162,12 +158,10 @@ class Strength:
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
     def forces(self, state: FloatArray) -> FloatArray:
-        """Contact forces (n, 6) of a state."""
         return self.model.forces(state) if self.is_internal else state
 
     def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Yield functions as forces, one array per condition, after compressions of an internal
-        state; <= 0 is admissible."""
+        """Yield functions as forces, one array per condition; <= 0 is admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
         found = [condition_excess(c, cone, values) for c, cone in self.conditions]
         if self._unresisted.any():
@@ -177,7 +171,6 @@ class Strength:
 
     @cached_property
     def rows(self) -> list[IntArray]:
-        """Contact of every entry of :meth:`excess`."""
         found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
         return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
 
@@ -196,18 +189,15 @@ class Strength:
 
     @cached_property
     def rate_sizes(self) -> FloatArray:
-        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening.
-
-        Each contact's own: with the largest friction of all, one glued joint would cost every other
-        contact its precision.
-        """
+        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening. Each
+        contact's own: with the largest friction of all, one glued joint would cost every other one
+        its precision."""
         mu, contacts = self.contacts.friction, self.contacts
         reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
         return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
 
 
 def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:
-    """``value`` as a float array of ``shape``; None if it is None or not finite."""
     if value is None:
         return None
     array = np.asarray(value, dtype=float)
@@ -225,8 +215,7 @@ _PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
 class Witnesses:
     """Reference states of one assemblage under its dead load.
 
-    Projections know plain corner compressions; where a formulation checks internal forces of its
-    own, states come from outside (a solver) or not at all.
+    Projections know plain corner compressions only; other states come from a solver or not at all.
     """
 
     def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
@@ -326,8 +315,7 @@ class Witnesses:
         return self._blended(pushed, centred)[0]
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> tuple[FloatArray, bool]:
-        """As far from ``inner`` towards z as leaves a reserve, and whether ``inner`` has one
-        everywhere."""
+        """As far from ``inner`` towards z as leaves a reserve, and whether ``inner`` has one."""
         share, is_inside = np.zeros(len(self.statics.contacts)), True
         for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
             goal = _N.spare * y_inner
@@ -338,7 +326,6 @@ class Witnesses:
         return z + share[self._balance.model.contact] * (inner - z), is_inside
 
     def _excess(self, z: FloatArray) -> list[tuple[FloatArray, IntArray]]:
-        """Yield functions of internal forces, and the contacts of their entries."""
         if self._rows is not None:
             return self._rows.excess(z)
         found = self.strength.excess(self._balance.model.forces(z))
@@ -358,8 +345,8 @@ class Witnesses:
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
-        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None: as
-        where contacts hold each other in self-stress, so that there is no such field."""
+        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None: where
+        contacts hold each other in self-stress there is no such field."""
         if not self._can_project:
             return None
         return self._remembered(("opening field",), self._find_opening_field)

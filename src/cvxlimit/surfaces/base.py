@@ -18,8 +18,7 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.geometry.pressure import least_carried
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts, least_carried
 from cvxlimit.surfaces.cones import Cone, Conic
 
 Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
@@ -140,8 +139,7 @@ class YieldSurface(ABC):
 class Recession(YieldSurface):
     """The directions in which another surface's forces may grow without end: its constants dropped.
 
-    Coulomb friction is its own; a cohesive surface loses its cohesion. A live load is harmless
-    only if forces in these directions carry it.
+    A live load is harmless only if forces in these directions carry it.
     """
 
     def __init__(self, surface: YieldSurface) -> None:
@@ -162,7 +160,7 @@ def has_constants(condition: Condition) -> bool:
 def stated(
     surface: YieldSurface, contacts: Contacts, parts: Sequence[str] = ()
 ) -> Sequence[Condition]:
-    """A surface's conditions, checked for what is easily mistyped; ``parts`` are further names of
+    """A surface's conditions, checked for what is easily mistyped; ``parts`` are further
     components."""
     conditions = surface.conditions(contacts)
     for condition in conditions:
@@ -173,7 +171,6 @@ def stated(
 def check_condition(
     condition: Condition, owner: str, contacts: int, parts: Sequence[str] = ()
 ) -> None:
-    """Refuse components and coefficients that cannot be meant; ``owner`` is named."""
     if not isinstance(condition, Condition):
         raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
     if condition.contact is not None and np.ndim(condition.contact) != 1:
@@ -220,7 +217,6 @@ def columns(forces: FloatArray) -> dict[str, FloatArray]:
 def condition_excess(
     condition: Condition, cone: Cone, values: Mapping[str, FloatArray]
 ) -> FloatArray:
-    """Norms less resistance, one entry per row; values by component (n,) or part."""
     y = -evaluate(condition.resistance, values, condition.contact)
     for norm in condition.norms:
         rows = [evaluate(form, values, condition.contact) for form in norm.rows]
@@ -231,7 +227,6 @@ def condition_excess(
 def evaluate(
     form: LinearForm, values: Mapping[str, FloatArray], contact: IntArray | None = None
 ) -> FloatArray:
-    """Value of a linear form in rows of ``contact`` (k,), or one row per contact."""
     result = np.zeros(len(values["N"]) if contact is None else len(contact))
     for component, coefficient in form.items():
         of = 1.0 if component == CONSTANT else _rows(values, component, contact)
@@ -282,10 +277,10 @@ def _used(
 def admissible(
     condition: Condition, forces: Mapping[str, cp.Expression], cone: Cone
 ) -> Iterator[cp.Constraint]:
-    """CVXPY constraints of a condition on force components, each an expression (n,).
+    """CVXPY constraints of a condition on force components (n,), in the scale of their
+    :data:`CONSTANT`.
 
-    ``forces`` also has :data:`CONSTANT`, what a unit of force is in their scale. Norms get an
-    auxiliary bound each, except a plain last one, which takes what remains.
+    Norms get an auxiliary bound each, except a plain last one, which takes what remains.
     """
     contact = condition.contact
     remaining = express(condition.resistance, forces, contact)

@@ -110,11 +110,8 @@ DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
-    """Surfaces whose rows may be needed: those implied by another go.
-
-    A surface is implied by another of the same cone only: facets around a circle do not imply
-    the circle, nor does the circle imply facets inside it.
-    """
+    """Surfaces but for those implied by another of the same cone: facets around a circle do not
+    imply the circle, nor does the circle imply facets inside it."""
     names = [surface.name for surface in surfaces]
     if Rocking.name not in names:
         raise ModelError(
@@ -182,7 +179,6 @@ def _said(surface: YieldSurface) -> str:
 
 
 def words_of(name: str) -> dict[str, str]:
-    """How solutions and result files say a surface of that name."""
     if name == PARABOLIC:
         return {"surface": "conic", "torsion_shear": PARABOLIC}
     return {"surface": name, "torsion_shear": "linear"}

@@ -41,18 +41,11 @@ _N = _Numbers()
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of the convex pieces of n contacts, counter-clockwise, in their planes.
+    """Edges of the convex pieces of n contacts: first corner and unit vector (m, 2) in their
+    planes.
 
-    Attributes
-    ----------
-    contact : (m,) int array
-    start, along : (m, 2)
-        First corner and unit vector.
-    length : (m,)
-    area, size : (n,)
-        Of the contacts; size is the largest distance of a corner from the origin.
-    spread : (n, 2, 2)
-        Mean of r r'.
+    ``size`` (n,) is the largest distance of a contact's corner from the origin, ``spread``
+    (n, 2, 2) the mean of r r'.
     """
 
     contact: IntArray
@@ -70,7 +63,6 @@ class Edges:
 
     @classmethod
     def of_polygons(cls, polygons: list[tuple[int, FloatArray]], area: FloatArray) -> Edges:
-        """Of convex polygons (k, 2) with the contact each belongs to."""
         start = np.concatenate([polygon for _, polygon in polygons])
         end = np.concatenate([np.roll(polygon, -1, axis=0) for _, polygon in polygons])
         contact = np.repeat([j for j, _ in polygons], [len(polygon) for _, polygon in polygons])
@@ -97,21 +89,17 @@ class Edges:
         return h, distance_integral(h, s + length) - distance_integral(h, s)
 
     def mean_distance(self, centre: FloatArray) -> FloatArray:
-        """Mean of abs(r - c) (n, ...) over each contact, for centres (n, ..., 2)."""
         h, integral = self._integrals(centre)
         return self._means(h * integral) / 3.0
 
     def mean_direction(self, centre: FloatArray) -> FloatArray:
-        """Mean of (r - c) / abs(r - c) (n, ..., 2) over each contact, for centres (n, ..., 2)."""
         _, integral = self._integrals(centre)
         t1, t2 = (t.reshape(-1, *[1] * (integral.ndim - 1)) for t in self.along.T)
         return np.stack([self._means(t2 * integral), self._means(-t1 * integral)], axis=-1)
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
         """Mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at its centroid.
-
-        Exact, or, where next to nothing rotates, above by ``far`` to the power of -3 at most.
-        """
+        Exact, or, where next to nothing rotates, above by ``far`` to the power of -3 at most."""
         speed = np.linalg.norm(slip, axis=1)
         turning = np.abs(twist) * self.size
         is_far = speed >= _N.far * turning
@@ -155,8 +143,8 @@ def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:
 def parabola_arm(contacts: Contacts) -> FloatArray:
     """Largest arm c (n,) for which abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
 
-    c_T for rectangles; for other polygons c_T times the largest safe scaling, at most 1, searched
-    over centres of rotation.
+    c_T for rectangles; else c_T times the largest safe scaling, at most 1, searched over centres of
+    rotation.
     """
     arm = np.array(contacts.torsion_arm)
     others = np.flatnonzero(~contacts.is_rectangle)

@@ -12,16 +12,8 @@ from cvxlimit.surfaces.cones import Cone
 
 @dataclass(frozen=True, eq=False)
 class Eccentricity:
-    """Where contacts press, as fractions of c_T, so that no units enter.
-
-    Attributes
-    ----------
-    arm : (n,) array or Parameter
-        Effective torsion arm c over c_T, between 0 and 1.
-    e1, e2 : (n,) array or Parameter
-        Arms of V2 and V1 over c_T: the pressure centre along t1 and t2 with signed moments, its
-        magnitudes for independent signs, magnitudes with tied signs in the paper's reading.
-    """
+    """Where contacts press, as fractions of c_T: the effective torsion arm c, and the arms ``e1``
+    of V2 and ``e2`` of V1, the pressure centre along t1 and t2 or its magnitudes."""
 
     arm: Coefficient
     e1: Coefficient
@@ -31,11 +23,10 @@ class Eccentricity:
 class TorsionShearBending(YieldSurface):
     """abs(V1) e2 + abs(V2) e1 + abs(MT) <= c (mu N - abs(V)), independent signs (Eq. 32).
 
-    Multiplied by c instead of divided, with Eq. 10 beside it, which follows from it only while c
-    is not zero: a contact pressed in a corner resists no torsion (c = 0), but slides as any other.
-    Without these rows solvers take friction off such contacts, as what c times it amounts to lies
-    within any tolerance. With auxiliaries for the absolute values only one row has coefficients
-    that change, for the same set as the paper's 64 rows with all combinations of signs.
+    Multiplied by c instead of divided, with Eq. 10 beside it: a contact pressed in a corner resists
+    no torsion (c = 0), but slides as any other; without these rows solvers take friction off such
+    contacts. With auxiliaries for the absolute values only one row has coefficients that change,
+    for the same set as the paper's 64 rows with all combinations of signs.
     """
 
     name = "torsion-shear-bending"

@@ -13,7 +13,7 @@ from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
-from cvxlimit.masonry.randoms import random_wall
+from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FixedPoint

@@ -13,9 +13,8 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.files import write_file
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, pressure_centres
 from cvxlimit.geometry.mesh import triangulated
-from cvxlimit.geometry.pressure import pressure_centres
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -153,9 +153,8 @@ ALIKE = 0xF8F8F8
 
 
 def _palette(frame: Bytes) -> bytes:
-    """The commonest colours of a frame, as they are: Pillow's own palettes hold means, in which the
-    purple of small swatches became magenta. Of colours that are nearly the same one is kept: it
-    might take another for white."""
+    """The commonest colours of a frame, as they are: Pillow's own palettes hold means, in which
+    purple became magenta. Of nearly equal colours one is kept: it might take another for white."""
     red, green, blue = np.moveaxis(frame.astype(np.int32), -1, 0)
     found, counts = np.unique((red << 16) | (green << 8) | blue, return_counts=True)
     commonest = found[np.argsort(-counts, kind="stable")]

@@ -9,7 +9,7 @@ import numpy as np
 
 import cvxlimit.plotting.look as look
 from cvxlimit.checks import positive
-from cvxlimit.geometry.pressure import pressure_centres
+from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.mesh import drawn_mesh
@@ -60,7 +60,6 @@ def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = 
 
 
 def _apart(scene: Scene, gap: float) -> Motion:
-    """Blocks moved away from the middle of the foot; a support by its drawn part."""
     mesh = drawn_mesh(scene)
     centres = np.array([block.centroid for block in scene.blocks])
     for i in np.setdiff1d(np.arange(len(scene.blocks)), scene.free).tolist():
@@ -73,7 +72,6 @@ def _apart(scene: Scene, gap: float) -> Motion:
 
 
 def _faces(scene: Scene, solution: Solution | None) -> Iterator[Decal]:
-    """Contacts on the faces of both blocks, and dots at their pressure centres."""
     contacts = scene.contacts
     used = np.full(len(contacts), np.nan)
     place = np.full((len(contacts), 3), np.nan)

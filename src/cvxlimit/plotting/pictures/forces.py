@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.geometry.pressure import pressure_centres
+from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.camera import thin_axis
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
@@ -79,7 +79,6 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
 
 
 def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (k, 2, 3) and compressions (k,) of the thrust lines of contact forces (n, 6)."""
     contacts = scene.contacts
     _, place = pressure_centres(contacts, found)
     normal = found[:, 2]
@@ -101,7 +100,6 @@ def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _front(scene: Scene, viewer: Viewer) -> Viewer:
-    """Where a planar structure is seen straight from the front unless ``viewer`` says otherwise."""
     thin = thin_axis(scene)
     across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
     push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)

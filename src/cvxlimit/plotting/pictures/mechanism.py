@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cvxlimit.checks import positive
-from cvxlimit.plotting.annotations import annotated
+from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
-from cvxlimit.plotting.crushing import shapes_of
 from cvxlimit.plotting.look import SPEED_STOPS, SPEED_TEXT, moving_joints, title
 from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.registry import picture
@@ -47,7 +46,6 @@ def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer 
 def mechanism_of(
     scene: Scene, solution: Solution, magnification: float = 1.0, viewer: Viewer = None
 ) -> Drawing:
-    """The mechanism of a solution of ``scene``; see :func:`mechanism`."""
     moving = motion(scene, solution)
     moving = replace(moving, scale=positive(magnification, "magnification") * moving.scale)
     length = moving.scale * moving.largest
