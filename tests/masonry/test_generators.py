@@ -313,11 +313,11 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
     "no facade": (lambda: facade(0.0, 3), "length must be above 0, got 0.0"),
     "no room": (
         lambda: facade(0.4, 3, left_return=1.0, right_return=1.0),
-        "length must be above the thickness of its returns, 0.4, got 0.4",
+        "length must be longer than the thickness of its returns, 0.4, got 0.4",
     ),
     "short side": (
         lambda: facade(2.0, 3, right_return=0.2),
-        "right_return must be above the unit's thickness, 0.2, got 0.2; use 0",
+        "right_return must be longer than the unit's thickness, 0.2, got 0.2; use 0",
     ),
     "beyond the end": (
         lambda: facade(2.0, 6, [Opening(1.2, 0.7, 1, 2)]),

@@ -15,8 +15,7 @@ Named scenes live in :mod:`cvxlimit.masonry.builtin`: that is where to add the n
 from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.builtin import BUILTIN, BuiltinScene, builtin_scene
 from cvxlimit.masonry.buttresses import flying_buttress
-from cvxlimit.masonry.facades import Opening, facade, house_corner
-from cvxlimit.masonry.panels import panel
+from cvxlimit.masonry.facades import Opening, facade, house_corner, panel
 from cvxlimit.masonry.vaults import barrel_vault, dome
 from cvxlimit.masonry.walls import random_wall, running_bond, single_block, stack, wall
 

@@ -29,10 +29,9 @@ def arch(
 ) -> Scene:
     """A circular arch in the plane (x, z), centred on the origin, between two fixed abutments.
 
-    All joints are radial and reach from ``mean_radius - thickness/2`` to ``mean_radius +
-    thickness/2``; between them the voussoirs' inner and outer sides are straight. Voussoirs are
-    named ``v1``, ``v2`` ... from the left (-x) springing to the right one. With an even number a
-    joint lies at the crown. The abutments touch the springing joints only.
+    All joints are radial; between them the voussoirs' inner and outer sides are straight. Voussoirs
+    are named ``v1``, ``v2`` ... from the left (-x) springing; with an even number a joint lies at
+    the crown. The abutments touch the springing joints only.
 
     Parameters
     ----------
@@ -91,36 +90,32 @@ def arch_on_piers(
     live: Load | None = None,
     name: str = "arch-on-piers",
 ) -> Scene:
-    """A semicircular arch in the plane (x, z) on two free-standing piers; the ground's top is z =
-    0.
+    """A semicircular arch in the plane (x, z) on two piers on a fixed ground whose top is z = 0.
 
     Springing joints are level with the piers' tops. The piers' inner faces are flush with the
     arch's inner side, so the clear span is ``(2 - thickness_ratio) mean_radius``; what a pier is
-    wider than the arch stands behind it.
-    Voussoirs are named ``v1``, ``v2`` ... from the left, pier blocks ``l1`` ... and ``r1`` ...
-    from the bottom.
+    wider than the arch stands behind it. Voussoirs are named ``v1``, ``v2`` ... from the left, pier
+    blocks ``l1`` ... and ``r1`` ... from the bottom.
 
     Parameters
     ----------
     voussoirs : int
-    Number of voussoirs, 2 or more.
+        Number of voussoirs, 2 or more.
     thickness_ratio, mean_radius
-    As for :func:`~cvxlimit.masonry.arch`.
-    pier_width : float
-    Along x, m; no less than the arch is thick.
-    pier_height : float
-    From the ground to the springing, m.
+        As for :func:`~cvxlimit.masonry.arch`.
+    pier_width, pier_height : float
+        Along x, no less than the arch is thick, and from the ground to the springing, m.
     pier_courses : int
-    Number of blocks in each pier.
+        Number of blocks in each pier.
     width : float
-    Of arch and piers, out of the arch's plane (y), m.
+        Of arch and piers, out of the arch's plane (y), m.
     density, friction, live, name
-    As for :func:`~cvxlimit.masonry.wall`.
+        As for :func:`~cvxlimit.masonry.wall`.
 
     Raises
     ------
     InputError
-    For sizes that are not positive, or piers narrower than the arch is thick.
+        For sizes that are not positive, or piers narrower than the arch is thick.
 
     Example
     -------

@@ -17,8 +17,7 @@ from types import MappingProxyType
 from cvxlimit.errors import InputError
 from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.buttresses import flying_buttress
-from cvxlimit.masonry.facades import Opening, facade, house_corner
-from cvxlimit.masonry.panels import panel
+from cvxlimit.masonry.facades import Opening, facade, house_corner, panel
 from cvxlimit.masonry.vaults import barrel_vault, dome
 from cvxlimit.masonry.walls import running_bond, single_block, stack, wall
 from cvxlimit.scene import Load, Scene

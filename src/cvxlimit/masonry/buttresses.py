@@ -63,21 +63,17 @@ def flying_buttress(
     Parameters
     ----------
     voussoirs : int
-        Number of voussoirs in the flyer.
-    thickness : float
-        Of the flyer, along its radius, m.
-    span : float
-        Clear distance between pier and wall (x), m.
+        In the flyer.
+    thickness, span : float
+        Of the flyer, along its radius; clear distance between pier and wall (x), m.
     embrace : float
         Angle between the flyer's end joints, degrees, below 90.
     head : float
         Height of the flyer's inner side at the wall, m.
-    pier_width, wall_width : float
-        Along x, m.
+    pier_width, wall_width, wall_height : float
+        Along x, and above the ground, m; the flyer must meet the wall below its top.
     pinnacle : float
         Height of the pinnacle above the skewback, m; 0 for none.
-    wall_height : float
-        m; the flyer must meet the wall below its top.
     course : float
         Height of the blocks of pier and wall, m; they are made equal, so it is met nearly.
     width : float

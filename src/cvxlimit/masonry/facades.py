@@ -1,8 +1,8 @@
-"""Walls with openings, lintels and returns: facades and corners of houses."""
+"""Walls with returns: facades with openings and lintels, corners of houses, brick panels."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
@@ -130,7 +130,7 @@ def facade(
         sizes.count(lintel_courses, "lintel_courses"),
     )
     held = openings, left_openings, right_openings
-    walls = _walls(length, (left_return, right_return), size, held)
+    walls = _walls(("length", "unit"), length, (left_return, right_return), size, held)
     for wall in walls:
         wall.check(rows, lintel)
     blocks = [block for wall in walls for block in wall.blocks(rows, size, lintel, weight)]
@@ -162,10 +162,8 @@ def house_corner(
     ----------
     front, side : float
         Lengths of the two walls, outside to outside, m.
-    storeys : int
-        Number of storeys.
-    storey_courses : int
-        Courses in each.
+    storeys, storey_courses : int
+        Number of storeys, and of courses in each.
     window_width : float
         Clear width of every window, m.
     window_courses, sill : int
@@ -200,6 +198,65 @@ def house_corner(
         front, floors * high, windows[0], left_return=side, left_openings=windows[1],
         unit=unit, density=density, friction=friction, live=live, name=name,
     )  # fmt: skip
+
+
+def panel(
+    front: float,
+    courses: int,
+    *,
+    left_return: float = 0.0,
+    right_return: float = 0.0,
+    brick: Size = (0.08, 0.04, 0.03),
+    density: float = 27.3,
+    friction: float = 0.7,
+    live: Load | None = None,
+    name: str = "panel",
+) -> Scene:
+    """A front wall along x with returns along y at its ends, on a fixed ground (top at z = 0).
+
+    Front and returns take turns at the corners: in even courses (from 0) the front runs through
+    and the returns start behind it; in odd courses the returns run through and the front is
+    shortened by the brick's thickness. Bricks are laid from the start of each run and the last
+    one is cut to fit. Without a left return the front's odd courses start with half a brick.
+    Bricks are named ``f<course>.<place>`` (front), ``l...`` and ``r...`` (returns), from 1.
+
+    Parameters
+    ----------
+    front : float
+        Length of the front, outside to outside, m.
+    courses : int
+        Number of courses.
+    left_return, right_return : float
+        Length of the return at x = 0 and at x = ``front``, from the front's outer face (y = 0),
+        m; 0 for none.
+    brick : (float, float, float)
+        Length, thickness and height, m. A return's bricks lie along y.
+    density, friction, live, name
+        As for :func:`~cvxlimit.masonry.wall`, but pushed out of the front's plane,
+        away from the returns (-y), unless ``live`` is given.
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, or a front or return too short for its corners.
+
+    Example
+    -------
+    >>> scene = panel(0.24, 2, left_return=0.16)
+    >>> [block.id for block in scene.blocks]
+    ['ground', 'f1.1', 'f1.2', 'f1.3', 'l1.1', 'l1.2', 'f2.1', 'f2.2', 'f2.3', 'l2.1', 'l2.2']
+    """
+    size, rows = sizes.size_of(brick, "the brick"), sizes.count(courses, "courses")
+    weight = positive(density, "density of the panel")
+    walls = _walls(("front", "brick"), front, (left_return, right_return), size, ((), (), ()))
+    blocks: list[Block] = []
+    for row in range(rows):
+        for wall in walls:
+            is_half = wall.prefix == "f" and row % 2 == 1 and not wall.inset[0]
+            bricks = _bricks(wall.span(row), size[0], size[0] / (2.0 if is_half else 1.0))
+            blocks += wall.course(row, bricks, size[2], weight)
+    ground = sizes.ground_below(blocks, depth=size[2])
+    return sizes.scene_of((ground, *blocks), sizes.ACROSS, live, friction, name)
 
 
 @dataclass(frozen=True)
@@ -269,17 +326,22 @@ class _Wall:
                 found.append((number, (opening.start, opening.start + opening.width)))
         return found
 
+    def span(self, row: int) -> Span:
+        return self.clear if row % 2 == self.gives_way else (0.0, self.length)
+
+    def course(
+        self, row: int, pieces: Iterable[Span], height: float, density: float
+    ) -> Iterator[Block]:
+        name, levels = f"{self.prefix}{row + 1}.", (row * height, (row + 1) * height)
+        return sizes.laid(name, pieces, self.along, self.across, levels, density)
+
     def blocks(self, rows: int, size: Size, lintel: _Lintel, density: float) -> Iterator[Block]:
         length, _, height = size
         for row in range(rows):
-            shortened = row % 2 == self.gives_way
-            start = self.inset[0] if shortened else 0.0
-            end = self.length - (self.inset[1] if shortened else 0.0)
-            shift = length / 2.0 if shortened else 0.0
-            solid = _between((start, end), [gap for _, gap in self.gaps(row, lintel)], length)
+            shift = length / 2.0 if row % 2 == self.gives_way else 0.0
+            solid = _between(self.span(row), [gap for _, gap in self.gaps(row, lintel)], length)
             pieces = [piece for span in solid for piece in _pieces(span, shift, length)]
-            name, levels = f"{self.prefix}{row + 1}.", (row * height, (row + 1) * height)
-            yield from sizes.laid(name, pieces, self.along, self.across, levels, density)
+            yield from self.course(row, pieces, height, density)
         for number, opening in enumerate(self.openings, start=1):
             name, taken = f"{self.prefix}.lintel{number}", lintel.rows(opening)
             span, levels = lintel.over(opening), (taken.start * height, taken.stop * height)
@@ -287,12 +349,14 @@ class _Wall:
 
 
 def _walls(
+    words: tuple[str, str],
     length: float,
     returns: Span,
     size: Size,
     openings: tuple[Sequence[Opening], Sequence[Opening], Sequence[Opening]],
 ) -> list[_Wall]:
-    thick, front = size[1], positive(length, "length")
+    """Front and returns; ``words`` are what refusals call the front's length and a block."""
+    thick, front = size[1], positive(length, words[0])
     lengths = [
         0.0 if value == 0.0 else positive(value, f"{side}_return")
         for value, side in zip(returns, ("left", "right"), strict=True)
@@ -300,7 +364,8 @@ def _walls(
     inset = (thick if lengths[0] else 0.0, thick if lengths[1] else 0.0)
     if is_negligible(front - sum(inset), size[0]):
         raise InputError(
-            f"length must be above the thickness of its returns, {sum(inset):g}, got {front:g}"
+            f"{words[0]} must be longer than the thickness of its returns, {sum(inset):g}, got "
+            f"{front:g}"
         )
     walls = [_Wall("f", "front", front, 0, (0.0, thick), inset, 1, tuple(openings[0]))]
     places = ("l", "left", 0.0), ("r", "right", front - thick)
@@ -311,8 +376,8 @@ def _walls(
             continue
         if is_negligible(reach - thick, thick):
             raise InputError(
-                f"{side}_return must be above the unit's thickness, {thick:g}, got {reach:g}; "
-                "use 0 for no return"
+                f"{side}_return must be longer than the {words[1]}'s thickness, {thick:g}, got "
+                f"{reach:g}; use 0 for no return"
             )
         across, what = (x, x + thick), f"{side} return"
         walls.append(_Wall(prefix, what, reach, 1, across, (thick, 0.0), 0, tuple(held)))
@@ -332,3 +397,14 @@ def _pieces(span: Span, shift: float, unit: float) -> Iterator[Span]:
     last = np.floor((span[1] - nearest - shift) / unit)
     joints = shift + unit * np.arange(first, last + 1.0)
     yield from pairwise([span[0], *joints.tolist(), span[1]])
+
+
+def _bricks(span: Span, length: float, first: float) -> Iterator[Span]:
+    """One of length ``first``, whole ones, a cut one."""
+    (start, end), laid, place = span, span[0], 0
+    while not is_negligible(end - laid, length):
+        following = start + first + place * length
+        if is_negligible(end - following, length):
+            following = end
+        yield laid, following
+        laid, place = following, place + 1

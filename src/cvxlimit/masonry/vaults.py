@@ -99,18 +99,15 @@ def dome(
 
     Parameters
     ----------
-    lunes : int
-        Blocks in each course, 3 or more.
-    courses : int
-        Number of courses.
+    lunes, courses : int
+        Blocks in each course, 3 or more; number of courses.
     thickness_ratio : float
         Thickness over mean radius, below 2; measured in the meridional planes.
     mean_radius : float
         Half the sum of the two spheres' radii, m.
-    springing : float
-        Latitude of the lowest joint, degrees; 0 for a hemisphere, less than 90.
-    oculus : float
-        Angle between the axis and the edge of the opening at the crown, degrees.
+    springing, oculus : float
+        Degrees: latitude of the lowest joint, 0 for a hemisphere, and angle between the axis and
+        the edge of the opening at the crown.
     density, friction, live, name
         As for :func:`~cvxlimit.masonry.wall`.
 

@@ -24,10 +24,8 @@ def running_bond(whole_units: int, courses: int, first: str = "whole") -> list[l
 
     Parameters
     ----------
-    whole_units : int
-        Length of the wall in units.
-    courses : int
-        Number of courses.
+    whole_units, courses : int
+        Length of the wall in units, and number of courses.
     first : "whole" or "half"
         Whether the bottom course starts with a whole or a half unit.
 
@@ -172,9 +170,8 @@ def random_wall(
     Courses differ in height, head joints are moved at random about those of a running bond; half
     of the walls lean on a rigid support at their start. The live load pushes in any direction of
     space, in multiples of the weight; one that presses the wall down does no harm. The same seed
-    gives the same wall, whatever else was drawn before. Blocks are named as in
-    :func:`~cvxlimit.masonry.wall`. Each block rests with its whole lower face on the course below,
-    so the wall carries its own weight.
+    gives the same wall. Blocks are named as in :func:`~cvxlimit.masonry.wall`. Each rests with its
+    whole lower face on the course below, so the wall carries its own weight.
 
     Parameters
     ----------

@@ -41,25 +41,18 @@ class Drawing:
 
     Attributes
     ----------
-    scene : Scene
-    moving : Motion
-        Where its blocks are drawn.
-    camera : Camera
+    scene, moving, camera : Scene, Motion, Camera
+        Where its blocks are drawn, and where they are seen from.
     heading, caption : str
         First line, and a second one in smaller letters.
-    marking : Marking or None
-        Joints to outline; those with a text are in the legend.
-    notes : Annotations
-        Arrows of loads, near misses, a refusal.
+    marking, notes : Marking or None, Annotations
+        Joints to outline; arrows of loads, near misses, a refusal.
     colours : (n_blocks, 3) array or None
         Of blocks, in place of those of their speed.
-    decals : sequence of Decal
-    lines : Lines or None
     dots : (k, 3) array or None
         Pressure centres.
-    shapes : sequence of Shape
-        Crushed zones and ties.
-    bar : Bar or None
+    decals, lines, shapes, bar : sequence of Decal, Lines or None, sequence of Shape, Bar or None
+        Shapes are crushed zones and ties.
     blocks : str
         What the legend calls blocks that do not move.
     has_axes : bool
