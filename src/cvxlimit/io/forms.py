@@ -87,10 +87,16 @@ def choice(words: Iterable[str]) -> Form:
     return plain(read, {"enum": [*kind]}, lambda value, _: str(value))
 
 
-def nullable(form: Form) -> Form:
+def nullable(form: Form, none: float | None = None) -> Form:
+    """``null`` stands for ``none``."""
+
+    def write(value: Any, *place: str) -> Any:
+        is_none = isinstance(value, type(none)) and value == none
+        return None if is_none else form.write(value, *place)
+
     return Form(
-        lambda value, *place: None if value is None else form.read(value, *place),
-        lambda value, *place: None if value is None else form.write(value, *place),
+        lambda value, *place: none if value is None else form.read(value, *place),
+        write,
         {"anyOf": [form.schema, {"type": "null"}]},
     )
 
@@ -102,35 +108,33 @@ def listed(
     prefix: str = "",
 ) -> Form:
 
-    def place(i: int, where: str, owner: str) -> tuple[str, str]:
-        return name.format(i=i, where=where, owner=owner), where
+    def each(step: Step, value: Iterable[Any], where: str, owner: str) -> list[Any]:
+        return [
+            step(x, name.format(i=i, where=where, owner=owner), where) for i, x in enumerate(value)
+        ]
 
     def read(value: object, where: str, owner: str) -> Any:
-        entries = enumerate(items(value, where))
+        entries = items(value, where)
         with refusals(prefix.format(owner=owner)):
-            return made([item.read(x, *place(i, where, owner)) for i, x in entries])
+            return made(each(item.read, entries, where, owner))
 
-    def write(value: Any, where: str, owner: str) -> list[Any]:
-        return [item.write(x, *place(i, where, owner)) for i, x in enumerate(value)]
-
-    return Form(read, write, {"type": "array", "items": item.schema})
+    schema: JsonObject = {"type": "array", "items": item.schema}
+    return Form(read, lambda value, *place: each(item.write, value, *place), schema)
 
 
 def keyed(item: Form, name: str) -> Form:
 
-    def read(value: object, where: str, owner: str) -> dict[str, Any]:
+    def each(step: Step, value: object, where: str, owner: str) -> JsonObject:
         return {
-            key: item.read(x, name.format(key=shown(key), owner=owner), where)
+            key: step(x, name.format(key=shown(key), owner=owner), where)
             for key, x in mapping(value, where).items()
         }
 
-    def write(value: Mapping[str, Any], where: str, owner: str) -> JsonObject:
-        return {
-            key: item.write(x, name.format(key=shown(key), owner=owner), where)
-            for key, x in mapping(dict(value), where).items()
-        }
-
-    return Form(read, write, {"type": "object", "additionalProperties": item.schema})
+    return Form(
+        lambda value, *place: each(item.read, value, *place),
+        lambda value, *place: each(item.write, dict(value), *place),
+        {"type": "object", "additionalProperties": item.schema},
+    )
 
 
 @dataclass(frozen=True)

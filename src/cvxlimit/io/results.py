@@ -48,15 +48,7 @@ FIGURE = plain(_figure, {"anyOf": [{"type": "number"}, {"enum": [*_NOT_FINITE]}]
 """JSON has no numbers that are not finite: they are texts."""
 
 
-def _bound(none: float) -> Form:
-    return Form(
-        lambda value, *place: none if value is None else FIGURE.read(value, *place),
-        lambda value, *place: None if value == none else FIGURE.write(value, *place),
-        nullable(FIGURE).schema,
-    )
-
-
-BOUNDS = {"lower": _bound(-math.inf), "upper": _bound(math.inf)}
+BOUNDS = {"lower": nullable(FIGURE, -math.inf), "upper": nullable(FIGURE, math.inf)}
 
 PROVED = Form(
     lambda value, *place: {
