@@ -13,7 +13,7 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import argument, named_values, option, taking, vector
-from cvxlimit.cli.report import ExitCode, check_outputs, check_suffix, facts, refuse, show
+from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.loads import Load
@@ -50,9 +50,7 @@ class Asked:
 def domain_command(asked: Asked) -> ExitCode:
     """Enclose all load vectors that a structure carries beside its dead load."""
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    check_outputs({"--json": asked.json, "--plot": asked.plot}, inputs)
-    if asked.plot is not None:
-        check_suffix("--plot", asked.plot, _PICTURES)
+    check_outputs({"--json": asked.json, "--plot": asked.plot}, inputs, plot=_PICTURES)
     surfaces = asked.surface or ["conic"]
     if len(surfaces) > 1 and asked.json is not None:
         raise InputError("--json takes one domain: give one --surface")

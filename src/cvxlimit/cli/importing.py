@@ -18,7 +18,6 @@ from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
     check_outputs,
-    check_picture,
     counted,
     facts,
     show,
@@ -97,11 +96,8 @@ def import_command(asked: Geometry) -> ExitCode:
             raise InputError(f"give {spelt} {meaning}; files do not say and none is guessed")
     output, plot = asked.output or Path(), asked.plot
     vector("--live", asked.live or "", "0,1,0")
-    check_outputs(
-        {"--output": output, "--plot": plot}, dict.fromkeys(asked.geometry, "the geometry")
-    )
-    if plot is not None:
-        check_picture(plot, SCENE_PICTURES)
+    inputs = dict.fromkeys(asked.geometry, "the geometry")
+    check_outputs({"--output": output, "--plot": plot}, inputs, plot=SCENE_PICTURES)
     started = time.perf_counter()
     found, contacts = _drawn_if_refused(asked, plot)
     seconds = time.perf_counter() - started

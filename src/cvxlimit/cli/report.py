@@ -50,10 +50,12 @@ def refuse(code: ExitCode, message: str) -> ExitCode:
     return code
 
 
-def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, str]) -> None:
-    """Refuse output files, given by option, that cannot be written or are taken.
+def check_outputs(
+    outputs: Mapping[str, Path | None], inputs: Mapping[str, str], **kinds: Sequence[str]
+) -> None:
+    """Refuse output files, given by option, that cannot be written, are taken, or end wrongly.
 
-    ``inputs`` names what each file that is read is, by path.
+    ``inputs`` names what each file that is read is, by path; ``kinds`` are suffixes by option.
     """
     seen = {os.path.realpath(path): name for path, name in inputs.items()}
     for option, path in outputs.items():
@@ -65,20 +67,16 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, str])
         taken = seen.setdefault(os.path.realpath(path), option)
         if taken != option:
             raise InputError(f"{option} {path}: this is the file of {taken}; choose another name")
-
-
-def check_suffix(option: str, path: Path, kinds: Sequence[str]) -> None:
-    if path.suffix.lower() not in kinds:
-        raise InputError(f"{option} {path}: the name must end in {', '.join(kinds)}")
-
-
-def check_picture(path: Path, kinds: Sequence[str]) -> None:
-    check_suffix("--plot", path, kinds)
-    if path.suffix.lower() == ".png" and importlib.util.find_spec("matplotlib") is None:
-        raise ModelError(
-            f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
-            "(.html and .vtu work without it)"
-        )
+    for name, suffixes in kinds.items():
+        if (path := outputs[f"--{name}"]) is None:
+            continue
+        if (suffix := path.suffix.lower()) not in suffixes:
+            raise InputError(f"--{name} {path}: the name must end in {', '.join(suffixes)}")
+        if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+            raise ModelError(
+                f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
+                "(.html and .vtu work without it)"
+            )
 
 
 def _obstacle(path: Path) -> str:

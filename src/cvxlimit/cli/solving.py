@@ -31,8 +31,6 @@ from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
     check_outputs,
-    check_picture,
-    check_suffix,
     counted,
     facts,
     history,
@@ -83,11 +81,8 @@ class Files:
     def check(self, scene: str) -> None:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
         json = None if self.is_piped else self.json
-        check_outputs({"--json": json, "--plot": self.plot, "--export": self.export}, inputs)
-        if self.export is not None:
-            check_suffix("--export", self.export, EXPORTS)
-        if self.plot is not None:
-            check_picture(self.plot, PICTURES)
+        outputs = {"--json": json, "--plot": self.plot, "--export": self.export}
+        check_outputs(outputs, inputs, export=EXPORTS, plot=PICTURES)
 
     @property
     def is_piped(self) -> bool:
@@ -299,8 +294,8 @@ def show_command(asked: Drawing) -> ExitCode:
     """
     name = asked.scene
     plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
-    check_outputs({"--plot": plot}, {} if name in BUILTIN else {os.fspath(name): "the scene"})
-    check_picture(plot, SCENE_PICTURES)
+    inputs = {} if name in BUILTIN else {name: "the scene"}
+    check_outputs({"--plot": plot}, inputs, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
         scene = scene_named(name)
