@@ -243,6 +243,15 @@ class Scene(RemadeFromFields, SceneJoints):
 
         return explain(self, surface, **options)
 
+    def explore(self, **options: Any) -> Any:
+        """A load point to drag over the load domain, sliders, and the mechanism, in a notebook.
+
+        Parameters and errors are those of :func:`cvxlimit.studies.explore`.
+        """
+        from cvxlimit.studies.domains.exploring import explore  # these see scenes, not they them
+
+        return explore(self, **options)
+
     def in_units(self, units: Units, length: float, force: float) -> Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.
 

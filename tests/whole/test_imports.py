@@ -60,6 +60,7 @@ TREES = modules()
 CONVENIENCES = {
     "scene": (
         "plotting.__init__", "plotting.drawing", "plotting.notebook", "reductions.choice",
+        "studies.domains.exploring",
     ),
     "solution": ("plotting.__init__", "plotting.notebook", "frames"),
 }  # fmt: skip

@@ -92,12 +92,12 @@ def _draw_flat(
     ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
 ) -> None:
     if len(outside):
-        ring = outside[_around(outside)]
+        ring = outside[around(outside)]
         ax.fill(*ring.T, color=colour, alpha=0.16, lw=0, zorder=1)
         ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=0.6, ls="--", zorder=2,
                 label="beyond it: ruled out" if label == "carried" else None)  # fmt: skip
     if len(inside):
-        ring = inside[_around(inside)]
+        ring = inside[around(inside)]
         ax.fill(*ring.T, color=colour, alpha=0.45, lw=0, zorder=1.5)
         ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
     for is_mirrored in (False, True):
@@ -184,7 +184,7 @@ def _title(domains: Sequence[Any]) -> str:
     return f"{printable(first.scene)}, {_label(first)}: {gap}, {first.solves} solves"
 
 
-def _around(corners: FloatArray) -> IntArray:
+def around(corners: FloatArray) -> IntArray:
     """The order of a convex polygon's corners (n, 2)."""
     arm = corners - corners.mean(axis=0)
     size = np.abs(arm).max(axis=0)
@@ -197,13 +197,13 @@ def _faces(corners: FloatArray) -> list[list[int]]:
     if len(corners) < 3:
         return [list(range(len(corners)))]
     if corners.shape[1] == 2:
-        return [_around(corners).tolist()]
+        return [around(corners).tolist()]
     scaled = corners / np.maximum(np.ptp(corners, axis=0), 1e-300)
     try:
         hull = ConvexHull(scaled)
     except QhullError:
         spread = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)[2]
-        return [_around((scaled - scaled.mean(axis=0)) @ spread[:2].T).tolist()]
+        return [around((scaled - scaled.mean(axis=0)) @ spread[:2].T).tolist()]
     result = []
     for plane in np.unique(hull.equations.round(7), axis=0):
         own = np.flatnonzero(np.abs(hull.equations - plane).max(axis=1) < 1e-6)
@@ -211,5 +211,5 @@ def _faces(corners: FloatArray) -> list[list[int]]:
         if len(at) < 3:
             continue
         across = np.linalg.svd(plane[None, :3])[2][1:]
-        result.append(at[_around(scaled[at] @ across.T)].tolist())
+        result.append(at[around(scaled[at] @ across.T)].tolist())
     return result

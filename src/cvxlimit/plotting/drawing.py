@@ -131,9 +131,15 @@ def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImag
     return result, image
 
 
-def thumbnail(scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420) -> bytes:
+def thumbnail(
+    scene: Scene,
+    moving: Motion,
+    refusal: InputError | None,
+    pixels: int = 420,
+    camera: Camera | None = None,
+) -> bytes:
     notes = Annotations() if refusal is None else annotated(scene, refusal)
-    drawing = Drawing(scene, moving, default_camera(scene, moving), notes=notes)
+    drawing = Drawing(scene, moving, camera or default_camera(scene, moving), notes=notes)
     buffer = io.BytesIO()
     imsave(buffer, np.clip(paint(drawing, pixels).image, 0.0, 1.0), format="png")
     return buffer.getvalue()

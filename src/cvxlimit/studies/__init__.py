@@ -8,6 +8,7 @@
 from cvxlimit.studies.domains.comparing import DomainComparison, compare_domains
 from cvxlimit.studies.domains.document import read_domain, write_domain
 from cvxlimit.studies.domains.domain import LoadDomain
+from cvxlimit.studies.domains.exploring import explore
 from cvxlimit.studies.domains.search import load_domain
 from cvxlimit.studies.domains.supports import Support
 from cvxlimit.studies.fragility import Fragility, fragility
@@ -16,5 +17,6 @@ from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
     "DomainComparison", "Fragility", "LoadDomain", "Support", "compare_domains", "draws",
-    "fragility", "load_domain", "read_domain", "read_sweep", "sweep", "varied", "write_domain",
+    "explore", "fragility", "load_domain", "read_domain", "read_sweep", "sweep", "varied",
+    "write_domain",
 ]  # fmt: skip

@@ -72,7 +72,7 @@ class Study:
         direction = np.asarray(question["direction"])
         if self.method == "convex":
             before = len(self.structure.run.history)
-            answers = self.structure.answers(direction, WINDOW)
+            answers = self.structure.answers(direction, WINDOW, question["along_rays"])
             solves = len(self.structure.run.history) - before
             return {"answers": answers, "solves": solves}
         scene = self.scene.with_live(combined(self.loads, self.structure.units * direction))
@@ -124,7 +124,12 @@ class Search:
         return self.domain
 
     def _ask(self, questions: Sequence[FloatArray], executor: Any) -> None:
-        todo = {str(i): {"direction": q} for i, q in enumerate(questions)}
+        rays = self.domain.rays / self.domain.units
+        rays /= np.abs(rays).max(axis=1, initial=1e-300, keepdims=True)
+        todo = {
+            str(i): {"direction": q, "along_rays": float((rays @ q).max(initial=-np.inf))}
+            for i, q in enumerate(questions)
+        }
         for key, row in solved(self.study, todo, executor):
             self.take(questions[int(key)], row)
             self._keep(Status.NOT_CERTIFIED)

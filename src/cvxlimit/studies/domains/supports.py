@@ -190,12 +190,19 @@ class Structure:
                 state.mechanism, dead == 0.0, self.run.history[-1],
             )  # fmt: skip
 
-    def answers(self, direction: FloatArray, window: float) -> list[Raw]:
+    def answers(
+        self, direction: FloatArray, window: float, along_rays: float = -np.inf
+    ) -> list[Raw]:
         """What there is to say about a direction: as a rule one answer, which is tight.
 
-        Where the window stops loads, it is asked whether any multiple is carried. Where nothing is
-        carried, the answer has the mechanism that shows it.
+        Where the window stops loads, it is asked whether any multiple is carried, and asked first
+        where rays are known that go ``along_rays`` in this direction: one that goes farther is
+        enough. Where nothing is carried, the answer has the mechanism that shows it.
         """
+        if along_rays > -FLAT:
+            rays = list(islice(self.raw(direction, 1.0, 0.0), 1))
+            if any(raw.factors @ direction > along_rays + FLAT for raw in rays):
+                return rays
         found: list[Raw] = []
         for raw in self.raw(direction, window):
             found = [raw]
