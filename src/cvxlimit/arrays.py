@@ -16,7 +16,6 @@ BoolArray = NDArray[np.bool_]
 
 
 def read_only(value: Any) -> Any:
-    """A read-only copy of an array that can be written to; anything else as it is."""
     if not isinstance(value, np.ndarray) or not value.flags.writeable:
         return value
     copy = value.copy()

@@ -33,7 +33,6 @@ def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...
 
 
 def first_twice(names: Iterable[str]) -> str | None:
-    """The first name that has been there before; None if all differ."""
     seen = set[str]()
     for name in names:
         if name in seen:

@@ -70,7 +70,6 @@ class SceneJoints(JointValues[float]):
 
     @property
     def joint_values(self) -> dict[str, Any]:
-        """All of them and their exceptions by name, as a scene takes them."""
         names = [name for what in PROPERTIES for name in (what, f"contact_{what}")]
         return {name: getattr(self, name) for name in names}
 

@@ -7,7 +7,6 @@ __version__ = "0.2.0.dev0"
 
 @cache  # reading it takes 1 ms, and a sweep asks for every row
 def version_of(distribution: str) -> str:
-    """Version of an installed distribution, else ``"unknown"``."""
     from importlib.metadata import PackageNotFoundError, version  # 20 ms that --help can do without
 
     try:

@@ -86,7 +86,6 @@ class Files:
 
     @property
     def is_piped(self) -> bool:
-        """True if stdout takes the result file and nothing else."""
         return self.json == Path("-")
 
     def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:

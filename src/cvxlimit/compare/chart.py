@@ -21,11 +21,7 @@ LEAST = 1e-12
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points that no other one beats in both coordinates, by the first one.
-
-    >>> pareto_front([(1, 5), (2, 6), (3, 1), (3, 2), (4, 1)])
-    [0, 2]
-    """
+    """Indices of the points that no other one beats in both coordinates, by the first one."""
     front: list[int] = []
     best = np.inf
     for i in sorted(range(len(points)), key=lambda i: points[i]):
@@ -36,11 +32,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def on_front(rows: Sequence[Row]) -> set[str]:
-    """Names of the methods on the Pareto front of total time against true error.
-
-    Methods with and without interaction, or with other moments, have fronts of their own: their
-    truths differ.
-    """
+    """Names of the methods on the Pareto front; methods whose truths differ have their own."""
     return {row.method for group in _by_truth(rows).values() for row in _front(group)}
 
 
@@ -107,7 +99,6 @@ def draw_time_against_error(
 
 
 def style(number: int, label: str) -> dict[str, Any]:
-    """Marker and colour of a line; the first colour is kept for the package's own."""
     others = (
         "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0", "#6b7280",
         "#9aad00", "#3b5bdb", "#b45309",
@@ -117,6 +108,5 @@ def style(number: int, label: str) -> dict[str, Any]:
 
 
 def sparse(value: float, position: float | None = None) -> str:
-    """Labels of minor ticks: 2 and 5 of every decade."""
     digit = round(value / 10.0 ** np.floor(np.log10(value)))
     return f"{value:g}" if digit in (2, 5) else ""

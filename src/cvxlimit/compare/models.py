@@ -89,7 +89,6 @@ class Row:
 
     @property
     def has_point(self) -> bool:
-        """Whether charts can show it."""
         return self.total is not None and self.error is not None
 
     @property

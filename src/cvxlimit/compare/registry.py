@@ -74,7 +74,6 @@ def _runs(
     surface: str, short: str, solver: str, tolerances: Iterable[float], label: str = "",
     line: str = "", /, **options: Any,
 ) -> Iterator[Model]:  # fmt: skip
-    """One run of one solver at each tolerance."""
     for tolerance in tolerances:
         settings = settings_for(solver, tolerance, label, **options)
         name = f"{surface}/corners/{short}/{_short(tolerance)}"

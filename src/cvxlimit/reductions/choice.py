@@ -87,7 +87,6 @@ class Reductions:
         return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
 
     def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
-        """From the full model to the smallest, one reduction more each."""
         step = replace(self, plane=None, mirror=None, loaded=None)
         yield step.best()
         for name in ("loaded", "mirror", "plane"):
@@ -176,7 +175,6 @@ def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
 
 
 def loaded_blocks(statics: Statics) -> BoolArray:
-    """True (free blocks,) for those in a part with live load."""
     is_live = np.any(statics.live.reshape(-1, DOF), axis=1)
     if is_live.all():
         return is_live
@@ -190,7 +188,6 @@ def loaded_blocks(statics: Statics) -> BoolArray:
 
 
 def contacts_of(statics: Statics, blocks: BoolArray) -> BoolArray:
-    """True (n,) for contacts of the given free blocks."""
     member = np.append(blocks, False)
     number, contacts = statics.row_of_block, statics.contacts
     return np.asarray(member[number[contacts.a]] | member[number[contacts.b]])

@@ -45,15 +45,12 @@ class Mirror:
 
     @property
     def reflection(self) -> FloatArray:
-        """(6, 6): what it makes of generalised forces and rates."""
         return reflected(self.normal)
 
     @property
     def forces(self) -> sp.csr_array:
-        """Forces of all contacts (6 n, 6 n) per forces of those with the lower number of a pair.
-
-        The symmetric part only where a contact is its own partner. Other columns are empty.
-        """
+        """Forces of all contacts (6 n, 6 n) per forces of those with the lower number of a pair,
+        of which there is the symmetric part only where a contact is its own partner."""
         width = len(COMPONENTS)
         each = np.arange(len(self.contacts))
         first = np.flatnonzero(each <= self.contacts)
@@ -75,10 +72,7 @@ class Mirror:
 def find_mirror(
     statics: Statics, surfaces: Sequence[YieldSurface], across: FloatArray | None = None
 ) -> Mirror | None:
-    """A mirror plane of a scene under given surfaces, or None.
-
-    ``across`` is the normal of a planar scene's plane, which is a mirror plane that halves nothing.
-    """
+    """``across`` is the normal of a planar scene's plane, a mirror plane that halves nothing."""
     free = statics.centroids[statics.row_of_block >= 0]
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
     for normal in _candidates(statics, free):

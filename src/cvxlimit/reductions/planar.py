@@ -66,7 +66,6 @@ class Plane:
 
     @cached_property
     def ends(self) -> FloatArray:
-        """How far contacts reach along d, (n, 2)."""
         reach = self._reach
         start = self.contacts.corner_start[:-1]
         return np.stack([np.minimum.reduceat(reach, start), np.maximum.reduceat(reach, start)], 1)
@@ -77,7 +76,6 @@ class Plane:
         return np.asarray((self.contacts.corner_xy * self.along[j]).sum(axis=1))
 
     def spans(self, tolerance: float) -> bool:
-        """True if contacts reach both ends in the plane of their centres."""
         start = self.contacts.corner_start[:-1]
         j = self.contacts.corner_contact
         beside = (self.contacts.corner_xy * self.across[j]).sum(axis=1)
@@ -90,7 +88,6 @@ class Plane:
         return True
 
     def model(self, contacts: Contacts) -> ForceModel:
-        """The formulation: compressions n at both ends, shear V, and the conditions on them."""
         each = np.arange(len(contacts))
         ends = (self.ends.T[:, :, None] * self.along).reshape(-1, 2)
         return ForceModel(
@@ -104,7 +101,6 @@ class Plane:
         )
 
     def taking(self, kept: NDArray[np.bool_]) -> Plane:
-        """The same with some of the contacts (n,)."""
         if kept.all():
             return self
         rows = np.flatnonzero(kept)

@@ -62,7 +62,6 @@ class RepeatedProblem(LimitProblem):
         self.renew(assemblage)
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """The load factor as the goal, and loads as Parameters."""
         dead, live = self.loads
         return Terms(alpha, dead.expression, alpha * live.expression)
 
@@ -71,7 +70,6 @@ class RepeatedProblem(LimitProblem):
         return limit_ladder(self.shape, tolerance, is_repeated=True)
 
     def renew(self, assemblage: Assemblage) -> RepeatedProblem:
-        """Take the friction and the loads of an assemblage of the same geometry."""
         self.assemblage, self.scaling = assemblage, assemblage.scaling
         friction = assemblage.contacts.friction
         self.friction.value = float(friction[0]) if self.friction.ndim == 0 else friction

@@ -57,7 +57,6 @@ def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]
 def with_faces(
     vertices: FloatArray, faces: Sequence[Sequence[int]]
 ) -> tuple[FloatArray, list[list[int]]]:
-    """Those of the vertices that are corners of the faces, and the faces with their numbers."""
     used, number = np.unique(np.concatenate(faces), return_inverse=True)
     ends = np.cumsum([len(face) for face in faces])[:-1]
     own = np.split(np.asarray(number).reshape(-1), ends)

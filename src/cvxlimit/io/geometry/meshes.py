@@ -33,7 +33,6 @@ _MADE_UP = re.compile(r"geometry_\d+")
 
 
 def read_mesh(path: Path) -> list[Body]:
-    """The meshes of a file, one body for each solid, instance or mesh in it; names where it has."""
     what = f"{path.suffix} files (.obj, .json and .csv work without)"
     trimesh = needed("trimesh", "mesh", what)
     # It logs tracebacks of what it gets over, which would go to stderr where nobody listens.
