@@ -78,7 +78,10 @@ class ExactFriction(Method):
                 _difference(run, found.best, placing, divisions, flow)
                 for found, placing in ((below, at_centroids), (above, at_corners))
             ]
-            divisions = self._refined(divisions, np.maximum(*differences), run.best.bracket)
+            # cells are halved where points and exact slip differ in power by more than their share
+            share = 0.5 * self.tolerance * run.best.bracket.unit / len(divisions)
+            chosen = np.maximum(*differences) > share
+            divisions = np.where(chosen | (not chosen.any()), 2 * divisions, divisions)
         return Status.NOT_CERTIFIED
 
     def _side(
@@ -93,11 +96,6 @@ class ExactFriction(Method):
             kept = {"upper": None} if is_inside else {"lower": None}
             run.history.append(replace(iterate, solver=side, **kept))  # type: ignore[arg-type]
         return status, aside
-
-    def _refined(self, divisions: IntArray, difference: FloatArray, bracket: Bracket) -> IntArray:
-        """Cells halved where points and exact slip differ in power by more than their share."""
-        chosen = difference > 0.5 * self.tolerance * bracket.unit / len(difference)
-        return np.where(chosen | (not chosen.any()), 2 * divisions, divisions)
 
 
 def _lowered(above: Answer, certifier: Certifier) -> Bracket:

@@ -156,15 +156,11 @@ class InteriorPoint:
         reached = SOLVED if not rank[0] else ALMOST if worst < NUMBERS.almost else STALLED
         status, point = outcome or (reached, best)
         objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(self.c @ point.x))
-        given = self._as_given(point)
-        seconds = time.perf_counter() - began
-        return Result(status, given, objective, count, seconds, middle)
-
-    def _as_given(self, point: Point) -> Point:
         x, z, s = np.empty_like(point.x), np.empty_like(point.z), np.empty_like(point.s)
         x[self.system.columns] = point.x
         z[self.system.rows], s[self.system.rows] = point.z, point.s
-        return Point(x, point.y, z, s)
+        seconds = time.perf_counter() - began
+        return Result(status, Point(x, point.y, z, s), objective, count, seconds, middle)
 
     def _cold(self) -> Point:
         """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""

@@ -138,14 +138,11 @@ class BranchAndBound:
             self._raise_lower(best)
             self._wait = 1 if self.lower > before else min(2 * self._wait, BRANCH.rarely)
         if self.nodes in BRANCH.climbs and best.forces is not None:
-            self._climb(best)
-
-    def _climb(self, node: Node) -> None:
-        for _ in InnerMethod(self.run, BRANCH.climb_solves).iterates(node.forces):
-            self.solves += 1
-        known = self.run.best
-        if known.bracket.lower > self.lower and known.forces is not None:
-            self.lower, self.forces = known.bracket.lower, known.forces
+            for _ in InnerMethod(self.run, BRANCH.climb_solves).iterates(best.forces):
+                self.solves += 1
+            known = self.run.best
+            if known.bracket.lower > self.lower and known.forces is not None:
+                self.lower, self.forces = known.bracket.lower, known.forces
 
     def _push(self, node: Node) -> None:
         self.count += 1

@@ -23,7 +23,6 @@ from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.cells import Cells, independent_power, levered_power
 from cvxlimit.methods.interaction.states.copies import (
     Copies,
-    cell_copies,
     copies_of,
     corner_copies,
     corner_places,
@@ -39,6 +38,7 @@ from cvxlimit.methods.interaction.states.support import (
     Asked,
     Support,
     free_sign,
+    half_extent,
     independent_support,
     is_whole,
     levered_support,
@@ -173,7 +173,10 @@ class Moments(ABC):
         rows, centre = corner_places(boxes, 0.0 if signed else free_sign(boxes).astype(float))
         inside = (contacts.is_rectangle & ~by_corners)[rows]
         cells = self.cells(contacts, boxes)
-        split = cell_copies(cells, contacts, self.lever if signed else np.nan, self.is_limited)
+        place = cells.place / half_extent(contacts)[cells.contact]
+        arm = cells.arm / contacts.torsion_arm[cells.contact]  # of their own
+        about = self.lever(place) if signed else np.nan
+        split = copies_of(cells.contact, place, 0.0, about, self.is_limited, arm, cells.drag)
         within = self.copies_at(rows[inside], centre[inside], boxes)
         return corner_copies(contacts, by_corners).joined(split, within)
 

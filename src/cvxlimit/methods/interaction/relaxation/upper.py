@@ -79,7 +79,9 @@ class UpperBound:
         for rung in ladder:
             for _ in range(BRACKET.most_rounds):
                 is_changed = self._improve(rung, tolerance)
-                if self._is_closed(tolerance):
+                factor = None if self.state is None else self.state.load_factor
+                upper = self.run.best.bracket.upper
+                if factor is not None and upper - factor <= tolerance * self._unit:
                     return
                 if not is_changed:
                     break
@@ -109,11 +111,6 @@ class UpperBound:
         self.added = self.added.joined(new)
         self._beside *= BRACKET.beside
         return len(new) > 0
-
-    def _is_closed(self, tolerance: float) -> bool:
-        if self.state is None or self.state.load_factor is None:
-            return False
-        return self.run.best.bracket.upper - self.state.load_factor <= tolerance * self._unit
 
     @property
     def _unit(self) -> float:

@@ -196,7 +196,9 @@ class ArmBounds:
         pairs, edges = self.pairs, self.edges
         half = widths[:, pairs].transpose(1, 2, 0)[:, :, :, None] * edges[:, :, None, :]
         first, second = half[:, 0], half[:, 1]
-        mean = _parallelogram_arm(first, second)
+        # diagonals cut them into triangles of one area, with 2/3 of the mean of their outer side
+        p, q = first + second, second - first
+        mean = (mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0
         reach = np.abs(first @ self.normals.T) + np.abs(second @ self.normals.T)
         idle = (reach <= widths * (1.0 + 1e-12)).all(axis=1)
         far = widths.min(axis=0) >= mean.max(axis=1)[:, None]
@@ -239,10 +241,3 @@ class ArmBounds:
 
 
 _Sectors = tuple[IntArray, FloatArray, FloatArray]
-
-
-def _parallelogram_arm(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Mean distance from the centre of parallelograms with half sides (..., 2): their diagonals
-    cut them into triangles of one area, each of whose mean is 2/3 of that on its outer side."""
-    p, q = first + second, second - first
-    return np.asarray((mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0)

@@ -13,10 +13,8 @@ import numpy as np
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.methods.interaction.states.cells import Cells
 from cvxlimit.methods.interaction.states.pressure import own_arm, polygon_arms
 from cvxlimit.methods.interaction.states.support import (
-    Lever,
     box_corners,
     half_extent,
     rectangle_arm,
@@ -110,11 +108,3 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     arm[k] = polygon_arms(contacts, copies.contact[k], half[k] * copies.centre[k])
     own = np.where(copies.signed | given, np.inf, own_arm(contacts)[copies.contact])
     return np.where(arm > SUPPORT.rounding * half.min(axis=1), np.minimum(arm, own), 0.0)
-
-
-def cell_copies(found: Cells, contacts: Contacts, lever: Lever | float, is_limited: bool) -> Copies:
-    """Copies at the corners of cells, which have their own arms; ``lever`` is NaN for none."""
-    j = found.contact
-    place, arm = found.place / half_extent(contacts)[j], found.arm / contacts.torsion_arm[j]
-    about = lever(place) if callable(lever) else lever
-    return copies_of(j, place, 0.0, about, is_limited, arm, found.drag)
