@@ -479,7 +479,8 @@ def test_boxes_shrink_only_where_forces_exceed() -> None:
     forces[:, COLUMN["M2"]] = -0.25 * contacts.sides[:, 0]
     forces[1, COLUMN["MT"]] = 0.5
     for exploring in (True, False):
-        boxes = Boxes(contacts, SIGNED, 1.0, size=0.5)
+        boxes = Boxes(contacts, SIGNED, 1.0, None)
+        boxes.size[:] = 0.5
         boxes.follow(forces, exploring=exploring)
         np.testing.assert_allclose(boxes.centre, [[0.5, 0.0]] * 2)
         assert boxes.size[0] >= 0.5 > boxes.size[1]

@@ -20,8 +20,7 @@ from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.methods.interaction.states.support import half_extent
+from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import LimitState, SolverSettings, node_ladder, tight_ladder
@@ -83,7 +82,6 @@ class Relaxer:
         self.moments, self.contacts = moments, assemblage.contacts
         self.ladder = tuple(ladder or node_ladder())
         self.tight = tuple(ladder or tight_ladder())
-        self.half = half_extent(self.contacts)
         whole = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=whole)
         if opening is not None:
@@ -147,10 +145,6 @@ class Relaxer:
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
         return speed / max(float(self.statics.live @ mechanism.ravel()), 1e-300)
 
-    def centre(self, forces: FloatArray) -> FloatArray:
-        at = Pressure.of(forces, self.contacts)
-        return np.clip(at.centre / self.half, -1.0, 1.0)
-
 
 _Seen = tuple[FloatArray, FloatArray, BoolArray]  # forces, mechanism, and the contacts that count
 
@@ -205,7 +199,7 @@ def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
 def _place(
     relaxer: Relaxer, node: Node, forces: FloatArray, contact: int
 ) -> tuple[int, int, float]:
-    centre = relaxer.centre(forces)[contact]
+    centre = centres(forces, relaxer.contacts)[contact]
     high = node.boxes[contact, :, 1]
     low, centre = relaxer.moments.folded(node.boxes[contact], centre)
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2

@@ -22,6 +22,7 @@ from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import whole_boxes
 from cvxlimit.solvers import LimitState, Outcome
 
@@ -179,12 +180,12 @@ class BranchAndBound:
         assert node.forces is not None
         reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
         best: _State | None = None
-        centre = self.relaxer.centre(node.forces)
+        centre = centres(node.forces, self.run.contacts)
         for _ in range(BRANCH.settled):
             found = self._safe(centre, reach)
             if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
                 break
-            best, centre, reach = found, self.relaxer.centre(found[0]), 0.0
+            best, centre, reach = found, centres(found[0], self.run.contacts), 0.0
         return best
 
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:

@@ -21,6 +21,7 @@ from cvxlimit.methods.interaction.relaxation.hull import CopyColumns, HullProble
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
+from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 
@@ -49,7 +50,7 @@ class _Tightening:
             return node
         self._aim()
         seen = node.forces, node.mechanism, np.ones(len(relaxer.contacts), dtype=bool)
-        centre = relaxer.centre(node.forces)
+        centre = centres(node.forces, relaxer.contacts)
         rows = np.flatnonzero(scores(relaxer, node.boxes, seen)).tolist()
         for j, axis, side in product(rows, (0, 1), (0, 1)):
             low, high = self.boxes[j, axis]

@@ -22,8 +22,7 @@ from cvxlimit.methods.interaction.restriction.problems import InnerIterate, Safe
 from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.methods.interaction.states.support import half_extent
+from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.reductions.choice import Reductions
 
 
@@ -37,17 +36,10 @@ class Boxes:
     """
 
     def __init__(
-        self,
-        contacts: Contacts,
-        moments: Moments,
-        force: float,
-        forces: FloatArray | None = None,
-        size: float | None = None,
+        self, contacts: Contacts, moments: Moments, force: float, forces: FloatArray | None
     ) -> None:
         self.contacts, self.moments, self.force = contacts, moments, force
-        self.half = half_extent(contacts)
-        first = CLIMB.largest if forces is None else CLIMB.first
-        self.size = np.full(len(contacts), first if size is None else size)
+        self.size = np.full(len(contacts), CLIMB.largest if forces is None else CLIMB.first)
         self.centre = np.zeros((len(contacts), 2))
         self.excess = self.largest = np.inf
         if forces is not None:
@@ -69,9 +61,8 @@ class Boxes:
         self.size = np.minimum(factor * self.size, CLIMB.largest)
 
     def _move(self, forces: FloatArray) -> None:
-        centre = np.clip(Pressure.of(forces, self.contacts).centre / self.half, -1.0, 1.0)
-        pressed = forces[:, [COLUMN["N"]]] > PROOF.pressed * self.force
-        self.centre = np.where(pressed, centre, self.centre)  # idle contacts keep theirs
+        pressed = forces[:, [COLUMN["N"]]] > PROOF.pressed * self.force  # idle ones keep theirs
+        self.centre = np.where(pressed, centres(forces, self.contacts), self.centre)
 
 
 class InnerMethod:

@@ -15,7 +15,7 @@ from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.settings import PROOF
-from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
@@ -24,7 +24,7 @@ from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import clarabel_at, default_ladder
+from cvxlimit.solvers import LimitState, clarabel_at, default_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 
@@ -89,10 +89,11 @@ class LowerBounds:
         if found or not np.any(self.statics.dead):
             return found
         alone = self.assemblage.alone(self.statics.dead)
-        state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve(default_ladder()[0])
-        if state.forces is None or not state.load_factor or state.load_factor < 0.5:
+        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
+        forces = carried(problem.solve(default_ladder()[0]))
+        if forces is None:
             return ()
-        balanced = self.balanced(state.forces / state.load_factor, 0.0)
+        balanced = self.balanced(forces, 0.0)
         return (balanced,) if self._is_inside(balanced) else ()
 
     def _is_inside(self, state: FloatArray) -> bool:
@@ -144,6 +145,13 @@ class TrueStrength(Strength):
     @property
     def rows(self) -> list[IntArray]:
         return [np.arange(len(self.contacts))]
+
+
+def carried(state: LimitState) -> FloatArray | None:
+    # the share of a load alone that is carried is 0 or 1, but for rounding
+    if state.forces is None or not state.load_factor or state.load_factor < 0.5:
+        return None
+    return state.forces / state.load_factor
 
 
 def true_excess(forces: FloatArray, contacts: Contacts, moments: Moments) -> FloatArray:
@@ -198,8 +206,7 @@ def prove(run: Run) -> None:
 
 def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) -> LowerBound | None:
     contacts, extent = run.contacts, half_extent(run.contacts)
-    centre = Pressure.of(forces, contacts).centre / extent
-    centre = np.clip(centre, margin - 1.0, 1.0 - margin)
+    centre = np.clip(centres(forces, contacts), margin - 1.0, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
     copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
     less = replace(contacts, friction=(1.0 - margin) * contacts.friction)

@@ -146,11 +146,7 @@ class SafeProblems:
     and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on."""
 
     def __init__(
-        self,
-        run: Run,
-        gain: float,
-        reductions: Reductions | None = None,
-        moments: Moments | None = None,
+        self, run: Run, gain: float, reductions: Reductions | None, moments: Moments | None
     ) -> None:
         self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
         self.gain, self.start = gain, "middle"

@@ -11,12 +11,16 @@ from functools import partial
 from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.restriction.lower_bound import TrueStrength, central_states
+from cvxlimit.methods.interaction.restriction.lower_bound import (
+    TrueStrength,
+    carried,
+    central_states,
+)
 from cvxlimit.methods.interaction.restriction.problems import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem
-from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.solvers import SolverSettings
 
 
 def carrying_forces(
@@ -40,7 +44,7 @@ def _candidates(
     alone = run.assemblage.alone(load)
     problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
     plain, _ = run.try_solvers(problem.solve, ladder)
-    if (forces := _carried(plain)) is not None:
+    if (forces := carried(plain)) is not None:
         yield forces
     with run.clock.phase("compile"):
         step = SafeStep(alone, run.moments)
@@ -56,13 +60,6 @@ def _stepped(
     for price in CLIMB.prices:
         at = point.shrunk(CLIMB.retreats[0])
         state, _ = run.try_solvers(partial(step.solve, at, price=price, most=1.0), ladder)
-        if (forces := _carried(state)) is not None:
+        if (forces := carried(state)) is not None:
             yield forces
             point = step.point(forces, point, PROOF.pressed)
-
-
-def _carried(state: LimitState) -> FloatArray | None:
-    # the share of the load that is carried is 0 or 1, but for rounding
-    if state.forces is None or not state.load_factor or state.load_factor < 0.5:
-        return None
-    return state.forces / state.load_factor

@@ -17,6 +17,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm_gradient
 from cvxlimit.methods.interaction.settings import SUPPORT
+from cvxlimit.methods.interaction.states.pressure import eccentricities
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 
 
@@ -37,12 +38,10 @@ class Point:
         """From forces (n, 6); contacts with N below ``least`` keep their place in ``otherwise``."""
         normal = forces[:, [COLUMN["N"]]]
         pressed = normal >= least
-        safe = np.where(pressed, normal, 1.0)
-        moments = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1)
-        shear = forces[:, [COLUMN["V1"], COLUMN["V2"]]]
+        shear = forces[:, [COLUMN["V1"], COLUMN["V2"]]] / np.where(pressed, normal, 1.0)
         return cls(
-            np.where(pressed, moments / safe, otherwise.centre),
-            np.where(pressed, shear / safe, otherwise.shear),
+            np.where(pressed, eccentricities(forces), otherwise.centre),
+            np.where(pressed, shear, otherwise.shear),
         ).inside(contacts)
 
     def inside(self, contacts: Contacts) -> Point:

@@ -14,6 +14,7 @@ from cvxlimit.geometry.polygons import (
     mean_distance_on_segment,
     torsion_arm,
 )
+from cvxlimit.methods.interaction.states.support import half_extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +31,24 @@ class Pressure:
     def of(cls, forces: FloatArray, contacts: Contacts, epsilon: float = 0.0) -> Pressure:
         """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31, which takes contacts that carry
         next to nothing for pressed near their centres: bounds are without it."""
-        normal, m1, m2 = (forces[:, COLUMN[c]] for c in ("N", "M1", "M2"))
-        pressed = normal > 0.0
-        safe = np.where(pressed, normal + epsilon, 1.0)
-        e1 = np.where(pressed, -m2 / safe, 0.0)
-        e2 = np.where(pressed, m1 / safe, 0.0)
+        e1, e2 = eccentricities(forces, epsilon).T
         return cls(e1, e2, effective_arm(e1, e2, contacts))
 
     @property
     def centre(self) -> FloatArray:
         return np.stack([self.e1, self.e2], axis=1)
+
+
+def eccentricities(forces: FloatArray, epsilon: float = 0.0) -> FloatArray:
+    """(n, 2) of Eq. 31, zero for contacts without compression."""
+    normal = forces[:, [COLUMN["N"]]]
+    moments = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1)
+    return np.where(normal > 0.0, moments / np.where(normal > 0.0, normal + epsilon, 1.0), 0.0)
+
+
+def centres(forces: FloatArray, contacts: Contacts) -> FloatArray:
+    """The same as fractions of :func:`half_extent`, within the contacts."""
+    return np.clip(eccentricities(forces) / half_extent(contacts), -1.0, 1.0)
 
 
 def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatArray:
