@@ -64,9 +64,9 @@ def test_safe_steps_on_a_half_are_safe_on_the_whole(moments: str) -> None:
     run = Run(small_panel(), moments=parse_moments(moments))
     half = half_of(run)
     method = InnerMethod(run)
-    whole = method.problems.step.solve(method.middle, SOLVER)
-    method.problems.step = SafeStep(run.assemblage, run.moments, half)
-    found = method.problems.step.solve(method.middle, SOLVER)
+    whole = method.step.solve(method.middle, SOLVER)
+    method.step = SafeStep(run.assemblage, run.moments, half)
+    found = method.step.solve(method.middle, SOLVER)
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-6)
     checker = LowerBounds(run.scene, run.moments)
     for iterate in islice(method.climb(method.middle), 3):

@@ -456,10 +456,10 @@ def test_rows_with_less_curvature_contain_those_with_more() -> None:
     relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
     assert relaxed.forces is not None
     method = inner(scene, "independent")
-    point = method.problems.point(relaxed.forces)
+    point = method.point(relaxed.forces)
     tight = settings_for("CLARABEL", 1e-9)
     shares = (1.0, 0.3, 0.1, 0.0)
-    states = [method.problems.step.solve(point, tight, curvature=share) for share in shares]
+    states = [method.step.solve(point, tight, curvature=share) for share in shares]
     factors = [state.load_factor for state in states if state.load_factor is not None]
     assert len(factors) == len(shares)
     assert np.diff(factors).min() > 0.0

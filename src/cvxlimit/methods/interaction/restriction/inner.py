@@ -15,7 +15,6 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
@@ -23,7 +22,6 @@ from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.reductions.choice import Reductions
 
 
 class Boxes:
@@ -65,29 +63,15 @@ class Boxes:
         self.centre = np.where(pressed, centres(forces, self.contacts), self.centre)
 
 
-class InnerMethod:
-    """Searches of one run; :meth:`iterates` may be called for several starts.
+class InnerMethod(SafeProblems):
+    """Searches of one run, each of ``max_iterations`` solves at most; :meth:`iterates` may be
+    called for several starts."""
 
-    Each has ``max_iterations`` solves at most, and ends when a bound gains less than a ``gain``,
-    relative. Where ``reductions`` have a mirror plane, steps stay among symmetric states.
-    ``moments`` are a reading that is stricter than the run's, to search in; None is the run's.
-    """
-
-    def __init__(
-        self,
-        run: Run,
-        max_iterations: int = 24,
-        gain: float = 1e-4,
-        reductions: Reductions | None = None,
-        moments: Moments | None = None,
-    ) -> None:
-        self.run, self.max_iterations, self.reductions = run, max_iterations, reductions
-        self.problems = SafeProblems(run, gain, reductions, moments)
-        self.middle, self._mark = self.problems.middle, -np.inf
+    _mark = -np.inf
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle."""
-        by_boxes = self.problems.moments.is_about_centre
+        by_boxes = self.moments.is_about_centre
         way = self._settled(start) if by_boxes else self._stepped(start)
         return self._search("middle" if start is None else "relaxation", way)
 
@@ -97,20 +81,18 @@ class InnerMethod:
         return self._search("boxes", self._narrowed(start))
 
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
-        run, problems = self.run, self.problems
-        problems.begin(f"{stricter} relaxation")
-        relaxed = problems.relaxed("hull", stricter.box_copies(run.contacts))
+        run = self.run
+        self.begin(f"{stricter} relaxation")
+        relaxed = self.relaxed("hull", stricter.box_copies(run.contacts))
         yield relaxed
         near = relaxed.state.forces
         if near is None or relaxed.load_factor <= run.best.bracket.lower:
             return
-        other = InnerMethod(
-            run, self.max_iterations, problems.gain, self.reductions, moments=stricter
-        )
+        other = InnerMethod(run, self.max_iterations, self.gain, self.reductions, stricter)
         aside = run.aside()
         aside.moments = stricter
-        outer = UpperBound(aside, other.problems.half)
-        outer.search(BRACKET.outer, (*problems.leading, *problems.tight))
+        outer = UpperBound(aside, other.half)
+        outer.search(BRACKET.outer, (*self.leading, *self.tight))
         near = outer.state.forces if outer.state else near
         for start in (near, None):
             yield from other.iterates(start)
@@ -118,25 +100,24 @@ class InnerMethod:
             yield from other.narrowed(near)
 
     def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
-        self._mark = self.problems.begin(start)
+        self._mark = self.begin(start)
         yield from islice(way, self.max_iterations)
-        yield from self.problems.tightened()
+        yield from self.tightened()
 
     def _boxes(self, start: FloatArray | None) -> Boxes:
-        problems = self.problems
-        return Boxes(problems.contacts, problems.moments, problems.step.scaling.force, start)
+        return Boxes(self.contacts, self.moments, self.step.scaling.force, start)
 
     def _narrowed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         boxes, point = self._boxes(start), self.middle
         for number in range(1, CLIMB.exploring + CLIMB.settling + 1):
-            iterate = self.problems.relaxed("box", boxes.copies)
+            iterate = self.relaxed("box", boxes.copies)
             yield iterate
             forces = iterate.state.forces
             if forces is None:
                 break
             if iterate.load_factor <= self._mark:
                 return
-            point = self.problems.point(forces, point)
+            point = self.point(forces, point)
             boxes.follow(forces, exploring=number < CLIMB.exploring)
             if boxes.excess <= CLIMB.settled and number >= CLIMB.exploring:
                 break
@@ -148,10 +129,10 @@ class InnerMethod:
         if start is None:
             yield from self._after_penalties()
         else:
-            yield from self._after_long(self.problems.point(start).shrunk(CLIMB.inward))
+            yield from self._after_long(self.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
         if not (best is None or self.run.contacts.is_rectangle.all()):
-            yield self.problems.frozen(self._boxes(best).centre)
+            yield self.frozen(self._boxes(best).centre)
 
     def _settled(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         point, has_bound = self.middle, False
@@ -159,22 +140,22 @@ class InnerMethod:
             yield iterate
             has_bound = has_bound or iterate.is_safe
             if iterate.state.forces is not None:
-                point = self.problems.point(iterate.state.forces, point)
+                point = self.point(iterate.state.forces, point)
         if not has_bound:
             yield from self.climb(point)
 
     def _settling(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        problems, boxes = self.problems, self._boxes(start)
+        boxes = self._boxes(start)
         best, nearly, explored, freezes = -np.inf, CLIMB.nearly, 0, True
         for _ in range(CLIMB.exploring + CLIMB.settling):
             copies = boxes.copies
-            iterate = problems.relaxed("box", copies)
+            iterate = self.relaxed("box", copies)
             yield iterate
             forces, factor = iterate.state.forces, iterate.load_factor
             if forces is None:
                 return
             upper = self.run.best.bracket.upper
-            no_more = upper - factor < problems.gain * abs(upper)  # in any boxes
+            no_more = upper - factor < self.gain * abs(upper)  # in any boxes
             exploring = explored + 1 < CLIMB.exploring and not no_more
             explored = explored + 1 if exploring else CLIMB.exploring
             boxes.follow(forces, exploring=exploring)
@@ -185,7 +166,7 @@ class InnerMethod:
                 yield nearby
                 freezes = nearby.is_safe if nearby.kind == "frozen" else freezes
                 lower = max(lower, nearby.lower)
-            least = problems.gain * abs(lower)
+            least = self.gain * abs(lower)
             if lower - best < least or factor - lower < least:
                 return
             best, nearly = max(best, lower), CLIMB.retry * boxes.excess
@@ -196,62 +177,61 @@ class InnerMethod:
         """The frozen problem at the boxes' centres. Where that has no interior, as where forces are
         determinate: the box problem itself, tightly, if all that keeps its forces from being
         admissible is how it was solved; else a safe step at them."""
-        problems = self.problems
         if freezes:
-            frozen = problems.frozen(boxes.centre)
+            frozen = self.frozen(boxes.centre)
             yield frozen
             if frozen.is_safe:
                 return
         if boxes.largest <= CLIMB.noise:
-            tight = problems.restricted("box", lambda rung: problems.hull.solve(copies, rung))
+            tight = self.restricted("box", lambda rung: self.hull.solve(copies, rung))
             yield tight
             if tight.is_safe:
                 return
-        point = problems.point(forces)
-        yield problems.restricted("safe", lambda rung: problems.step.solve(point, rung))
+        point = self.point(forces)
+        yield self.restricted("safe", lambda rung: self.step.solve(point, rung))
 
     def climb(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
         moments have it), until they gain little, or could not reach the best bound."""
-        reach = self.problems.moments.reach if reach is None else reach
+        reach = self.moments.reach if reach is None else reach
         best, before, retreats, gains = -np.inf, None, iter(CLIMB.retreats), [np.inf]
         here = at = point
         while True:
-            iterate = self.problems.safe(at)
+            iterate = self.safe(at)
             yield iterate
             forces = iterate.state.forces
             if forces is None or not iterate.is_safe:
                 share = next(retreats, None)
                 if share is None:
                     return
-                here = here if forces is None else self.problems.point(forces, at)
+                here = here if forces is None else self.point(forces, at)
                 at, reach, before = here.shrunk(share), 0.0, None
                 continue
             gain, best = iterate.lower - best, max(best, iterate.lower)
             gains.append(gain)
             if gain > 0.0:
-                here = self.problems.point(forces, at)
-            least, hope = self.problems.gain * abs(iterate.lower), _predicted(gains)
+                here = self.point(forces, at)
+            least, hope = self.gain * abs(iterate.lower), _predicted(gains)
             if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
             if best + CLIMB.hope * hope < self._mark:
                 return
             reach, at = reach if gain > 0.0 else 0.0, here
             if before is not None and reach > 0.0:
-                at = here.moved(reach, before).inside(self.problems.step.statics.contacts)
+                at = here.moved(reach, before).inside(self.step.statics.contacts)
             before = here
 
     def _after_long(self, point: Point) -> Iterator[InnerIterate]:
-        first = self.problems.safe(point)
+        first = self.safe(point)
         yield first
         if first.state.forces is not None and first.is_safe:
-            point, best = self.problems.point(first.state.forces, point), first.lower
+            point, best = self.point(first.state.forces, point), first.lower
             for curvature in CLIMB.long:
-                iterate = self.problems.leading_step("long", point, curvature=curvature)
+                iterate = self.leading_step("long", point, curvature=curvature)
                 yield iterate
                 if iterate.state.forces is None:
                     break
-                point = self.problems.point(iterate.state.forces, point)
+                point = self.point(iterate.state.forces, point)
                 if iterate.load_factor - best < CLIMB.long_gain * abs(best):
                     break
                 best = iterate.load_factor
@@ -260,16 +240,16 @@ class InnerMethod:
     def _after_penalties(self) -> Iterator[InnerIterate]:
         """A safe step at the middle, whose mechanism prices slack, penalty steps at a price that
         grows until nothing is bought, then safe ones."""
-        first = self.problems.safe(self.middle)
+        first = self.safe(self.middle)
         yield first
-        price = CLIMB.price * self.problems.fastest_twist(first.state)
+        price = CLIMB.price * self.fastest_twist(first.state)
         point, last = self.middle, np.inf
         for number in range(CLIMB.penalty_steps):
-            iterate = self.problems.leading_step("penalty", point, price)
+            iterate = self.leading_step("penalty", point, price)
             yield iterate
             if iterate.state.forces is None:
                 break
-            point = self.problems.point(iterate.state.forces, point)
+            point = self.point(iterate.state.forces, point)
             if iterate.slack <= CLIMB.bought:
                 break
             stuck = number > 0 and iterate.slack > 0.5 * last

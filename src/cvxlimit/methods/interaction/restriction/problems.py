@@ -143,13 +143,20 @@ class InnerIterate:
 
 class SafeProblems:
     """All problems of one run under its reading, or a stricter one; the checker is that of the run,
-    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on."""
+    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on. Where
+    ``reductions`` have a mirror plane, steps stay among symmetric states."""
 
     def __init__(
-        self, run: Run, gain: float, reductions: Reductions | None, moments: Moments | None
+        self,
+        run: Run,
+        max_iterations: int = 24,
+        gain: float = 1e-4,
+        reductions: Reductions | None = None,
+        moments: Moments | None = None,
     ) -> None:
         self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
-        self.gain, self.start = gain, "middle"
+        self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
+        self.start = "middle"
         self.leading = run.ladder or leading_ladder()
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
