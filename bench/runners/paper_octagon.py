@@ -18,10 +18,4 @@ def solve(file: Path) -> dict[str, Any]:
     return factor_or(found.status, found.load_factor)
 
 
-answer(
-    (
-        "cvxpy",
-        "clarabel",
-    ),
-    solve,
-)
+answer(("cvxpy", "clarabel"), solve)

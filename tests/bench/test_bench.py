@@ -29,7 +29,6 @@ QUICK = ("block-rocks", "stack-leans", "semicircle-thickness-40", "bond-upright-
 SOME = [each.name for each in CASES.values() if len(each.roles) == 1][::4]
 LACKING = {
     ("s12-panel", "zero-dilatancy"): "not proved yet",
-    ("s10-panel", "exact"): "not proved yet",
     ("s10-panel", "zero-dilatancy"): "not proved yet",
 }
 """Brackets that records lack, and why."""
@@ -203,6 +202,38 @@ def test_archive_has_checksums_and_is_solved_from_its_files(
     with zipfile.ZipFile(path) as files:
         assert files.read("arch.mps").startswith(b"* cvxlimit")
         assert files.read("arch.cbf").splitlines()[2:] == first.splitlines()[2:]
+
+
+@pytest.mark.parametrize(
+    ("optimum", "objective", "status", "said"),
+    [
+        ("-0.25 -0.24", -0.25, "Optimal", "inside"),
+        ("-0.25 -0.24", -0.23, "Solved", "wrong"),
+        ("-0.25 -0.24", None, "PrimalInfeasible", "wrong"),
+        ("-0.25 -0.24", None, "Time limit reached", "without an answer"),
+        ("no optimum: live load does no harm", None, "DualInfeasible", "inside"),
+        ("no optimum: live load does no harm", None, "Time limit reached", "without an answer"),
+        ("no optimum: live load does no harm", -1e9, "Optimal", "wrong"),
+    ],
+)
+def test_what_other_solvers_say(
+    optimum: str, objective: float | None, status: str, said: str
+) -> None:
+    assert outside.verdict(optimum, objective, status) == said
+
+
+def test_octagons_about_cones_reach_from_the_cone_to_the_one_through_their_corners() -> None:
+    """A block that slides: between mu and mu / cos(22.5 degrees)."""
+    found = prove.proved(CASES["block-slides-askew"], "vertex-octagon")
+    assert found["lower"] == pytest.approx(0.3, rel=ALIKE)
+    assert found["upper"] == pytest.approx(0.3 / np.cos(np.pi / 8), rel=ALIKE)
+
+
+def test_a_tool_does_not_tell_what_is_nearer_than_its_reach() -> None:
+    each = CASES["semicircle-thickness-40"]
+    bracket = each.record()["brackets"]["vertex-octagon"]
+    marks = [running.verdict({"answer": "stands"}, each, "falls", bracket, r) for r in (0.0, 0.01)]
+    assert marks == ["WRONG", "too near to tell"]
 
 
 def test_commands() -> None:
