@@ -1,8 +1,9 @@
 """Problems for those who write solvers: one archive, with checksums and proved optima.
 
-Structures of 20 to 100,000 contacts, and small ones of the stability bench on which solvers were
-seen to fail. Every problem stands in it as a cone program (CBF) and, with octagons, as a linear one
-(MPS); ``index.csv`` has sizes, the interval that holds the optimum, and how long ours took.
+Structures of 20 to 100,000 contacts, and small ones of the stability bench, whose families are each
+after one way in which limit analysis is hard. Every problem stands in it as a cone program (CBF)
+and, with octagons, as a linear one (MPS); ``index.csv`` has sizes, the interval that holds the
+optimum, and how long ours took.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import json
 import re
 import zipfile
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from time import process_time
 
@@ -41,6 +43,10 @@ GROWING: dict[int, Callable[[], Scene]] = {
 }
 """Scenes by about how many contacts they have."""
 
+MISSED = {"frictions": (1, 2, 8), "wedges": (8,)}
+"""Families and seeds of the stability bench on whose cone programs Clarabel 0.11.1 at its defaults
+says "solved" outside the proved interval."""
+
 COLUMNS = (
     "problem", "group", "format", "contacts", "variables", "rows", "cones", "optimum", "seconds",
     "sha256",
@@ -53,10 +59,19 @@ _OPTIMUM = re.compile(r"between (\S+) and (\S+);")
 
 
 def scenes(most: int, hard: int) -> Iterator[tuple[str, Scene]]:
-    """Growing ones up to ``most`` contacts, then ``hard`` small ones, families in turn."""
+    """Growing ones up to ``most`` contacts, then ``hard`` small ones: missed ones, then families
+    in turn."""
     yield from (("growing", build()) for size, build in GROWING.items() if size <= most)
-    for family, seed, scale in samples(hard):
-        yield "hard", sample(family, seed, scale).scene
+    for family, seed in islice(_hard(hard), hard):
+        yield "hard", sample(family, seed).scene
+
+
+def _hard(number: int) -> Iterator[tuple[str, int]]:
+    for family, seeds in MISSED.items():
+        yield from ((family, seed) for seed in seeds)
+    for family, seed, _ in samples(number):
+        if seed not in MISSED.get(family, ()):
+            yield family, seed
 
 
 def write(output: Path, most: int, hard: int, tell: Tell) -> None:
