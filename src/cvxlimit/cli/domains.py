@@ -11,14 +11,13 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
-from cvxlimit.cli.interrupting import Tell, interruptible
+from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import argument, named_values, option, taking, vector
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.loads import Load
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.driver import Told
 from cvxlimit.solution import Status
 from cvxlimit.studies import DomainComparison, LoadDomain, compare_domains, load_domain
 
@@ -57,12 +56,7 @@ def domain_command(asked: Asked) -> ExitCode:
     loads = _loads(asked.load) if asked.load else None
 
     def enclosed(tell: Tell) -> LoadDomain | DomainComparison:
-        def told(line: str) -> None:
-            reached = Told(line)
-            reached.has_bracket = True
-            tell(reached)
-
-        scene = scene_named(asked.scene)
+        scene, told = scene_named(asked.scene), with_result(tell)
         if len(surfaces) > 1:
             return compare_domains(scene, surfaces, loads, asked.tolerance, progress=told)
         method = "exact" if surfaces[0] == "exact" else asked.method

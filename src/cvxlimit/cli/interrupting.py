@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cvxlimit.io.fields import one_line
+from cvxlimit.methods.driver import Told
 
 T = TypeVar("T")
 Tell = Callable[[str], None]
@@ -77,6 +78,17 @@ class Work(Generic[T]):
     def _stop(self) -> None:
         identity = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(identity, ctypes.py_object(KeyboardInterrupt))
+
+
+def with_result(tell: Tell) -> Tell:
+    """For work that would return what it has at every message, if it were interrupted then."""
+
+    def told(message: str) -> None:
+        reached = Told(message)
+        reached.has_bracket = True
+        tell(reached)
+
+    return told
 
 
 def interruptible(work: Callable[[Tell], T]) -> T:

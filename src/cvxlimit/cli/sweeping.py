@@ -15,13 +15,12 @@ from rich.text import Text
 
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.checks import count
-from cvxlimit.cli.interrupting import Tell, interruptible
+from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import argument, named_values, option, taking
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
-from cvxlimit.methods.driver import Told
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.solution import Status
 from cvxlimit.studies import sweep
@@ -68,17 +67,12 @@ def sweep_command(asked: Variations) -> ExitCode:
     number = count(asked.workers, 1, "--workers")
 
     def swept(tell: Tell) -> DataFrame:
-        def told(line: str) -> None:
-            row_is_done = Told(line)
-            row_is_done.has_bracket = True
-            tell(row_is_done)
-
         scene = scene_named(asked.scene)
         options: dict[str, Any] = {} if "surface" in grid else {"surface": asked.surface or "conic"}
         with processes(number) as pool:
             return sweep(
                 scene, grid, executor=pool, path=asked.output, transfer=asked.transfer,
-                progress=told, **options,
+                progress=with_result(tell), **options,
             )  # fmt: skip
 
     table = interruptible(swept)

@@ -257,13 +257,12 @@ def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
         for i, body in enumerate(bodies, 1):
             own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
             result.append(replace(body, name=own))
-    counts, seen = Counter(body.name for body in result), Counter[str]()
-    unique = []
+    seen, unique = Counter[str](), []
     for body in result:
         seen[body.name] += 1
         number = seen[body.name]
         unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
-    several = sum(times > 1 for times in counts.values())
+    several = sum(times > 1 for times in seen.values())
     if several:
         notes.append(
             f"{several} names stand for several blocks: the later ones are numbered #2 ..."
