@@ -17,8 +17,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
 from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
-from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import ContactKind, motion
+from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.forces import thrust_lines
 
 KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))

@@ -27,9 +27,8 @@ from cvxlimit.plotting import ContactKind, Drawing, figure, motion, page, plot, 
 from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.camera import camera_from, default_camera
 from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS
-from cvxlimit.plotting.mesh import cropped, drawn_mesh
 from cvxlimit.plotting.movement import DEFORMATION, LARGEST_ROTATION, free_size
-from cvxlimit.plotting.picture import NOTHING, Canvas, paint
+from cvxlimit.plotting.picture import NOTHING, Canvas, cropped, drawn_mesh, paint
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Solution, Status
 

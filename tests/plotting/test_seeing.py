@@ -160,7 +160,7 @@ def test_names_are_data_to_the_page() -> None:
 
 def test_curved_faces_have_no_inner_lines() -> None:
     """A prism of 60 sides: its shell is one patch, its ends are another each."""
-    from cvxlimit.plotting.mesh import drawn_mesh
+    from cvxlimit.plotting.picture import drawn_mesh
 
     angles = 2 * np.pi * np.arange(60) / 60
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.overlaps import members_of
-from cvxlimit.geometry.polygons import mean_distance_over, torsion_arm
+from cvxlimit.geometry.polygons import mean_distance_over, members_of, torsion_arm
 from cvxlimit.strengths import PROPERTIES, JointValues, Pair
 
 COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
@@ -237,19 +236,14 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def take(self, rows: IntArray) -> Contacts:
         """Some of the contacts, in the order of ``rows`` (k,)."""
         place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
+        own = ("a", "b", "origin", "axes", "sides", "area", *PROPERTIES)
         return replace(
             self,
             names=tuple(self.names[j] for j in rows.tolist()),
-            a=self.a[rows],
-            b=self.b[rows],
-            origin=self.origin[rows],
-            axes=self.axes[rows],
             corner_start=np.searchsorted(place, np.arange(len(rows) + 1)),
             corner_xy=self.corner_xy[corner],
-            sides=self.sides[rows],
-            area=self.area[rows],
-            **{name: getattr(self, name)[rows] for name in PROPERTIES},
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
+            **{name: getattr(self, name)[rows] for name in own},
         )
 
     def with_values(self, **values: FloatArray | float) -> Contacts:

@@ -17,8 +17,8 @@ from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facin
 from cvxlimit.geometry.mesh import unit
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
-from cvxlimit.geometry.overlaps import Outlines, outlines
 from cvxlimit.geometry.penetration import check_no_interpenetration
+from cvxlimit.geometry.polygons import Outlines, outlines
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 _STEEPEST = 0.1

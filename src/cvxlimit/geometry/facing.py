@@ -12,7 +12,7 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import STRAIGHT, Facets
 from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
-from cvxlimit.geometry.overlaps import members_of
+from cvxlimit.geometry.polygons import members_of
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 NEAR = 30.0

@@ -112,10 +112,7 @@ _SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
         "flyer between a pier and a wall; the load factor is the wall's thrust in kN",
         flying_buttress,
     ),
-    "barrel-vault": (
-        "semicircular vault of 12 rows in running bond, pushed across",
-        barrel_vault,
-    ),
+    "barrel-vault": ("semicircular vault of 12 rows in running bond, pushed across", barrel_vault),
     "dome": ("hemispherical dome of 96 blocks with an oculus, pushed along x", dome),
 }
 

@@ -33,9 +33,8 @@ from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.camera import Camera, default_camera, upright
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, Saved
-from cvxlimit.plotting.mesh import SURROUNDINGS, shown_bounds
 from cvxlimit.plotting.movement import Motion, free_size, still
-from cvxlimit.plotting.picture import Picture, paint
+from cvxlimit.plotting.picture import SURROUNDINGS, Picture, paint, shown_bounds
 from cvxlimit.scene import Scene
 
 INK = "#4a4f57"

@@ -17,8 +17,8 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
 from cvxlimit.plotting.camera import default_camera, upright
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.mesh import drawn_mesh, shown_bounds
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
+from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -17,9 +17,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.plotting.contents import Viewer
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import displaced
-from cvxlimit.plotting.picture import frame_of, paint
+from cvxlimit.plotting.picture import drawn_mesh, frame_of, paint
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.registry import figures, listed
 from cvxlimit.solution import Solution

@@ -12,8 +12,8 @@ from cvxlimit.checks import positive
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.mesh import drawn_mesh
 from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
+from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.strength import forces_of, share_used
 from cvxlimit.scene import Scene
