@@ -20,7 +20,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
-from cvxlimit.geometry.polygons import effective_region, torsion_arm
+from cvxlimit.geometry.polygons import effective_regions, torsion_arm
 from cvxlimit.plotting import PICTURES
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
@@ -187,7 +187,7 @@ def pressure_centre() -> plt.Figure:
 
 def plan(axes: Axes, corners: np.ndarray, centre: tuple[float, float]) -> None:
     """The contact, the region the pressure spreads over, and what N gives about the axes."""
-    region = effective_region(corners, np.array(centre))
+    region = effective_regions(corners, [centre])[0]
     axes.add_patch(Polygon(corners, facecolor="#eeeeee", edgecolor=GREY, lw=1.2))
     axes.add_patch(Polygon(region, facecolor=ORANGE, alpha=0.35, edgecolor=ORANGE, lw=1.2))
     for end, name in (((0.82, 0.0), "$t_1$"), ((0.0, 0.56), "$t_2$")):

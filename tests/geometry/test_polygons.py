@@ -14,7 +14,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
     convex_overlap,
-    effective_region,
+    effective_regions,
     mean_distance,
     torsion_arm,
     torsion_arm_gradient,
@@ -170,7 +170,7 @@ class TestEffectiveRegion:
     @pytest.mark.parametrize("centre", [(0, 0), (0.3, 0), (-0.2, 0.15), (0.45, -0.2)])
     def test_effective_region_of_a_rectangle(self, centre: tuple[float, float]) -> None:
         corners = np.array([[-0.5, -0.25], [0.5, -0.25], [0.5, 0.25], [-0.5, 0.25]])
-        region = effective_region(corners, centre)
+        region = effective_regions(corners, [centre])[0]
         area, middle = area_and_centroid(region)
         sides = np.array([1.0, 0.5]) - 2.0 * np.abs(centre)
         assert area == pytest.approx(sides.prod())
@@ -179,9 +179,9 @@ class TestEffectiveRegion:
 
     def test_effective_region_at_the_rim_and_outside(self) -> None:
         square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-        assert len(effective_region(square, (0.5, 0.0))) == 2
-        assert len(effective_region(square, (1.0, 1.0))) == 1
-        assert len(effective_region(square, (1.5, 0.5))) == 0
+        assert len(effective_regions(square, [(0.5, 0.0)])[0]) == 2
+        assert len(effective_regions(square, [(1.0, 1.0)])[0]) == 1
+        assert len(effective_regions(square, [(1.5, 0.5)])[0]) == 0
 
     @given(seed=st.integers(0, 10_000))
     def test_effective_region_is_symmetric_about_the_pressure_centre(self, seed: int) -> None:
@@ -190,7 +190,7 @@ class TestEffectiveRegion:
         corners = np.column_stack([np.cos(angles), np.sin(angles)])
         weights = generator.dirichlet(np.ones(6))
         centre = weights @ corners
-        region = effective_region(corners, centre)
+        region = effective_regions(corners, [centre])[0]
         assert len(region) >= 3
         area, middle = area_and_centroid(region)
         assert 0.0 < area <= area_and_centroid(corners)[0] * (1 + 1e-9)

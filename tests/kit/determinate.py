@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.geometry.polygons import effective_region, mean_distance
+from cvxlimit.geometry.polygons import effective_regions, mean_distance
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.named import parse_moments
@@ -113,4 +113,4 @@ def upper(scene: Scene, moments: str, tolerance: float = 1e-5) -> float:
 
 
 def arm_at(polygon: FloatArray, e: FloatArray) -> float:
-    return mean_distance(effective_region(polygon, e), e)
+    return mean_distance(effective_regions(polygon, [e])[0], e)

@@ -126,15 +126,10 @@ def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
     return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
-def effective_region(corners: ArrayLike, pressure_centre: ArrayLike) -> FloatArray:
-    """P ∩ (2e - P): the largest part of a convex contact (k, 2) centred on the pressure centre, for
-    a rectangle the effective area of Eq. 26. Two corners for a centre on an edge, one in a corner,
-    none outside."""
-    return effective_regions(corners, np.asarray(pressure_centre, dtype=float)[None])[0]
-
-
 def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[FloatArray]:
-    """:func:`effective_region` of a contact, or of one each (p, k, 2), for centres (p, 2)."""
+    """P ∩ (2e - P) for centres (p, 2): the largest parts of a convex contact (k, 2), or of one each
+    (p, k, 2), centred on them, for a rectangle the effective area of Eq. 26. Two corners for a
+    centre on an edge, one in a corner, none outside."""
     points = np.asarray(corners, dtype=float)
     centres = np.asarray(pressure_centres, dtype=float)
     reach = np.abs(points - centres[:, None]).max(axis=(1, 2))

@@ -1,11 +1,7 @@
 """The built-in scenes, by name. To add one, write a line into ``_SCENES``: nothing else changes.
 
 A scene whose shape the generators cannot make gets its own generator module next to this one.
-
-The layouts of the panels S12 and S10 are not in the paper's text. Of the fronts, returns and
-courses that make panels of its bricks, these have its counts and first factors most nearly: 314
-free blocks, 888 contacts and 0.1846 for the paper's 315 (with the ground), 882 and 0.186; 661,
-1,906 and 0.2647 for 662, 1,901 and 0.262.
+How the layouts of panels S12 and S10 were inferred: ``docs/evidence/paper.md``.
 """
 
 from __future__ import annotations

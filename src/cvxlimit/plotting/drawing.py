@@ -222,14 +222,12 @@ def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
 def _draw_title(result: Figure, heading: list[str], said: list[str], colour: str) -> None:
     height = result.get_figheight()
     below = 0.4 + _SHEET.heading_line * (len(heading) - 1)
-    result.text(
-        0.5, 1.0 - 0.24 / height, "\n".join(heading),
-        ha="center", va="top", fontsize=11, parse_math=False,
-    )  # fmt: skip
-    result.text(
-        0.5, 1.0 - (below + 0.08) / height, "\n".join(said),
-        ha="center", va="top", fontsize=8.5, color=colour, parse_math=False,
-    )  # fmt: skip
+    parts = (heading, 0.24, 11.0, "black"), (said, below + 0.08, 8.5, colour)
+    for lines, top, size, ink in parts:
+        result.text(
+            0.5, 1.0 - top / height, "\n".join(lines),
+            ha="center", va="top", fontsize=size, color=ink, parse_math=False,
+        )  # fmt: skip
 
 
 def _draw_colour_bar(result: Figure, axes: Axes, bar_of: Bar) -> None:

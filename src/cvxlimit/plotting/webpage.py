@@ -56,6 +56,13 @@ def page(scene: Scene, solution: Solution) -> Page:
     marking = look.moving_joints(scene, moving)
     data = _page_data(scene, moving, marking, annotated(scene))
     forces, what = contact_forces(scene, solution), moving.contacts
+    data["contacts"] |= {
+        "opening": _short(what.widest),
+        "slip": _short(what.slip),
+        "twist": _short(what.twist),
+        "forces": None if forces is None else _short(forces),
+    }
+    said = f"{solution.status}: {solution.status.advice}", solution.note
     data |= {
         "shapes": [
             {
@@ -68,17 +75,8 @@ def page(scene: Scene, solution: Solution) -> Page:
             for shape in shapes_of(scene, solution, moving)
         ],
         "title": look.title(solution),
-        "advice": "; ".join(
-            filter(None, (f"{solution.status}: {solution.status.advice}", solution.note))
-        ),
+        "advice": "; ".join(filter(None, said)),
         "speedText": look.SPEED_TEXT,
-        "contacts": data["contacts"]
-        | {
-            "opening": _short(what.widest),
-            "slip": _short(what.slip),
-            "twist": _short(what.twist),
-            "forces": None if forces is None else _short(forces),
-        },
     }
     return _filled(data)
 
@@ -102,8 +100,7 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
 
 def _filled(data: dict[str, Any]) -> Page:
     template = files("cvxlimit.plotting").joinpath("viewer.html").read_text(encoding="utf-8")
-    before, after = template.split(PLACE)
-    return Page(before + as_script_data(data) + after)
+    return Page(template.replace(PLACE, as_script_data(data)))
 
 
 def as_script_data(data: dict[str, Any]) -> str:
@@ -133,11 +130,9 @@ def _page_data(
         "mesh": _mesh_data(scene),
         "blocks": _block_data(scene, moving, notes.culprits),
         "contacts": _contact_data(scene, marking),
-        "kinds": []
-        if marking is None
-        else [
+        "kinds": [
             {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
-            for kind, colour in marking.colours.items()
+            for kind, colour in (marking.colours.items() if marking else ())
         ],
         "shapes": [],
     } | _notes_data(scene, notes)
