@@ -130,9 +130,11 @@ def _page_data(
         "mesh": _mesh_data(scene),
         "blocks": _block_data(scene, moving, notes.culprits),
         "contacts": _contact_data(scene, marking),
-        "kinds": [
+        "kinds": []
+        if marking is None
+        else [
             {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
-            for kind, colour in (marking.colours.items() if marking else ())
+            for kind, colour in marking.colours.items()
         ],
         "shapes": [],
     } | _notes_data(scene, notes)
