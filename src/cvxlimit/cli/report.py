@@ -73,9 +73,10 @@ def check_outputs(
         if (suffix := path.suffix.lower()) not in suffixes:
             raise InputError(f"--{name} {path}: the name must end in {', '.join(suffixes)}")
         if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+            others = ".html and .vtu work" if ".vtu" in suffixes else ".html works"
             raise ModelError(
                 f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
-                "(.html and .vtu work without it)"
+                f"({others} without it)"
             )
 
 
