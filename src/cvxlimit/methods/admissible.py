@@ -1,8 +1,7 @@
-"""Forces that carry a load exactly, from nearly exact ones: blocks it does not reach stay idle.
+"""Forces that carry a load exactly, from nearly exact ones.
 
-A solver's forces leave noise on blocks which a live load does not reach, from which no balance of
-theirs could be told. So contacts that carry next to nothing carry nothing, which is admissible
-everywhere, and the others are put into balance without them.
+A solver leaves noise on blocks that a load does not reach. So contacts that carry next to nothing
+carry nothing, which is admissible everywhere, and the others are put into balance without them.
 """
 
 from __future__ import annotations

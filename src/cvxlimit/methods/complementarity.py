@@ -6,10 +6,9 @@ Every contact, in forces and rates of like size, is at a root of
     t = projection of (t - slip) on the forces that sliding allows,
 
 with t = (V1, V2, MT / c_T), slip = (slip_1, slip_2, c_T twist), and the t of Eq. 24 as what sliding
-allows (Alart and Curnier's equations): pressed corners do not open, and friction opposes slip.
-With equilibrium and live power 1 that is as many equations as unknowns, piecewise smooth, and often
-singular, for forces are statically indeterminate: hence Levenberg and Marquardt's damping. Near a
-solution it squares the residual in every step; far away it gets stuck.
+allows (Alart and Curnier's equations). With equilibrium and live power 1 that is as many equations
+as unknowns, often singular, for forces are statically indeterminate: hence Levenberg and
+Marquardt's damping. Near a solution it squares the residual in every step; far away it gets stuck.
 """
 
 from __future__ import annotations

@@ -60,13 +60,11 @@ _N = _Numbers()
 class ZeroDilatancy(Method):
     """De Saxce's fixed point from several starts, and a search for low members from there.
 
-    Each iterate maximises the load factor less a price on normal forces; the price follows the
-    dilatancy of the mechanism. Now and then the fixed point's equations are solved from where it is
-    (:mod:`~cvxlimit.methods.complementarity`). A start has come to an end when equilibrium, yield,
-    flow and complementarity, recomputed outside the solver, are within the tolerance. On the
-    mechanism of each solution the forces with the lowest and the highest load factor are sought;
-    then, from the lowest, a mechanism that goes with its forces, the lowest forces on that, and so
-    on. What passes the same checks is a solution as well.
+    Each iterate maximises the load factor less a price on normal forces, which follows the
+    dilatancy of the mechanism; now and then the equations are solved from where it is. What counts
+    is that equilibrium, yield, flow and complementarity, recomputed outside the solver, are within
+    the tolerance. On the mechanism of each solution the lowest and the highest load factor are
+    sought; then, from the lowest, a mechanism that goes with its forces, and so on.
 
     With surfaces other than the cone of Eq. 24, whose equations are not stated, the fixed point is
     on its own, and low members are sought on the mechanisms of the starts only.

@@ -10,9 +10,9 @@ admissible forces, over all of them. Contact forces then do at least
 
     -(sum of c lambda - sum of b^T y)
 
-of work, the *dissipation*, with c and b the constants; without constants, none. How far rates are
-from allowed is measured by their *shortfall*: the extra opening, uniform over the contact, that
-would make them so. Forces on a contact then do at least -shortfall * N of work besides.
+of work, the *dissipation*, with c and b the constants. How far rates are from allowed is measured
+by their *shortfall*, the uniform extra opening that would make them so: forces on a contact then do
+at least -shortfall * N of work besides.
 """
 
 from __future__ import annotations

@@ -136,14 +136,12 @@ def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Units inside the solver, in the user's, and the way back: everything that scales does it
-    here.
+    """Units inside the solver, in the user's, and the way back.
 
-    The force unit is the total dead load, not a block's weight: with the mean weight, solvers
-    returned load factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at "optimal" status
-    and without a duality gap. The live load has a unit of its own, however the user normalised it.
-    ``ratio``, dead load of the blocks that carry live load over the live load, is a natural size of
-    load factors.
+    The force unit is the total dead load: with the mean weight of blocks, solvers returned load
+    factors wrong by 5 to 20 % on scenes of 2,000 blocks and more, at "optimal" status and without a
+    duality gap. The live load has a unit of its own, however the user normalised it. ``ratio``, the
+    dead load of blocks that carry live load over that, is a natural size of load factors.
     """
 
     force: float

@@ -147,8 +147,7 @@ class Shape:
     """What a compiled problem looks like, as far as it matters for its solvers.
 
     ``front`` is the mean width of the equations' profile in reverse Cuthill-McKee order: how much
-    of the assemblage closes on itself. An arch of any length has a narrow one. ``rows`` are linear
-    inequalities, signs of variables among them; auxiliary variables count.
+    of the assemblage closes on itself. ``rows`` are linear inequalities, signs among them.
     """
 
     variables: int

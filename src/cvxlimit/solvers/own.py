@@ -106,11 +106,10 @@ class Rescaled(Blockwise):
     """Clarabel in units of an answer that is nearly right.
 
     Residuals are relative to the largest forces there are. Where densities lie 1e8 apart, one of
-    1e-10 of them is a hundredth of what the lightest block weighs, and nothing in the problem's
-    matrices says so: it shows in the answer only. So the problem is solved twice, the second time
-    with every unknown in units of what it was found to be, or of what would be felt in the
-    equations it enters, and every equation in units of its largest term. Static bounds that were
-    off by 1e-5 to 2e-3 came within 1e-7; mechanisms gain nothing, and often lose.
+    1e-10 of them is a hundredth of what the lightest block weighs, which shows in the answer only.
+    So the problem is solved twice, the second time with every unknown in units of what it was found
+    to be, or of what would be felt in its equations, and every equation in units of its largest
+    term. Static bounds that were off by 1e-5 to 2e-3 came within 1e-7; mechanisms often lose.
 
     Options are Clarabel's, and ``first``, who gives the first answer: ``"CLARABEL"`` or
     ``"BLOCKWISE"``.

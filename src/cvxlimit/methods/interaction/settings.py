@@ -1,9 +1,7 @@
-"""The numbers behind a certified bracket, one record for each part of the method.
+"""The numbers behind a certified bracket, measured in docs/evidence/interaction-speed.md.
 
-Where each was measured, with the command, is in docs/evidence/interaction-speed.md ("Where the
-numbers come from"). Only speed and width depend on them: bounds are checked outside of all
-problems. Forces and excess are shares of the total load, places fractions of the half extents of
-contacts.
+Only speed and width depend on them: bounds are checked outside of all problems. Forces and excess
+are shares of the total load, places fractions of the half extents of contacts.
 """
 
 from __future__ import annotations

@@ -72,13 +72,10 @@ class _Group:
 class NewtonSystem:
     """[0 E' G'; E 0 0; G 0 -W^2] (x, y, z) = right-hand side, by block elimination.
 
-    Variables and cone rows are taken in an order of its own: ``columns`` and ``rows`` say which of
-    the given ones stand where. (x, y, z) and right-hand sides are single arrays (n + p + m,), which
-    :meth:`parts` takes apart.
-
-    A (p + m, n) holds the equations E, ``zero`` of them, then cone rows G, of which the first
-    ``orthant`` are linear, followed by second-order cones of the sizes ``soc``. Raises SolverError
-    if the cone rows do not fall apart into small blocks.
+    ``columns`` and ``rows`` say which of the given variables and cone rows stand where. A holds the
+    equations E, ``zero`` of them, then cone rows G, of which the first ``orthant`` are
+    linear, followed by second-order cones of the sizes ``soc``. Raises SolverError if the cone rows
+    do not fall apart into small blocks.
     """
 
     def __init__(

@@ -1,8 +1,7 @@
-"""Branch and bound over eccentricities: the collapse load with interaction to a tolerance.
+"""Branch and bound over eccentricities: nodes allow each contact a box of pressure centres.
 
-Every node allows each contact a box of pressure centres, and has a certified upper bound. Boxes of
-the children of a node cover the node, so the largest bound among the open and the closed nodes
-bounds the load factor; that node comes first.
+Children cover their node, so the largest certified bound among open and closed nodes bounds the
+load factor; that node comes first.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
-"""Bound tightening: ranges of pressure centres, cut by what cannot reach the bound from below.
-
-How far from the middle of its contact can pressure act if the load factor is to exceed the bound
-that is known from below (:class:`Reach`)? What lies beyond is cut off after a certified
-bound has shown the same.
+"""Bound tightening: ranges of pressure centres that cannot reach the bound from below are cut off,
+after a certified bound has shown the same.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """How Eq. 30 adds moments: one object per reading, which knows all that depends on it.
 
-Everything else in this package takes such an object. A reading with tied signs is a name and a
-lever (:class:`TiedMoments`): safe steps, support function, frozen surface, copies and inscribed
-rectangles follow, so a reading of one's own is as tight as those here. Those with Eq. 27 beside
-Eq. 30, the paper's own among them, and all names are in :mod:`named`.
+With tied signs that is a name and a lever (:class:`TiedMoments`), from which all else follows, so a
+reading of one's own is as tight as those here. Further ones and all names are in :mod:`named`.
 """
 
 from __future__ import annotations

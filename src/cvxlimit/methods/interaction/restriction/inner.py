@@ -1,8 +1,6 @@
-"""Searches for a lower bound with interaction, from several starts.
+"""Searches for a lower bound: from a relaxation long steps lead before safe ones follow, from the
+middle of all contacts penalty steps, and with torsion about the pressure centre boxes.
 
-Which problems there are is in :mod:`problems`. Where searches end depends on where they begin, and
-how fast on the length of their steps: from a relaxation long steps lead before safe ones follow,
-from the middle of all contacts penalty steps, and with torsion about the pressure centre boxes.
 Problems are solved loosely; what a bound lost by that is won back by one solve at the end.
 """
 

@@ -1,19 +1,10 @@
 """The convex problems that lead to a lower bound, solved and checked; no choice is made here.
 
-Two kinds lie inside Eq. 30 (restrictions of it), so that every answer is a lower bound:
-
-- *safe* steps (:mod:`majorants`), built at a point of all contacts. Built at the last one's forces
-  they contain them, so bounds do not fall;
-- *frozen* ones: every contact is pressed exactly at a given centre, where Eq. 30 is convex as it
-  stands, for any shape of contact.
-
-The others lead the way, and are no bounds unless the checker accepts their forces:
-
-- *long* steps are safe ones with a tenth of their curvature: they may exceed Eq. 30 by a little,
-  and lead as far as two or three safe ones;
-- *penalty* steps (of the penalty convex-concave procedure) may exceed Eq. 30 at a price;
-- *box* and *hull* steps replace every contact's states by the convex hull of those pressed within
-  a box (:class:`Boxes`).
+Two kinds lie inside Eq. 30: *safe* steps (:mod:`majorants`), which contain the forces at which they
+are built, so that bounds do not fall; *frozen* ones, where every contact is pressed exactly at a
+given centre. The others are no bounds unless the checker accepts their forces: *long* steps, safe
+ones with a tenth of their curvature; *penalty* steps (of the penalty convex-concave procedure),
+which exceed Eq. 30 at a price; *box* and *hull* steps, over the hull of states pressed in a box.
 """
 
 from __future__ import annotations
