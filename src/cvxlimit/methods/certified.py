@@ -37,16 +37,6 @@ from cvxlimit.solvers import default_ladder, leading_ladder
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""
 
-_OPEN = (
-    "no upper bound, and no forces were found that carry the live load alone: whether it does any "
-    "harm is open"
-)
-
-_MAY_FALL = (
-    "neither forces that carry the dead load nor a mechanism that rules them out were found: "
-    "whether it stands is open"
-)
-
 
 @dataclass(frozen=True)
 class Certified(Method):
@@ -325,7 +315,10 @@ class _Proof:
             return
         forces = carrying_forces(run, run.assemblage.statics.dead, self.ladder)
         if forces is None:
-            run.remarks = [_MAY_FALL]
+            run.remarks = [
+                "neither forces that carry the dead load nor a mechanism that rules them out were "
+                "found: whether it stands is open"
+            ]
         else:
             run.best = run.best.raised(0.0, True, 0.0, forces)
 
@@ -335,7 +328,10 @@ class _Proof:
         run = self.run
         forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
         if forces is None:
-            run.remarks = [_OPEN]
+            run.remarks = [
+                "no upper bound, and no forces were found that carry the live load alone: whether "
+                "it does any harm is open"
+            ]
             return False
         run.best = replace(run.best, forces=forces, mechanism=None)
         run.remarks = []

@@ -272,7 +272,11 @@ class _Search:
                 f"from {tried}{further}{above}; whether there are lower ones is not known"
             )
         elif self.associated is None:
-            remark = f"{_NO_ASSOCIATED}; none was found from {tried}"
+            remark = (
+                "associated friction has no largest load factor here, which would bound "
+                "zero-dilatancy solutions from above: solve with flow 'associated' first, it says "
+                f"why; none was found from {tried}"
+            )
         else:
             residual = "" if best is None else f", last residual {best.residual:.1e}"
             remark = f"no zero-dilatancy solution was found from {tried}{residual}{above}"
@@ -282,11 +286,6 @@ class _Search:
                 best.load_factor, self.run.best.bracket, best.forces, best.mechanism, tuple(members)
             )
 
-
-_NO_ASSOCIATED = (
-    "associated friction has no largest load factor here, which would bound zero-dilatancy "
-    "solutions from above: solve with flow 'associated' first, it says why"
-)
 
 _OPENING = np.eye(len(COMPONENTS))[COLUMN["N"]]
 
