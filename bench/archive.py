@@ -43,9 +43,15 @@ GROWING: dict[int, Callable[[], Scene]] = {
 }
 """Scenes by about how many contacts they have."""
 
-MISSED = {"frictions": (1, 2, 8), "wedges": (8,)}
-"""Families and seeds of the stability bench on whose cone programs Clarabel 0.11.1 at its defaults
-says "solved" outside the proved interval."""
+MISSED = {
+    "frictions": (
+        1, 2, 8, 12, 18, 20, 27, 29, 30, 33, 34, 35, 37, 39, 40, 41, 42, 46, 77, 82, 86, 92, 93, 97,
+        98, 100, 106, 110, 112, 140, 144,
+    ),
+    "wedges": (8, 47, 49, 119, 132, 136, 139, 143),
+}  # fmt: skip
+"""Families and seeds of the stability bench, of 490 tried, whose files Clarabel 0.11.1 or HiGHS
+1.15.1 at their defaults answered outside the proved interval, or not in a minute."""
 
 COLUMNS = (
     "problem", "group", "format", "contacts", "variables", "rows", "cones", "optimum", "seconds",
@@ -84,18 +90,14 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
     kept, rows = folder / "index.jsonl", []
     done = {row["problem"]: row for row in kept_rows(kept)}
     for group, scene in scenes(most, hard):
-        for form, surface in FORMS:
-            path = folder / f"{scene.name.replace(' ', '-')}.{form}"
-            row = done.get(path.name)
-            if row is None:
-                row = {"group": group, **exported(scene, surface, form, path)}
-                with kept.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-                tell(
-                    f"{path.name}: {row['contacts']} contacts, {row['optimum']}, {row['seconds']} s"
-                )
-            if row["sha256"]:
-                rows.append(row)
+        names = [f"{scene.name.replace(' ', '-')}.{form}" for form, _ in FORMS]
+        if not set(names) <= set(done):
+            for row in exported(scene, folder):
+                done[row["problem"]] = {"group": group, **row}
+                tell("{problem}: {contacts} contacts, {optimum}, {seconds} s".format(**row))
+            with kept.open("a", encoding="utf-8") as file:
+                file.writelines(json.dumps(done[name]) + "\n" for name in names)
+        rows += [done[name] for name in names if done[name]["sha256"]]
     with zipfile.ZipFile(output, "w") as archive:
         for row in rows:
             add(archive, row["problem"], (folder / row["problem"]).read_bytes())
@@ -111,24 +113,33 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
     tell(f"{output}: {len(rows)} problems, sha256 {digest}")
 
 
-def exported(scene: Scene, surface: str, form: str, path: Path) -> Row:
-    """The problem's file and its row of the index; no checksum if it cannot be written."""
-    start = process_time()
-    try:
-        problem, remarks = problem_of(scene, surface)
-        seconds = process_time() - start
-        write_program(problem, path, form, path.stem, remarks)
-    except CvxlimitError as error:
-        return {"problem": path.name, "contacts": len(scene.contacts), "sha256": "",
-                "optimum": f"left out, {error}", "seconds": ""}  # fmt: skip
-    height, width = problem.matrix.shape
-    found = _OPTIMUM.search(remarks[1])
-    return {
-        "problem": path.name, "format": form, "contacts": len(scene.contacts),
-        "variables": width, "rows": height, "cones": len(problem.cones),
-        "optimum": f"{found[1]} {found[2]}" if found else remarks[1].split(";")[0],
-        "seconds": f"{seconds:.3g}", "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-    }  # fmt: skip
+def exported(scene: Scene, folder: Path) -> Iterator[Row]:
+    """Both files of a scene and their rows of the index; one that is left out has no checksum.
+
+    A program without cones, which planar scenes have, is linear as it is.
+    """
+    found, seconds = None, 0.0
+    for form, surface in FORMS:
+        path = folder / f"{scene.name.replace(' ', '-')}.{form}"
+        row = {"problem": path.name, "format": form, "contacts": len(scene.contacts)}
+        try:
+            if found is None or found[0].cones:
+                start = process_time()
+                found = problem_of(scene, surface)
+                seconds = process_time() - start
+            problem, remarks = found
+            write_program(problem, path, form, path.stem, remarks)
+        except CvxlimitError as error:
+            yield {**row, "optimum": f"left out, {error}", "seconds": "", "sha256": ""}
+            continue
+        height, width = problem.matrix.shape
+        proved = _OPTIMUM.search(remarks[1])
+        yield {
+            **row, "variables": width, "rows": height, "cones": len(problem.cones),
+            "optimum": f"{proved[1]} {proved[2]}" if proved else remarks[1].split(";")[0],
+            "seconds": f"{seconds:.3g}",
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        }  # fmt: skip
 
 
 def add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
