@@ -193,10 +193,8 @@ class _Newton:
         released = sp.diags_array(1.0 - presses)
         opened = self.ratio * (sp.diags_array(presses) @ system.opening)
         found, live = self._nearest(at), sp.csr_array(system.live[None, :])
-        by_force, limited = (
-            in_blocks(found.by_force),
-            in_blocks(found.by_limit[:, :, None]) @ system.limit,
-        )
+        by_force = in_blocks(found.by_force)
+        limited = in_blocks(found.by_limit[:, :, None]) @ system.limit
         held = sp.eye_array(by_force.shape[0]) - by_force
         rows = [
             [system.opening.T, system.slip.T, None, live.T],

@@ -131,8 +131,7 @@ class Balance:
 
     def change(self, residual: FloatArray) -> FloatArray:
         along = residual if self.rates is None else self.rates @ residual
-        result: FloatArray = -self.weights * (self.transposed @ self.solve(along))
-        return result
+        return np.asarray(-self.weights * (self.transposed @ self.solve(along)))
 
     def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """Forces (n, 6) with the least change that balances the loads of ``statics``."""

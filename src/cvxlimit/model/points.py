@@ -28,8 +28,7 @@ class Points:
         x, y = self.xy.T
         v1, v2, twist = (rates[self.contact, COLUMN[c]] for c in ("V1", "V2", "MT"))
         slip = np.hypot(v1 - y * twist, v2 + x * twist)
-        mean: FloatArray = np.bincount(self.contact, self.share * slip, len(rates)).astype(float)
-        return mean
+        return np.asarray(np.bincount(self.contact, self.share * slip, len(rates)), dtype=float)
 
 
 Placing = Callable[[Contacts, IntArray], Points]

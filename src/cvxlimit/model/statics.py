@@ -130,8 +130,7 @@ class Statics:
 def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
     """Size (blocks,) of generalised forces (blocks, 6), moments over ``length``."""
     moments = np.linalg.norm(generalised[:, 3:], axis=1)
-    result: FloatArray = np.linalg.norm(generalised[:, :3], axis=1) + moments / length
-    return result
+    return np.asarray(np.linalg.norm(generalised[:, :3], axis=1) + moments / length)
 
 
 @dataclass(frozen=True)

@@ -174,5 +174,4 @@ class _Dissection:
 
 
 def _distances(graph: sp.csr_array, start: int) -> FloatArray:
-    result: FloatArray = dijkstra(graph, unweighted=True, indices=np.array([start]))[0]
-    return result
+    return np.asarray(dijkstra(graph, unweighted=True, indices=np.array([start]))[0])
