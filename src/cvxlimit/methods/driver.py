@@ -365,6 +365,9 @@ def drive(method: Method, run: Run) -> Solution:
     return packed(method, run, status)
 
 
+_CONTRADICTION = "the bounds contradict each other, so an assumption behind them fails"
+
+
 def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best as a solution; bounds that contradict each other are said to do so."""
     scene, best = run.scene, run.best
@@ -376,8 +379,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         best = replace(best, forces=forces, members=tuple(members))
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
-        contradiction = "the bounds contradict each other, so an assumption behind them fails"
-        run.remarks.insert(0, contradiction)
+        run.remarks.insert(0, _CONTRADICTION)
     is_empty = best.load_factor is None and not best.bracket.has_any
     is_known = any(o.has_values or o.claims_no_optimum for _, o in run.attempts)
     if status.has_answer and is_empty and run.attempts and not is_known:
