@@ -59,8 +59,7 @@ def detect(
     near = nearby_pairs([b.vertices for b in blocks], reach.near)
     lower, upper = facing_pairs(table, *near, reach)
     joints = _Joints.of(table, lower, upper, reach)
-    is_contact = joints.is_contact
-    contacts = joints.contacts(is_contact, blocks, friction)
+    contacts = joints.contacts(blocks, friction)
     sunk = check_no_interpenetration(blocks, *near, contacts, reach)
     misses = [*joints.near_misses(blocks), *sunk]
     _check_every_block_touches(blocks, contacts, is_fixed, misses)
@@ -130,12 +129,8 @@ class _Joints:
         within = np.abs(self.gaps) <= (self.allowed + self.warped)[:, None]
         return np.asarray(within.all(axis=1) & (self.sine <= _STEEPEST))
 
-    @property
-    def is_contact(self) -> BoolArray:
-        return np.asarray(self.is_close & (self.found.width > self.allowed))
-
-    def contacts(self, rows: BoolArray, blocks: Sequence[Block], friction: float) -> Contacts:
-        j = np.flatnonzero(rows)
+    def contacts(self, blocks: Sequence[Block], friction: float) -> Contacts:
+        j = np.flatnonzero(self.is_close & (self.found.width > self.allowed))
         found = self.found.take(j)
         a, b = self.a[j], self.b[j]
         return Contacts(

@@ -101,8 +101,8 @@ def cross(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def polygon_vectors(corners: FloatArray) -> FloatArray:
-    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not, counter-
-    clockwise seen against it; repeated corners do no harm."""
+    """Area times unit normal (..., 3) of closed polygons (..., k, 3), flat or not, that go round
+    counter-clockwise seen against it; repeated corners do no harm."""
     spokes = corners[..., 1:, :] - corners[..., :1, :]
     return np.asarray(0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2))
 
