@@ -256,7 +256,8 @@ class LoadDomain:
         where nothing holds between points.
         """
         points = self.points / self.units
-        near = np.vstack([points[np.abs(points).max(axis=1) < 0.5 * WINDOW], self.centre])
+        far = 0.5 * WINDOW if len(self.rays) else WINDOW  # in between it is hardly more than a ray
+        near = np.vstack([points[np.abs(points).max(axis=1) < far], self.centre])
         low, high = near.min(axis=0), near.max(axis=0)
         size = np.where(high - low > LEAST, high - low, (high - low).max() or 1.0)
         spare = (0.6 if len(self.rays) else 0.12) * size
