@@ -84,33 +84,38 @@ def solve(archive: Path, seconds: float, tell: Tell) -> list[Row]:
                 start = time.process_time()
                 objective, status = solver(path, seconds)
                 took = round(time.process_time() - start, 3)
-                said = verdict(row["optimum"], objective, status)
                 answer = {**row, "solver": name, "objective": objective, "status": status,
-                          "took": took, "verdict": said}  # fmt: skip
+                          "took": took}  # fmt: skip
                 path.unlink()
                 with ANSWERS.open("a", encoding="utf-8") as kept:
                     kept.write(json.dumps(answer) + "\n")
-                tell(f"{row['problem']}: {name} {status}, {objective}, {said}; "
+                tell(f"{row['problem']}: {name} {status}, {objective}, {verdict(answer)}; "
                      f"proved {row['optimum']}")  # fmt: skip
             found.append(answer)
-    counts = Counter((row["solver"], row["verdict"]) for row in found)
+    counts = Counter((row["solver"], verdict(row)) for row in found)
     tell(", ".join(f"{solver} {number} {said}" for (solver, said), number in counts.items()))
     return found
 
 
-def verdict(optimum: str, objective: float | None, status: str) -> str:
-    """Inside the proved interval, or what else."""
+def verdict(row: Row) -> str:
+    """Inside the proved interval, or what else: one of :data:`VERDICTS`."""
+    optimum, objective, status = row["optimum"], row["objective"], row["status"].lower()
     is_proved_without = not optimum[0].isdigit() and optimum[0] != "-"
     if objective is None:
-        says_without = "feasible" in status.lower() or "bounded" in status.lower()
-        if is_proved_without == says_without:
-            return "inside" if says_without else "without an answer"
-        return "wrong" if says_without else "without an answer"
+        says_without = "feasible" in status or "bounded" in status
+        if not says_without:
+            return "without an answer"
+        return "inside" if is_proved_without else "wrong"
     if is_proved_without:
         return "wrong"
     low, high = map(float, optimum.split())
     reach = max(LOOSE * max(abs(low), abs(high)), NEAR_ZERO)
-    return "inside" if low - reach <= objective <= high + reach else "wrong"
+    if low - reach <= objective <= high + reach:
+        return "inside"
+    return "inaccurate, as it says" if "almost" in status else "wrong"
+
+
+VERDICTS = ("inside", "inaccurate, as it says", "without an answer", "wrong")
 
 
 def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
@@ -125,19 +130,18 @@ def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
         if row["group"] == "hard":
             small.append(row)
             continue
-        answer = f"{row['status']}, {row['verdict']}"
-        if row["objective"] is not None:
-            answer = f"{row['objective']:.9g}, {row['verdict']}"
+        objective = row["objective"]
+        answer = row["status"] if objective is None else f"{objective:.9g}"
         lines.append(
             f"| {row['problem']} | {int(row['contacts']):,} | {int(row['variables']):,} "
             f"| {int(row['rows']):,} | {int(row['cones']):,} | {ends(row['optimum'])} "
-            f"| {row['seconds']} | {row['solver']} | {answer} | {row['took']:.3g} |"
+            f"| {row['seconds']} | {row['solver']} | {answer}, {verdict(row)} | {row['took']:.3g} |"
         )
-    lines += ["", "| hard small problems | solver | inside | without an answer | wrong |",
-              "|---" * 5 + "|"]  # fmt: skip
+    lines += ["", f"| hard small problems | solver | {' | '.join(VERDICTS)} |",
+              "|---" * (2 + len(VERDICTS)) + "|"]  # fmt: skip
     for form, (solver, _) in SOLVERS.items():
-        counts = Counter(row["verdict"] for row in small if row["solver"] == solver)
-        cells = " | ".join(str(counts[k]) for k in ("inside", "without an answer", "wrong"))
+        counts = Counter(verdict(row) for row in small if row["solver"] == solver)
+        cells = " | ".join(str(counts[said]) for said in VERDICTS)
         lines.append(f"| {sum(counts.values())} as {form.upper()} | {solver} | {cells} |")
     text = "\n".join(lines) + "\n"
     tell(text)
