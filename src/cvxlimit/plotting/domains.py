@@ -81,7 +81,7 @@ def _drawn(domains: Sequence[Any], ax: Any) -> Any:
         ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
         if np.ptp(first.units) <= 0.2 * first.units.max():
             ax.set_aspect("equal")
-        ax.legend(frameon=False, fontsize=8, loc="upper right")
+        ax.legend(frameon=False, fontsize=8, loc="upper right" if len(domains) == 1 else "center")
     else:
         ax.set_zlabel(printable(first.names[2]))
     ax.set_title(_title(domains), fontsize=10)
@@ -91,14 +91,15 @@ def _drawn(domains: Sequence[Any], ax: Any) -> Any:
 def _draw_flat(
     ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
 ) -> None:
+    shade = 1.0 if label == "carried" else 0.2  # several lie upon each other
     if len(outside):
         ring = outside[around(outside)]
-        ax.fill(*ring.T, color=colour, alpha=0.16, lw=0, zorder=1)
+        ax.fill(*ring.T, color=colour, alpha=0.16 * shade, lw=0, zorder=1)
         ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=0.6, ls="--", zorder=2,
                 label="beyond it: ruled out" if label == "carried" else None)  # fmt: skip
     if len(inside):
         ring = inside[around(inside)]
-        ax.fill(*ring.T, color=colour, alpha=0.45, lw=0, zorder=1.5)
+        ax.fill(*ring.T, color=colour, alpha=0.45 * shade, lw=0, zorder=1.5)
         ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
     for is_mirrored in (False, True):
         found = [s.point for s in domain.supports
