@@ -391,6 +391,7 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "negative pinnacle": (lambda: flying_buttress(pinnacle=-1.0), "pinnacle must be above 0"),
     "seed": (lambda: random_wall(-1), "seed must be a whole number of at least 0, got -1"),
+    "no weight": (lambda: random_wall(1, density=None), "density of the wall must be a number"),
 }
 
 

@@ -216,6 +216,16 @@ def test_without_a_file_a_page_is_opened(here: Path, monkeypatch: pytest.MonkeyP
     assert not list(here.iterdir())
 
 
+def test_what_is_no_scene_leaves_no_folder(
+    here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    assert run(["show", "arc"]) == 2
+    assert not list(temporary.iterdir())
+
+
 @pytest.mark.parametrize(
     ("arguments", "phrase"),
     [

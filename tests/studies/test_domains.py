@@ -356,6 +356,7 @@ def test_progress_shows_the_gap() -> None:
         ([Load(), Load()], {}, "live load is zero everywhere"),
         (None, {"method": "gilbert"}, "method must be one of convex, exact"),
         (None, {"surface": "heptagram"}, "heptagram"),
+        (None, {"model": "half"}, "model must be one of auto, full, least, got 'half'"),
     ],
 )
 def test_bad_input(loads: Any, options: dict[str, Any], message: str) -> None:

@@ -99,6 +99,7 @@ def test_without_widgets_a_picture_stands_still(monkeypatch: pytest.MonkeyPatch)
     ("options", "message"),
     [
         ({"friction": (0.9, 0.3)}, "range of 'friction' must be a least and a larger number"),
+        ({"friction": (0.3, np.inf)}, "range of 'friction' must be a least and a larger number"),
         ({"frction": (0.3, 0.9)}, "there is no parameter 'frction'"),
         ({"loads": [Load(acceleration=a) for a in np.eye(3)]}, "two loads can be explored, got 3"),
     ],
@@ -106,3 +107,8 @@ def test_without_widgets_a_picture_stands_still(monkeypatch: pytest.MonkeyPatch)
 def test_bad_input(options: dict[str, tuple[float, ...]], message: str) -> None:
     with pytest.raises(InputError, match=message):
         builtin_scene("single-block").explore(**options)
+
+
+def test_what_is_neither_scene_nor_function_is_refused() -> None:
+    with pytest.raises(InputError, match="builtin_scene\\('arch'\\)"):
+        explore("arch")  # type: ignore[arg-type]

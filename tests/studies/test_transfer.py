@@ -137,15 +137,17 @@ def test_over_processes() -> None:
         ({"friction": [0.5], "method": ["convex", "certified"]}, {}, "got 'certified'"),
         ({"friction": [0.5]}, {"surface": [Rocking(), type("Own", (Sliding,), {})()]}, "own"),
         ({"friction": [0.5]}, {"transfer": 2.0}, "transfer"),
+        ({"friction": [0.5]}, {"transfer": "wide"}, "transfer"),
         ({"friction": [0.5]}, {"measure": len}, "leave out transfer"),
     ],
 )
 def test_what_is_not_transferred(
-    grid: dict[str, Any], options: dict[str, Any], message: str
+    grid: dict[str, Any], options: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
-    scene = builtin_scene("single-block")
+    scene, path = builtin_scene("single-block"), tmp_path / "rows"
     with pytest.raises(ModelError, match=message):
-        swept(scene, grid, **{"transfer": 0.01, **options})
+        swept(scene, grid, path=path, **{"transfer": 0.01, **options})
+    assert not path.exists()  # the same folder is free for a sweep without transfer
 
 
 def test_functions_are_not_known_to_grow_with_friction() -> None:

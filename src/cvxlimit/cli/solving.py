@@ -292,9 +292,8 @@ def show_command(asked: Drawing) -> ExitCode:
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
     name = asked.scene
-    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
     inputs = {} if name in BUILTIN else {name: "the scene"}
-    check_outputs({"--plot": plot}, inputs, plot=SCENE_PICTURES)
+    check_outputs({"--plot": asked.plot}, inputs, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
         scene = scene_named(name)
@@ -302,6 +301,7 @@ def show_command(asked: Drawing) -> ExitCode:
         return scene, refused(scene)
 
     scene, refusal = interruptible(checked)
+    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
     if asked.plot is None:
         typer.launch(plot.as_uri())

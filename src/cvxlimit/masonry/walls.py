@@ -197,6 +197,7 @@ def random_wall(
     """
     rng = np.random.default_rng(count(seed, "seed", least=0))
     length, thickness, height = size_of(unit, "the unit")
+    weight = positive(density, "density of the wall")
     units, courses = sizes[int(rng.integers(len(sizes)))]
     heights = height * rng.uniform(1.0 - _JITTER, 1.0 + _JITTER, courses)
     levels = np.concatenate([[0.0], np.cumsum(heights)])
@@ -205,7 +206,7 @@ def random_wall(
         inner = np.arange(1, units) if row % 2 == 0 else np.arange(units) + 0.5
         joints = length * (inner + rng.uniform(-_JITTER, _JITTER, len(inner)))
         ends = [0.0, *joints.tolist(), units * length]
-        blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, density)
+        blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, weight)
     fixed = [ground_below(blocks, depth=height)]
     if rng.random() < 0.5:
         fixed.append(Block.box("side-start", (-length, 0.0, 0.0), (0.0, thickness, levels[-1])))

@@ -218,12 +218,12 @@ def sweep(
     study.check(records)
     if transfer is not None and measure is not None:
         raise ModelError("measure takes a solution, which bounded rows lack: leave out transfer")
-    about = _about(study, transfer)
-    store = None if path is None else Store(path, about)
-    names = [str(i) if store is None else key_of(row) for i, row in enumerate(records)]
+    names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
     variations = dict(zip(names, records, strict=True))
-    done = {} if store is None else store.known(set(names))
     plan = None if transfer is None else Transfer(study, variations, transfer)
+    about = _about(study, transfer)
+    store = None if path is None else Store(path, about)  # nothing is refused once it is there
+    done = {} if store is None else store.known(set(names))
     with progress_bar("sweep", len(variations), progress, len(done)) as advance:
         is_interrupted = _fill(done, study, variations, plan, executor, store, advance)
     kept = [i for i, name in enumerate(names) if name in done]

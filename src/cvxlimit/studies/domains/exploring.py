@@ -21,7 +21,7 @@ from cvxlimit.methods.solving import solve
 from cvxlimit.plotting.domains import around
 from cvxlimit.plotting.look import DIGITS
 from cvxlimit.plotting.notebook import card, falling
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies.domains.search import load_domain
@@ -177,6 +177,8 @@ def explore(
     >>> from cvxlimit import builtin_scene
     >>> shown = explore(builtin_scene("stack"), friction=(0.3, 0.9))
     """
+    if not callable(scenes):
+        check_scene(scenes)
     if not ranges and isinstance(scenes, Scene):
         ranges = {"friction": (0.5 * scenes.friction, 2.0 * scenes.friction or 1.0)}
     options = {"surface": surface, "model": model}
@@ -222,7 +224,8 @@ def _ring(corners: FloatArray) -> Any:
 def _range(scenes: Any, name: str, given: Any) -> tuple[float, float, float]:
     """Ends of a slider, and where it stands first: as the scene has it, or the function."""
     numbers = tuple(given) if isinstance(given, (tuple, list)) else ()
-    if len(numbers) not in (2, 3) or not all(map(is_number, numbers)) or numbers[0] >= numbers[1]:
+    is_known = len(numbers) in (2, 3) and all(is_number(x) and np.isfinite(x) for x in numbers)
+    if not is_known or numbers[0] >= numbers[1]:
         raise InputError(
             f"range of {name!r} must be a least and a larger number, got {given!r:.60}: write "
             f"{name}=(0.3, 0.9)"

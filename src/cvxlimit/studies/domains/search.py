@@ -28,6 +28,7 @@ from cvxlimit.methods.table import check_choice
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.domains.document import read_domain, write_domain
@@ -346,6 +347,7 @@ def load_domain(
     check_scene(scene)
     ratio(tolerance, "tolerance")
     check_choice("method", method, _METHODS)
+    check_choice("model", model, MODELS)
     count(most_solves, 1, "most_solves")
     count(directions, 4, "directions")
     named = _named(loads)
