@@ -281,6 +281,7 @@ def test_what_a_scene_has_shows_itself_in_one_line() -> None:
     """A terminal's width or little more, however many contacts there are."""
     scene = builtin_scene("tuff-wall")
     assert repr(scene.contacts).startswith(f"Contacts({len(scene.contacts)}: '")
+    assert repr(builtin_scene("single-block").contacts) == "Contacts(1: 'ground-b1')"
     assert repr(scene.live) == "Load(acceleration=(0.0, 1.0, 0.0))"
     assert repr(Load(forces={"b": (1, 0, 0, 0, 0, 0)})) == (
         "Load(forces={'b': (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)})"

@@ -75,6 +75,17 @@ def test_what_cannot_be_is_told() -> None:
     assert "friction of the scene must be" in told["text"]
 
 
+def test_what_a_function_raises_is_told_to_the_page_that_waits() -> None:
+    def made(thickness: float) -> Scene:
+        if thickness < 0.1:
+            raise ValueError("too thin")
+        return builtin_scene("single-block")
+
+    shown = Explorer(made, None, 0.05, {}, {"thickness": (0.05, 0.3)})
+    (told,) = shown.change({"thickness": 0.05})
+    assert (told["text"], told["is_last"]) == ("ValueError: too thin", True)
+
+
 def test_the_widget_answers_the_page() -> None:
     pytest.importorskip("anywidget")
     widget = builtin_scene("stack").explore(friction=(0.3, 0.9))

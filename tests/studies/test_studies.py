@@ -585,7 +585,10 @@ class TestCommand:
             (["--vary", "surface=conic", "--surface", "octagon"], "--surface and --vary surface"),
             (["--vary", "friction"], "NAME=VALUES is meant"),
             (["--vary", "friction=0:1"], "FIRST:LAST:NUMBER is meant"),
-            (["--vary", "tilt=1", "--vary", "tilt=2"], "'tilt' is given already"),
+            (
+                ["--vary", "tilt=1", "--vary", "tilt=2"],
+                "'tilt' is given already: give it once; NAME=VALUES",
+            ),
             (["--vary", "tilt=1", "--workers", "0"], "--workers must be"),
             ([], "Missing option"),
         ],

@@ -67,7 +67,7 @@ def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple
         if not (name and sign and value):
             raise InputError(f"{option} {text}: {form}")
         if name in known:
-            raise InputError(f"{option} {text}: {name!r} is given already: give it once")
+            raise InputError(f"{option} {text}: {name!r} is given already: give it once; {form}")
         known.add(name)
         yield text, name, value
 

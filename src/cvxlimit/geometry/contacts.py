@@ -105,7 +105,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             self._check_hulls()
 
     def __repr__(self) -> str:
-        return f"Contacts({len(self)}: {reprlib.repr(self.names)[1:-1]})"
+        return f"Contacts({len(self)}: {reprlib.repr([*self.names])[1:-1]})"
 
     def _check_hulls(self) -> None:
         """Refuse a contact whose hull leaves out a corner of its pieces: no bracket would see it,

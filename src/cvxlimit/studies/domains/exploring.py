@@ -91,8 +91,9 @@ class Explorer:
             yield self.state
             self.domain = self._enclosed()
             self.state = self._state(solution.bracket, solution, str(solution.status))
-        except CvxlimitError as error:
-            told = {"text": str(error), "picture": "", "is_last": True}
+        except Exception as error:  # of a user's function too: the page waits for an answer
+            kind = "" if isinstance(error, CvxlimitError) else f"{type(error).__name__}: "
+            told = {"text": f"{kind}{error}", "picture": "", "is_last": True}
             self.state = {**self.state, **told, "answer": next(self._answers)}
         yield self.state
 
