@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
-from inspect import signature
+from inspect import Parameter, signature
 from itertools import count
 from typing import Any
 
@@ -24,7 +24,7 @@ from cvxlimit.plotting.notebook import card, falling
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.strengths import PROPERTIES
-from cvxlimit.studies.domains.search import load_domain
+from cvxlimit.studies.domains.search import load_domain, named_loads
 from cvxlimit.studies.variations import varied
 
 
@@ -54,12 +54,11 @@ class Explorer:
         self._answers = count()
         self.sliders = {name: _range(scenes, name, given) for name, given in ranges.items()}
         self.values = {name: start for name, (_, _, start) in self.sliders.items()}
-        self.loads: Any = loads
+        self.loads = named_loads(loads)
         self.scene = self._made()
+        if len(self.loads) != 2:
+            raise InputError(f"two loads can be explored, got {len(self.loads)}")
         self.domain = self._enclosed()
-        if len(self.domain.units) != 2:
-            raise InputError(f"two loads can be explored, got {len(self.domain.units)}")
-        self.loads = dict(self.domain.loads)
         reach = self.domain.load_factor(self.domain.units * (1.0, 0.5))
         far = reach.upper if np.isfinite(reach.upper) and reach.upper > 0.0 else 1.0
         self.point = 0.8 * min(far, 1.0) * self.domain.units * (1.0, 0.5)
@@ -85,6 +84,10 @@ class Explorer:
         self.values = {**self.values, **values}
         try:
             self.scene = self._made()
+            if not self.point.any():  # no load, of which there is no factor
+                self.domain = self._enclosed()
+                yield self.move(self.point)
+                return
             load = combined(list(self.loads.values()), self.point)
             solution = solve(self.scene.with_live(load), **self.options)
             self.state = self._state(solution.bracket, solution, str(solution.status), False)
@@ -180,6 +183,8 @@ def explore(
     """
     if not callable(scenes):
         check_scene(scenes)
+    elif lacking := _without_range(scenes, ranges):
+        raise InputError(f"parameter {lacking[0]!r} has neither a default nor a range: give one")
     if not ranges and isinstance(scenes, Scene):
         ranges = {"friction": (0.5 * scenes.friction, 2.0 * scenes.friction or 1.0)}
     options = {"surface": surface, "model": model}
@@ -220,6 +225,14 @@ def widget(explorer: Explorer) -> Any:
 
 def _ring(corners: FloatArray) -> Any:
     return corners[around(corners)].tolist() if len(corners) else []
+
+
+def _without_range(scenes: Callable[..., Scene], ranges: Mapping[str, Any]) -> list[str]:
+    needed_ones = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+    return [
+        name for name, p in signature(scenes).parameters.items()
+        if p.kind in needed_ones and p.default is Parameter.empty and name not in ranges
+    ]  # fmt: skip
 
 
 def _range(scenes: Any, name: str, given: Any) -> tuple[float, float, float]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import count, ratio
+from cvxlimit.checks import count, of_type, ratio
 from cvxlimit.errors import InputError
 from cvxlimit.io.scenes import LOAD, scene_to_dict
 from cvxlimit.loads import Load, combined
@@ -350,7 +350,7 @@ def load_domain(
     check_choice("model", model, MODELS)
     count(most_solves, 1, "most_solves")
     count(directions, 4, "directions")
-    named = _named(loads)
+    named = named_loads(loads)
     options = {"surface": surface, "ladder": ladder, "model": model}
     if moments is not None:
         options["moments"] = moments
@@ -400,8 +400,9 @@ def _status(domain: LoadDomain) -> Status:
     return bad[0] if bad or not found else found[0]
 
 
-def _named(loads: Mapping[str, Load] | Sequence[Load] | None) -> dict[str, Load]:
+def named_loads(loads: Mapping[str, Load] | Sequence[Load] | None) -> dict[str, Load]:
     given = PUSHES if loads is None else loads
+    of_type(given, (Mapping, Sequence), "loads must be a mapping or a sequence of Load")
     if not isinstance(given, Mapping):
         given = {f"load {i}": load for i, load in enumerate(given, 1)}
     if not 2 <= len(given) <= 3:
