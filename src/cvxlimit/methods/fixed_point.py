@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+import cvxpy as cp
 import numpy as np
 
 from cvxlimit.checks import count, is_number, not_negative, ratio
@@ -23,7 +24,7 @@ from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
-from cvxlimit.surfaces.frozen import Eccentricity
+from cvxlimit.surfaces.frozen import TorsionShearBending
 
 DPP_LIMIT = 3_000
 """Parameter entries (three per contact) up to which the compiled problem is kept for re-solves. The
@@ -44,22 +45,31 @@ class FrozenProblem:
         objective: Objective | None = None,
     ) -> None:
         self.contacts, self.cone, self.moments = scene.contacts, cone, moments
-        self.parameters = moments.parameters(len(self.contacts))
         self.ignore_dpp = 3 * len(self.contacts) > DPP_LIMIT
-        surfaces = (Rocking(), moments.frozen(self.parameters, cone))
-        self.problem = LimitProblem(scene, surfaces, objective=objective)
+        nothing = np.zeros((len(self.contacts), len(COLUMN)))
+        surface = self._surface(Pressure.of(nothing, self.contacts))
+        self.parameters = {
+            name: cp.Parameter(len(self.contacts), value=value)
+            for name, value in surface.shares.items()
+        }
+        surface.shares = {**self.parameters}
+        self.problem = LimitProblem(scene, (Rocking(), surface), objective=objective)
 
     def solve(self, pressure: Pressure, settings: SolverSettings) -> LimitState:
-        for name, value in vars(self._at(pressure)).items():
-            getattr(self.parameters, name).value = value
+        self.press(pressure)
         return self.problem.solve(settings, ignore_dpp=self.ignore_dpp)
+
+    def press(self, pressure: Pressure) -> None:
+        """Give Parameters their values."""
+        for name, value in self._surface(pressure).shares.items():
+            self.parameters[name].value = value
 
     def surfaces(self, pressure: Pressure) -> tuple[YieldSurface, ...]:
         """The same surfaces with numbers in place of Parameters, for certificates."""
-        return Rocking(), self.moments.frozen(self._at(pressure), self.cone)
+        return Rocking(), self._surface(pressure)
 
-    def _at(self, pressure: Pressure) -> Eccentricity:
-        return self.moments.eccentricity(pressure, self.contacts)
+    def _surface(self, pressure: Pressure) -> TorsionShearBending:
+        return self.moments.frozen(self.moments.eccentricity(pressure, self.contacts), self.cone)
 
 
 @dataclass(frozen=True)

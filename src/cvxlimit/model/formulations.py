@@ -29,6 +29,7 @@ from cvxlimit.surfaces.base import (
     Norm,
     YieldSurface,
     check_condition,
+    express,
     number,
     stated,
     times,
@@ -343,7 +344,7 @@ class ForceVariables:
 
     Attributes
     ----------
-    maps : list of (variable (k,) or (k, 2), sparse (6 n, size))
+    maps : list of (expression (k,) or (k, 2), sparse (6 n, size))
         The force vector of Eq. 7 is the sum of ``matrix @ vec(variable)`` (column order).
     components : mapping of component or part to expression
         Forces and moments over the force unit, and :data:`CONSTANT`, the user's unit over it.
@@ -351,19 +352,33 @@ class ForceVariables:
         What the variables need besides.
     """
 
-    maps: list[tuple[cp.Variable, sp.csr_array]]
+    maps: list[tuple[cp.Expression, sp.csr_array]]
     components: Mapping[str, cp.Expression]
     constraints: list[cp.Constraint]
 
     @classmethod
-    def of(cls, model: ForceModel, force: float, length: float) -> ForceVariables:
-        """Variables of a model's parts in units of ``force`` and ``length``."""
+    def of(
+        cls,
+        model: ForceModel,
+        force: float,
+        length: float,
+        gives: Mapping[str, LinearForm] | None = None,
+    ) -> ForceVariables:
+        """Variables of a model's parts in units of ``force`` and ``length``; for parts that other
+        unknowns give, forms in these and in parts before, whose variables are made here."""
         units = np.where(np.arange(len(COMPONENTS)) < len(_FORCES), 1.0, length)
         down = sp.diags_array(np.tile(1.0 / units, len(model.contacts)))
-        maps, components = [], {CONSTANT: 1.0 / force}
+        maps: list[tuple[cp.Expression, sp.csr_array]] = []
+        components: dict[str, Any] = {CONSTANT: 1.0 / force}
         for part in model.parts:
             unit = length if part.is_moment else 1.0
-            variable = cp.Variable(len(part.contact), name=part.name, nonneg=part.nonneg)
+            form = {} if gives is None else gives.get(part.name, {})
+            for name in [name for name in form if name not in components]:
+                components[name] = cp.Variable(len(part.contact), name=name)
+            if form:
+                variable = express(form, components) / unit
+            else:
+                variable = cp.Variable(len(part.contact), name=part.name, nonneg=part.nonneg)
             meaning = (unit * down @ part.meaning(len(model.contacts))).tocsr()
             maps.append((variable, meaning))
             components[part.name] = times(unit, variable)
@@ -384,7 +399,7 @@ class ForceVariables:
 
 
 def _component(
-    maps: list[tuple[cp.Variable, sp.csr_array]], column: int, unit: float
+    maps: list[tuple[cp.Expression, sp.csr_array]], column: int, unit: float
 ) -> cp.Expression:
     terms = []
     for variable, meaning in maps:

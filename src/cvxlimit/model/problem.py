@@ -18,7 +18,8 @@ from cvxlimit.model.formulations import ForceVariables, Formulation, corner_comp
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
-from cvxlimit.surfaces.base import YieldSurface, admissible
+from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, admissible
+from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, needed_surfaces
 
 _NOTHING = 1e-13
@@ -249,15 +250,29 @@ class LimitProblem(StaticProblem):
         self.reduction = reduction or Reduction.none(assemblage.statics, formulation)
         self.model = model_of(self.reduction.formulation, self.reduction.contacts)
         scaling, lift = assemblage.scaling, self.reduction.forces
-        forces = ForceVariables.of(self.model, scaling.force, scaling.length)
+        gives, written = self._written()
+        forces = ForceVariables.of(self.model, scaling.force, scaling.length, gives)
         self.strength: dict[str, list[cp.Constraint]] = {}
-        for name, condition, cone in self.model.strength(self.surfaces):
+        for name, condition, cone in written:
             stated = admissible(condition, forces.components, cone)
             self.strength.setdefault(name, []).extend(stated)
         forces = forces if lift is None else forces.lifted(lift)
         limits = [limit for named in self.strength.values() for limit in named]
         self.still = self.reduction.still
         super().__init__(assemblage, forces, limits, objective, self.reduction.rates)
+
+    def _written(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
+        """What unknowns of surfaces' own give, and the conditions to write."""
+        model, plain, gives = self.model, list[YieldSurface](), dict[str, LinearForm]()
+        written = list[tuple[str, Condition, Cone]]()
+        for surface in self.surfaces:
+            own = surface.unknowns(model.contacts)
+            if own is None or not own.gives.keys() <= model.start.keys() - gives.keys():
+                plain.append(surface)
+            else:
+                gives |= own.gives
+                written += [(surface.name, condition, surface.cone) for condition in own.conditions]
+        return gives, [*model.strength(plain), *written]
 
     @property
     def units(self) -> FloatArray:

@@ -92,6 +92,15 @@ class Condition:
         return replace(self, norms=norms, resistance=_plain(self.resistance))
 
 
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """A surface in unknowns of its own, one each per contact: what force components they give, and
+    the same conditions in them, for solvers to whom these are easier."""
+
+    gives: Mapping[str, LinearForm]
+    conditions: Sequence[Condition]
+
+
 class YieldSurface(ABC):
     """A convex set of admissible forces for every contact.
 
@@ -127,6 +136,10 @@ class YieldSurface(ABC):
     @abstractmethod
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         """The surface's conditions, both sides forces; ``contacts`` in the scene's units."""
+
+    def unknowns(self, contacts: Contacts) -> Unknowns | None:
+        """The same for solvers; None as a rule, for the conditions as they are."""
+        return None
 
     def excess(self, forces: FloatArray, contacts: Contacts) -> list[FloatArray]:
         """Yield function y of forces (n, 6), one array per condition; <= 0 is admissible."""

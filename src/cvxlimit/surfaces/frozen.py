@@ -1,23 +1,31 @@
-"""Torsion-shear-bending (Eq. 30 and 32) with the eccentricities frozen: convex surfaces."""
+"""Torsion-shear-bending (Eq. 30 and 32) with the eccentricities frozen: convex surfaces.
+
+Stated in force components, and for solvers in unknowns of their own, with the plain surface's cone:
+abs(V) + abs(tau) <= mu N. The eccentricities then stand in equilibrium, and no row vanishes where a
+contact is pressed in a corner (c = 0), of which Eq. 32 says nothing any more.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.surfaces.base import Coefficient, Condition, Norm, YieldSurface, product
+from cvxlimit.surfaces.base import Coefficient, Condition, Norm, Unknowns, YieldSurface, product
 from cvxlimit.surfaces.cones import Cone
 
 
 @dataclass(frozen=True, eq=False)
 class Eccentricity:
-    """Where contacts press, as fractions of c_T: the effective torsion arm c, and the arms ``e1``
-    of V2 and ``e2`` of V1, the pressure centre along t1 and t2 or its magnitudes."""
+    """Where contacts press (n,), as fractions of c_T: the effective torsion arm c, and the arms
+    ``e1`` of V2 and ``e2`` of V1, the pressure centre along t1 and t2 or its magnitudes."""
 
-    arm: Coefficient
-    e1: Coefficient
-    e2: Coefficient
+    arm: FloatArray
+    e1: FloatArray
+    e2: FloatArray
 
 
 class TorsionShearBending(YieldSurface):
@@ -25,8 +33,8 @@ class TorsionShearBending(YieldSurface):
 
     Multiplied by c instead of divided, with Eq. 10 beside it: a contact pressed in a corner resists
     no torsion (c = 0), but slides as any other; without these rows solvers take friction off such
-    contacts. With auxiliaries for the absolute values only one row has coefficients that change,
-    for the same set as the paper's 64 rows with all combinations of signs.
+    contacts. ``shares`` are the coefficients in unknowns of its own, which :meth:`unknowns` needs:
+    numbers, or CVXPY Parameters in their place.
     """
 
     name = "torsion-shear-bending"
@@ -35,6 +43,7 @@ class TorsionShearBending(YieldSurface):
     def __init__(self, eccentricity: Eccentricity, cone: Cone | None = None) -> None:
         super().__init__(cone)
         self.eccentricity = eccentricity
+        self.shares: dict[str, Coefficient] = {**self.shares_of(eccentricity)}
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         at = self.eccentricity
@@ -44,7 +53,23 @@ class TorsionShearBending(YieldSurface):
             Norm({"V2": 1}, weight=at.e1),
             Norm({"MT": 1 / contacts.torsion_arm}),
         ]
-        return [Condition(norms, {"N": product(contacts.friction, at.arm)}), _coulomb(contacts)]
+        return [Condition(norms, {"N": contacts.friction * at.arm}), _coulomb(contacts)]
+
+    @classmethod
+    def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
+        """All in [0, 1] for any arm, zero included."""
+        return {"arm": at.arm, "k1": _share(at.e1, at.arm), "k2": _share(at.e2, at.arm)}
+
+    def unknowns(self, contacts: Contacts) -> Unknowns:
+        """V1 = (1 - k2) v1 with k2 = e2 / (c + e2), so that e2 abs(V1) / c is k2 abs(v1)."""
+        arm, k1, k2 = (self.shares[name] for name in ("arm", "k1", "k2"))
+        gives = {
+            "V1": {"v1": 1.0 - k2},
+            "V2": {"v2": 1.0 - k1},
+            "MT": {"tau": product(contacts.torsion_arm, arm)},
+        }
+        norms = [Norm({"V1": 1}, {"V2": 1}), Norm({"v1": k2}), Norm({"v2": k1}), Norm({"tau": 1})]
+        return Unknowns(gives, [Condition(norms, {"N": contacts.friction})])
 
 
 class SignedTorsionShearBending(TorsionShearBending):
@@ -55,9 +80,22 @@ class SignedTorsionShearBending(TorsionShearBending):
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         at = self.eccentricity
-        torsion = {"MT": 1 / contacts.torsion_arm, "V2": product(-1.0, at.e1), "V1": at.e2}
+        torsion = {"MT": 1 / contacts.torsion_arm, "V2": -at.e1, "V1": at.e2}
         norms = [Norm({"V1": 1}, {"V2": 1}, weight=at.arm), Norm(torsion)]
-        return [Condition(norms, {"N": product(contacts.friction, at.arm)}), _coulomb(contacts)]
+        return [Condition(norms, {"N": contacts.friction * at.arm}), _coulomb(contacts)]
+
+    @classmethod
+    def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
+        """The eccentricity as it is."""
+        return {**vars(at)}
+
+    def unknowns(self, contacts: Contacts) -> Unknowns:
+        """MT = c_T (c tau + e1 V2 - e2 V1): torsion about the pressure centre is c_T c tau."""
+        each = {"tau": self.shares["arm"], "V2": self.shares["e1"], "V1": self.shares["e2"]}
+        size, sign = contacts.torsion_arm, {"V1": -1.0}
+        gives = {"MT": {name: product(sign.get(name, 1.0) * size, k) for name, k in each.items()}}
+        norms = [Norm({"V1": 1}, {"V2": 1}), Norm({"tau": 1})]
+        return Unknowns(gives, [Condition(norms, {"N": contacts.friction})])
 
 
 class LimitedTorsionShearBending(SignedTorsionShearBending):
@@ -68,8 +106,39 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         torsion = Norm({"MT": 1 / contacts.torsion_arm})
-        most = {"N": product(contacts.friction, self.eccentricity.arm)}
+        most = {"N": contacts.friction * self.eccentricity.arm}
         return [*super().conditions(contacts), Condition([torsion], most)]
+
+    @classmethod
+    def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
+        """Direction (u1, u2) of the eccentricity e, k = e / (c + e), and (u1, u2) (1 - k)."""
+        size = np.hypot(at.e1, at.e2)
+        k, unit = _share(size, at.arm), np.where(size > 0.0, size, 1.0)
+        u1, u2 = np.where(size > 0.0, at.e1 / unit, 1.0), at.e2 / unit
+        rest = 1.0 - k
+        return {"arm": at.arm, "k": k, "u1": u1, "u2": u2, "r1": rest * u1, "r2": rest * u2}
+
+    def unknowns(self, contacts: Contacts) -> Unknowns:
+        """Shear along the eccentricity, and across it, which has torsion about the pressure centre:
+        (1 - k) across, so that its torque over c is k across."""
+        s = self.shares
+        gives = {
+            "V1": {"along": s["u1"], "across": product(-1.0, s["r2"])},
+            "V2": {"along": s["u2"], "across": s["r1"]},
+            "MT": {"tau": product(contacts.torsion_arm, s["arm"])},
+        }
+        about = Norm({"tau": 1, "across": product(-1.0, s["k"])})
+        most = {"N": contacts.friction}
+        both = [
+            Condition([Norm({"V1": 1}, {"V2": 1}), about], most),
+            Condition([Norm({"tau": 1})], most),
+        ]
+        return Unknowns(gives, both)
+
+
+def _share(e: FloatArray, arm: FloatArray) -> FloatArray:
+    total = e + arm
+    return np.where(total > 0.0, e / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _coulomb(contacts: Contacts) -> Condition:

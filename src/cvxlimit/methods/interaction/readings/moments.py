@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import ClassVar
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
@@ -42,7 +41,6 @@ from cvxlimit.methods.interaction.states.support import (
     levered_support,
     whole_boxes,
 )
-from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.frozen import (
     Eccentricity,
@@ -67,7 +65,7 @@ class Moments(ABC):
     slopes: FloatArray | None = None
     """d_i / e_i (2, 2) of the lever about which torsion is taken, for each axis at positive and
     negative e_i; None for independent signs."""
-    frozen: Callable[[Eccentricity, Cone], YieldSurface]
+    frozen: Callable[[Eccentricity, Cone], TorsionShearBending]
     """Eq. 32: the convex surface with the eccentricities frozen, and its cone."""
     inscribed: Callable[[FloatArray], Rectangle]
     """A rectangle in a contact of another shape, of corners (k, 2), where Eq. 30 is as strict."""
@@ -145,12 +143,6 @@ class Moments(ABC):
             eq_27 = (np.abs(mt) - arm * contacts.friction * normal) / contacts.torsion_arm
             eq_30 = np.maximum(eq_30, eq_27)
         return np.maximum(eq_30, -spare)
-
-    def parameters(self, contacts: int) -> Eccentricity:
-        """What :attr:`frozen` takes, as Parameters of so many contacts."""
-        signed = self.slopes is not None
-        arms = (cp.Parameter(contacts, nonneg=not signed) for _ in range(2))
-        return Eccentricity(cp.Parameter(contacts, nonneg=True), *arms)
 
     def eccentricity(self, at: Pressure, contacts: Contacts) -> Eccentricity:
         """What :attr:`frozen` takes, over c_T; an effective area without extent counts as a little,
@@ -294,7 +286,7 @@ class TiedMoments(Moments):
         return ("relaxation",) if self.is_about_centre else ("relaxation", "middle")
 
     @property
-    def frozen(self) -> Callable[[Eccentricity, Cone], YieldSurface]:  # type: ignore[override]
+    def frozen(self) -> Callable[[Eccentricity, Cone], TorsionShearBending]:  # type: ignore[override]
         return LimitedTorsionShearBending if self.is_limited else SignedTorsionShearBending
 
     @property
