@@ -14,8 +14,9 @@ from cvxlimit.bracket import known
 from cvxlimit.checks import ratio
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Reduction
+from cvxlimit.model.problem import LargestSelfStress, LimitProblem, Reduction
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
@@ -121,7 +122,7 @@ class Inquiry:
         run.reductions = reduction.names
         with run.clock.phase("compile"):
             shared = run.repeats and run.repeats.problem(assemblage, run.surfaces, reduction)
-            self.problem = shared or LimitProblem(assemblage, run.surfaces, reduction=reduction)
+            self.problem = shared or DirectProblem(assemblage, run.surfaces, reduction)
             self.ladder = run.ladder or self.problem.ladder(self.tolerance)
 
     def ladder_climbed(self) -> Steps:
@@ -281,9 +282,10 @@ class Inquiry:
         """Which share <= 1 of a load alone is carried, by the first rungs, and its certificate."""
         run, found = self.run, self.reductions
         with run.clock.phase("compile"):
-            assemblage, goal = found.assemblage.alone(load), LargestFactor(most=1.0)
-            reduction = found.best() if formulation is run.formulation else None
-            problem = LimitProblem(assemblage, surfaces, formulation, goal, reduction)
+            assemblage, reduction = found.assemblage.alone(load), found.best()
+            if formulation is not run.formulation:
+                reduction = Reduction.none(assemblage.statics, formulation)
+            problem = DirectProblem(assemblage, surfaces, reduction, most=1.0)
             certifier = Certifier(assemblage, problem.surfaces, formulation)
 
         for settings in (self.ladder or problem.ladder(self.tolerance))[: _N.rungs_aside]:

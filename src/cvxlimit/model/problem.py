@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Protocol
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
+from cvxpy.constraints import Inequality, NonNeg, NonPos
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceVariables, Formulation, corner_compressions, model_of
@@ -125,9 +127,8 @@ class StaticProblem:
             matrix, load, loads = (rates @ matrix).tocsr(), rates @ load, abs(rates) @ loads
         meanings = [meaning for _, meaning in forces.maps]
         self._matrix = (matrix @ sp.hstack(meanings, format="csr")).tocsr()
-        size = np.asarray(abs(self._matrix).sum(axis=1)).ravel()
-        self._rows = np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
-        if len(self._rows) < len(size):
+        self._rows = kept_rows(self._matrix, loads)
+        if len(self._rows) < len(loads):
             self._matrix, load = self._matrix[self._rows], load[self._rows]
         variables = [v if v.ndim == 1 else cp.vec(v, order="F") for v, _ in forces.maps]
         self.equilibrium = self._matrix @ cp.hstack(variables) + load == 0.0
@@ -146,7 +147,12 @@ class StaticProblem:
     @cached_property
     def shape(self) -> Shape:
         """Size and structure, which decide about solvers."""
-        return Shape.of(self._matrix, self.problem)
+        stated, own = self.problem.constraints, self.problem.variables()
+        rows = [c for c in stated if isinstance(c, (Inequality, NonPos, NonNeg))]
+        rows += [v for v in own if v.attributes["nonneg"]]
+        cones = sum([c.num_cones() for c in stated if isinstance(c, cp.SOC)])
+        variables, signs = (sum(map(attrgetter("size"), found)) for found in (own, rows))
+        return Shape.of(self._matrix, variables, cones, signs)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""
@@ -156,20 +162,32 @@ class StaticProblem:
             return LimitState(outcome, None, None, None)
         internal = [np.asarray(v.value).ravel(order="F") for v, _ in self.forces.maps]
         forces = self.scaling.forces(self.forces.values())
-        mechanism = self.equilibrium.dual_value
-        if mechanism is not None:
-            along = self._rates
-            rates = np.zeros(len(self.assemblage.scaled.dead) if along is None else along.shape[0])
-            rates[self._rows] = np.asarray(mechanism)
-            full = rates if along is None else np.asarray(along.T @ rates)
-            mechanism = self.scaling.mechanism(full.reshape(-1, DOF))
+        duals = self.equilibrium.dual_value
+        if duals is not None:
+            duals = mechanism_of(np.asarray(duals), self.assemblage, self._rows, self._rates)
         return LimitState(
             outcome,
             self.scaling.load_factor(float(alpha)),
             forces if self.still is None else forces + self.still,
-            mechanism,
+            duals,
             np.concatenate(internal) * self.units,
         )
+
+
+def kept_rows(matrix: sp.csr_array, loads: FloatArray) -> IntArray:
+    """Rows of equilibrium with forces or loads."""
+    size = np.asarray(abs(matrix).sum(axis=1)).ravel()
+    return np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
+
+
+def mechanism_of(
+    duals: FloatArray, assemblage: Assemblage, rows: IntArray, along: sp.csr_array | None
+) -> FloatArray:
+    """Block rates (free, 6) from the duals of those rows of equilibrium that were kept."""
+    rates = np.zeros(len(assemblage.statics.dead) if along is None else along.shape[0])
+    rates[rows] = duals
+    full = rates if along is None else np.asarray(along.T @ rates)
+    return assemblage.scaling.mechanism(full.reshape(-1, DOF))
 
 
 @dataclass(frozen=True, eq=False)

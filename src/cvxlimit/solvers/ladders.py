@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 
-import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
-from cvxpy.constraints import Inequality, NonNeg, NonPos
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -172,8 +169,8 @@ class Shape:
         return self.equations * self.front**2
 
     @classmethod
-    def of(cls, equations: sp.csr_array, problem: cp.Problem) -> Shape:
-        """From the matrix (equations, variables) of equality constraints, and the whole problem."""
+    def of(cls, equations: sp.csr_array, variables: int, cones: int, rows: int) -> Shape:
+        """From the matrix (equations, variables) of equality constraints, and counts."""
         pattern = abs(equations)
         square = (pattern @ pattern.T).tocsr()
         order = reverse_cuthill_mckee(square, symmetric_mode=True)
@@ -182,11 +179,7 @@ class Shape:
         entries, first = square.tocoo(), np.arange(len(order))
         np.minimum.at(first, place[entries.row], place[entries.col])
         front = float((np.arange(len(order)) - first).mean())
-        rows = [c for c in problem.constraints if isinstance(c, (Inequality, NonPos, NonNeg))]
-        rows += [v for v in problem.variables() if v.attributes["nonneg"]]
-        cones = sum([c.num_cones() for c in problem.constraints if isinstance(c, cp.SOC)])
-        sizes = [sum(map(attrgetter("size"), found)) for found in (problem.variables(), rows)]
-        return cls(sizes[0], len(order), front, cones, sizes[1])
+        return cls(variables, len(order), front, cones, rows)
 
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
