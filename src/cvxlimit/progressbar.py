@@ -1,10 +1,16 @@
-"""A progress bar on stderr for long work, in terminals and notebooks."""
+"""Progress of long work: a bar on stderr, in terminals and notebooks, and lines of a log."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
+
+LOG = logging.getLogger("cvxlimit")
+"""Says at level INFO what is being done and what every solve gave; silent unless it is asked."""
+
+LOG.addHandler(logging.NullHandler())
 
 
 @contextmanager
@@ -13,22 +19,26 @@ def progress_bar(
 ) -> Iterator[Callable[[str], None]]:
     """Inside ``with``, a function that is told what is finished, once per step.
 
-    ``progress`` shows a bar on stderr or nothing, or is called with a line of text.
+    ``progress`` shows a bar on stderr or nothing, or is called with a line of text, which is
+    otherwise one of the log.
     """
-    if callable(progress):
-        numbers = count(done + 1)
-        if done:
-            progress(f"{title}: {done} of {steps} found")
-        yield lambda what: progress(f"{title}: {next(numbers)} of {steps}, {what:.60}")
-        return
-    if not progress:
-        yield lambda what: None
+    say = progress if callable(progress) else LOG.info
+    numbers = count(done + 1)
+    if done:
+        say(f"{title}: {done} of {steps} found")
+
+    def line(what: str) -> None:
+        say(f"{title}: {next(numbers)} of {steps}, {what:.60}")
+
+    if progress is not True:
+        yield line
         return
     from tqdm import tqdm  # only who looks at a bar needs it
 
     with tqdm(desc=title, total=steps, initial=done) as bar:
 
         def advance(what: str) -> None:
+            line(what)
             bar.set_postfix_str(f"{what:.40}", refresh=False)
             bar.update()
 

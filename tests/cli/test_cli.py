@@ -26,7 +26,9 @@ from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.table import TABLE
+from cvxlimit.plotting import PICTURES
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]
@@ -290,6 +292,64 @@ def test_help(run: Run, arguments: tuple[str, ...]) -> None:
     assert "Usage: cvxlimit" in out
 
 
+COMMANDS = [command.name for command in cli.app.registered_commands]
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name])
+def test_help_is_short_and_breaks_no_word(
+    run: Run, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below 60 lines on a terminal of 80 columns; every choice can be read as it is written."""
+    monkeypatch.setenv("COLUMNS", "80")
+    out = run(command, "--help")[1]
+    assert len(out.splitlines()) < 60
+    assert max(map(len, out.splitlines())) <= 80
+    if command == "solve":
+        words = set(re.findall(r"[\w-]+", out))
+        assert words >= {*TABLE, *MOMENTS, *PICTURES, "octagon-inscribed", "--branching-seconds"}
+        assert re.findall(r"─ (\w+) ─", out) == [
+            "Arguments",
+            "Options",
+            "Model",
+            "Output",
+            "Effort",
+        ]
+
+
+def test_several_pictures_of_one_solution(run: Run) -> None:
+    pictures = ["--plot", "forces:f.png", "--plot", "m.html", "--plot", "thrust:t.svg"]
+    code, out, err = run("solve", "single-block", *pictures)
+    assert (code, err) == (0, "")
+    assert re.findall(r"^written +(\S+)$", out, re.MULTILINE) == ["f.png", "m.html", "t.svg"]
+    assert "<svg" in Path("t.svg").read_text("utf-8")
+
+
+def test_quiet_leaves_files_and_errors(run: Run) -> None:
+    assert run("solve", "stack", "--quiet", "--json", "o.json") == (0, "", "")
+    assert read_result("o.json").status is Status.CERTIFIED
+    code, out, err = run("solve", "arhc", "-q")
+    assert (code, out) == (2, "")
+    assert "did you mean 'arch'?" in err
+
+
+def test_verbose_tells_every_solve_once(run: Run) -> None:
+    for _ in range(2):  # nothing is left behind by the first
+        code, out, err = run("solve", "stack", "-v")
+        assert code == 0
+        assert out.startswith("scene        stack")
+        assert len(re.findall(r"^[\d:]+ solve 1, \w+: load factor in ", err, re.MULTILINE)) == 1
+    assert run("solve", "stack")[2] == ""
+
+
+def test_compare(run: Run) -> None:
+    models = ("--models", "cvxlimit,cvxlimit/octagon", "--repeat", "1")
+    code, out, err = run("compare", "stack", *models, "--csv", "t.csv", "--plot", "t.png")
+    assert (code, err) == (0, "")
+    assert [line.split()[-1] for line in out.splitlines()[1:3]] == ["certified"] * 2
+    assert len(Path("t.csv").read_text("utf-8").splitlines()) == 3
+    assert Path("t.png").read_bytes().startswith(b"\x89PNG")
+
+
 # --- refused: exit 2 ----------------------------------------------------------------------------
 
 
@@ -325,7 +385,12 @@ def test_malformed_scene(run: Run, tmp_path: Path, name: str) -> None:
         (("solve", "arch.json"), "arch.json: there is no such file"),
         (("solve", "."), "this is a folder"),
         (("solve", "new\nline"), r"new\nline"),
-        (("solve", "arch", "--plot", "m.pdf"), "must end in .png, .html, .vtu"),
+        (("solve", "arch", "--plot", "m.txt"), "must end in .png, .html, .vtu"),
+        (("solve", "arch", "--plot", "forces:m.vtu"), "must end in .png, .svg, .pdf"),
+        (("solve", "arch", "--plot", "forcs:m.png"), "no picture 'forcs'; did you mean forces?"),
+        (("solve", "arch", "--plot", "a.png", "--plot", "forces:a.png"), "this is the file of"),
+        (("solve", "arch", "-v", "-q"), "--verbose and --quiet exclude each other"),
+        (("compare", "arch", "--models", "octogon*"), "no method matches 'octogon*'"),
         (("solve", "arch", "--plot", "png"), "must end in"),
         (("solve", "arch", "--plot", "no/m.png"), "there is no folder 'no'; create it first"),
         (("solve", "arch", "--json", "no/o.json"), "there is no folder 'no'; create it first"),

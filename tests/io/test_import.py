@@ -186,6 +186,37 @@ def test_a_wall_that_is_not_exact(form: str, tmp_path: Path, reference: Any) -> 
     assert solve(scene).load_factor == pytest.approx(reference.load_factor, rel=1e-3)
 
 
+def test_coordinates_in_another_unit_are_converted_first(tmp_path: Path) -> None:
+    """A file in millimetres with --to-unit m is the file in metres, up to rounding."""
+    table = as_table(tmp_path)
+    head, *rows = table.read_text().splitlines()
+    lines = [row.split(",") for row in rows]
+    scaled = [",".join([name, *(repr(1000 * float(x)) for x in xs)]) for name, *xs in lines]
+    table.write_text("\n".join([head, *scaled]))
+    metres = reimported(table, length_unit="mm", to_unit="m")
+    assert metres.units.length == "m"
+    assert metres.total_weight == pytest.approx(WALL.total_weight, rel=1e-12)
+    assert metres.contacts.names == WALL.contacts.names
+    with pytest.raises(InputError, match=r"no conversion of length unit 'furlong'.* m, dm, cm, mm"):
+        reimported(table, length_unit="furlong", to_unit="m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "force", "density", "said"),
+    [("m", "kN", 22, ""), ("m", "N", 22e3, ""), ("mm", "kN", 22e-9, ""), ("furlong", "kN", 1, ""),
+     ("mm", "kN", 22, "is 2.2e+10 kN/m³, which no stone has"),
+     ("m", "kN", 2200, "is 2.2e+03 kN/m³, which no stone has (5 to 40)")],
+)  # fmt: skip
+def test_a_density_of_no_stone_is_told(
+    tmp_path: Path, unit: str, force: str, density: float, said: str
+) -> None:
+    asked = {"length_unit": unit, "up": "z", "friction": 0.5, "live": (1, 0, 0)}
+    supports = {"supports": "lowest", "density": density, "force_unit": force}
+    notes = " ".join(import_geometry(as_table(tmp_path), **asked, **supports).notes)  # type: ignore[arg-type]
+    assert said in notes
+    assert ("no stone" in notes) == bool(said)
+
+
 # --- what a file holds --------------------------------------------------------------------------
 
 CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1))

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import argument, named_values, option, taking, vector
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, named_values, option, taking, vector
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -35,13 +35,23 @@ class Asked:
         "NAME=BLOCK:FX,FY,FZ a force at a block's centroid. Unless given: a_x=1,0,0 and a_y=0,1,0.",
     )
     surface: list[str] | None = option(
-        "conic|octagon|K-gon|exact", "Yield surface; several are compared. Unless given: conic."
+        "NAME",
+        "Yield surface: conic, octagon, 16-gon ..., or exact; several are compared. Unless given: "
+        "conic.",
     )
-    method: str = option("convex|exact|certified|zero-dilatancy", "Method, as for solve.", "convex")
-    tolerance: float = option("T", "Relative gap in the worst direction.", 0.01)
-    plot: Path | None = option("OUT.png|.html", "Draw it; .svg and .pdf as well.")
+    method: str = option(
+        "NAME",
+        "Method, as for solve: convex (default), exact, certified or zero-dilatancy.",
+        "convex",
+    )
+    tolerance: float = option(
+        "T", "Relative gap in the worst direction; 0.01 unless given.", 0.01, group=EFFORT
+    )
+    plot: Path | None = option("OUT.png|.html", "Draw it; .svg and .pdf as well.", group=OUTPUT)
     json: Path | None = option(
-        "OUT", "Write it to this JSON file, after every solve; the same command goes on from it."
+        "OUT",
+        "Write it to this JSON file, after every solve; the same command goes on from it.",
+        group=OUTPUT,
     )
 
 

@@ -11,14 +11,22 @@ import cvxpy as cp
 
 from cvxlimit.bracket import known
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import argument, option, surface_option, taking
+from cvxlimit.cli.options import (
+    argument,
+    either,
+    model_option,
+    option,
+    output_option,
+    surface_option,
+    taking,
+)
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.reductions.choice import MODELS, Reductions
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.exporting import FORMATS, write_program
 from cvxlimit.solvers.program import ConeProgram
@@ -31,10 +39,14 @@ class Export:
     """What ``cvxlimit export-problem`` is to write."""
 
     scene: str = argument()
-    format: str = option("|".join(FORMATS), "CBF has cones; MPS needs facets; npz has arrays.", ...)
+    format: str = option(
+        "NAME", f"{either(FORMATS)}: CBF has cones, MPS needs facets, npz has arrays.", ...
+    )
     surface: str = surface_option()
-    model: str = option("|".join(MODELS), "How much model, as for solve.", "auto")
-    output: Path | None = option("OUT", "File; the scene's name in this folder unless given.")
+    model: str = model_option()
+    output: Path | None = output_option(
+        "OUT", "File; the scene's name in this folder unless given."
+    )
 
 
 @taking(Export)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import argument, option, taking, vector
+from cvxlimit.cli.options import OUTPUT, argument, option, output_option, taking, vector
 from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
@@ -39,18 +39,22 @@ class Geometry:
         "(id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).",
         "GEOMETRY...",
     )
-    output: Path | None = option("SCENE.json", "Scene file to write.", None, "--output", "-o")
-    length_unit: str | None = option("m|mm|...", "Unit of the coordinates; nothing is converted.")
-    up: str | None = option("x|y|z", "Axis that points up; nothing is turned.")
+    output: Path | None = output_option("SCENE.json", "Scene file to write.")
+    length_unit: str | None = option("UNIT", "Unit of the coordinates: m, mm ...")
+    to_unit: str | None = option(
+        "UNIT",
+        "Convert the coordinates to this unit first; density, tolerance and forces are in it then.",
+    )
+    up: str | None = option("AXIS", "Axis that points up, x, y or z; nothing is turned.")
     density: float | None = option("G", "Weight per volume of all blocks, in place of the files'.")
     density_factor: float | None = option(
         "F", "Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665."
     )
     friction: float | None = option("MU", "Coulomb coefficient of all contacts.")
     supports: str | None = option(
-        "lowest|ID,ID",
-        "Fixed blocks, in place of those that the files mark: the lowest ones (within 1 % of the "
-        "height), or ids with commas between them.",
+        "IDS",
+        "Fixed blocks, in place of those that the files mark: lowest (those within 1 % of "
+        "the height), or ids with commas between them.",
     )
     live: str | None = option(
         "X,Y,Z", "Live load: multiples of every block's weight, along the axes."
@@ -60,18 +64,20 @@ class Geometry:
         "Gaps, overlaps and warps up to this length are joints; relative to block size unless "
         "given.",
     )
-    force_unit: str = option("kN|N|...", "Unit of forces, for labels.", "kN")
+    force_unit: str = option("UNIT", "Unit of forces: kN (default), N ...", "kN")
     name: str | None = option("NAME", "Of the scene; the file's unless given.")
     plot: Path | None = option(
-        "OUT.png|.html", "Draw the scene, or what is wrong with it if it is refused."
+        "OUT.png|.html",
+        "Draw the scene, or what is wrong with it if it is refused.",
+        group=OUTPUT,
     )
 
     def imported(self) -> Imported:
         supports: Any = self.supports
         if self.supports not in (None, LOWEST):
             supports = [name.strip() for name in supports.split(",")]
-        names = ("density", "density_factor", "friction", "joint_tolerance", "length_unit", "up",
-                 "force_unit", "name")  # fmt: skip
+        names = ("density", "density_factor", "friction", "joint_tolerance", "length_unit",
+                 "to_unit", "up", "force_unit", "name")  # fmt: skip
         given: dict[str, Any] = {name: getattr(self, name) for name in names}
         live = vector("--live", self.live or "", "0,1,0")
         return import_geometry(self.geometry, supports=supports, live=live, **given)

@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from cvxlimit.cli.report import VOICE
 from cvxlimit.io.fields import one_line
 from cvxlimit.methods.driver import Told
 
@@ -93,7 +94,7 @@ def with_result(tell: Tell) -> Tell:
 
 def interruptible(work: Callable[[Tell], T]) -> T:
     waiting = Work(work)
-    if sys.stderr is None or not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty() or VOICE.get():
         return waiting.result(lambda message: None)
     columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

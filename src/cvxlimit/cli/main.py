@@ -21,6 +21,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.text import Text
 
+from cvxlimit.cli.comparing import compare_command
 from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
@@ -72,8 +73,7 @@ def _scenes_command(
 for _name, _command, _epilog in (
     (
         "solve", solve_command,
-        "Exit code: 0 solved; 2 bad input; 3 no answer exists (the dead load cannot stand, or the "
-        "live load does no harm); 4 not converged, or not certified to the tolerance.",
+        "Exit code: 0 solved; 2 bad input; 3 no answer exists; 4 not converged or not certified.",
     ),
     ("explain", explain_command, None),
     ("import", import_command, None),
@@ -84,6 +84,7 @@ for _name, _command, _epilog in (
         "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not "
         "solved, which are rows too.",
     ),
+    ("compare", compare_command, None),
     ("export-problem", export_command, None),
     ("domain", domain_command, None),
 ):  # fmt: skip

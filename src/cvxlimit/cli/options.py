@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import logging
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING, field, fields
 from functools import partial
 from inspect import Parameter, Signature
@@ -10,7 +11,9 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from cvxlimit.cli.report import VOICE
 from cvxlimit.errors import InputError
+from cvxlimit.progressbar import LOG
 
 R = TypeVar("R")
 Job = Callable[[], int]
@@ -22,10 +25,57 @@ def argument(help: str = SCENE, metavar: str = "SCENE") -> Any:
     return field(metadata={"typer": typer.Argument(metavar=metavar, help=help, show_default=False)})
 
 
-def option(metavar: str, help: str, default: Any = None, *names: str, **more: Any) -> Any:
-    shown = isinstance(default, (str, int))
-    made = typer.Option(*names, metavar=metavar, help=help, show_default=shown, **more)
+MODEL, OUTPUT, EFFORT = "Model", "Output", "Effort"
+"""Groups of options in the help."""
+
+
+def option(
+    metavar: str, help: str, default: Any = None, *names: str, group: str = MODEL, **more: Any
+) -> Any:
+    made = typer.Option(
+        *names, metavar=metavar, help=help, show_default=False, rich_help_panel=group, **more
+    )
     return field(default=MISSING if default is ... else default, metadata={"typer": made})
+
+
+_VOICE = [
+    Parameter(
+        name,
+        Parameter.KEYWORD_ONLY,
+        default=False,
+        annotation=Annotated[
+            bool, typer.Option(f"--{name}", f"-{name[0]}", help=said, rich_help_panel=OUTPUT)
+        ],
+    )
+    for name, said in (
+        ("verbose", "Tell every step on stderr."),
+        ("quiet", "Nothing but files, errors and exit code."),
+    )
+]
+"""Options of every command that works on a scene."""
+
+
+def speaking(work: Job, verbose: bool, quiet: bool) -> Job:
+    """The work with the log on stderr, or without anything shown."""
+    if verbose and quiet:
+        raise InputError("--verbose and --quiet exclude each other: leave one out")
+
+    def job() -> int:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+        level = LOG.level
+        token = VOICE.set(-1 if quiet else int(verbose))
+        try:
+            if verbose:
+                LOG.addHandler(handler)
+                LOG.setLevel(logging.INFO)
+            return work()
+        finally:
+            VOICE.reset(token)
+            LOG.removeHandler(handler)
+            LOG.setLevel(level)
+
+    return job
 
 
 def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
@@ -41,22 +91,40 @@ def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]
     ]
 
     def made(work: Callable[[R], int]) -> Callable[..., Job]:
-        def command(**given: Any) -> Job:
-            return partial(work, record(**given))
+        def command(*, verbose: bool, quiet: bool, **given: Any) -> Job:
+            return speaking(partial(work, record(**given)), verbose, quiet)
 
-        command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+        command.__signature__ = Signature([*parameters, *_VOICE])  # type: ignore[attr-defined]
         command.__doc__ = work.__doc__
         return command
 
     return made
 
 
-def surface_option() -> Any:
-    return option("conic|octagon|K-gon", "Yield surface, as for solve.", "conic")
+def surface_option(default: str | None = "conic") -> Any:
+    return option("NAME", "Yield surface, as for solve: conic (default), octagon ...", default)
+
+
+def model_option() -> Any:
+    return option("NAME", "How much model, as for solve: auto (default), full or least.", "auto")
+
+
+def output_option(metavar: str, help: str) -> Any:
+    return option(metavar, help, None, "--output", "-o", group=OUTPUT)
 
 
 def result_option() -> Any:
-    return option("OUT", "Write the result to this JSON file; - is stdout.")
+    return option("FILE", "Write the result to this JSON file; - is stdout.", group=OUTPUT)
+
+
+def either(names: Iterable[str]) -> str:
+    """What may be chosen, as running text, which is not broken within names.
+
+    >>> either(["auto", "full", "least"])
+    'auto, full or least'
+    """
+    *others, last = names
+    return f"{', '.join(others)} or {last}"
 
 
 def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:

@@ -9,6 +9,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from contextvars import ContextVar
 from enum import IntEnum
 from pathlib import Path
 
@@ -22,11 +23,17 @@ from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
 
-PICTURES = (".png", ".html", ".vtu")
+PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
+
+NEED_MATPLOTLIB = {*PICTURES} - {".html", ".vtu"}
 
 SCENE_PICTURES = (".png", ".html")
 """What a scene without a solution can be drawn as."""
+
+
+VOICE = ContextVar("voice", default=0)
+"""How much a command says: -1 nothing but errors, 1 every step as well."""
 
 
 class ExitCode(IntEnum):
@@ -72,11 +79,11 @@ def check_outputs(
             continue
         if (suffix := path.suffix.lower()) not in suffixes:
             raise InputError(f"--{name} {path}: the name must end in {', '.join(suffixes)}")
-        if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+        if suffix in NEED_MATPLOTLIB and importlib.util.find_spec("matplotlib") is None:
             others = ".html and .vtu work" if ".vtu" in suffixes else ".html works"
+            without = f" ({others} without it)" if ".html" in suffixes else ""
             raise ModelError(
-                f"--plot {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]' "
-                f"({others} without it)"
+                f"--{name} {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]'{without}"
             )
 
 
@@ -98,7 +105,7 @@ def _obstacle(path: Path) -> str:
 
 def show(*renderables: RenderableType) -> None:
     """Print to stdout as it is: ids and paths are no markup, lines end where their text does."""
-    if sys.stdout is None:
+    if sys.stdout is None or VOICE.get() < 0:
         return
     width = None if sys.stdout.isatty() else 1000  # nothing wraps in files and pipes
     console = Console(markup=False, emoji=False, highlight=False, width=width)

@@ -7,19 +7,23 @@ from __future__ import annotations
 import difflib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
 import typer
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
-    SCENE,
+    EFFORT,
+    OUTPUT,
     argument,
+    either,
+    model_option,
     option,
     result_option,
     surface_option,
@@ -51,11 +55,21 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE, words
-from cvxlimit.plotting import plot, plot_scene, refused
-from cvxlimit.reductions.choice import MODELS, explain
+from cvxlimit.methods.table import TABLE
+from cvxlimit.plotting import PICTURES as PICTURES_OF
+from cvxlimit.plotting import picture_of, plot, plot_scene, refused
+from cvxlimit.plotting.look import IMAGES
+from cvxlimit.reductions.choice import explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+
+
+def plot_option() -> Any:
+    return option(
+        "[KIND:]FILE",
+        f"Draw the mechanism, or what KIND says: {either(PICTURES_OF)}. Several may be given.",
+        group=OUTPUT,
+    )
 
 
 def scene_named(name: str) -> Scene:
@@ -70,23 +84,48 @@ def scene_named(name: str) -> Scene:
     raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")
 
 
+_SUFFIXES = {"mechanism": PICTURES, "page": (".html",), "animation": (".gif", ".mp4")}
+"""What kinds of pictures are written as; all others are figures."""
+
+
 @dataclass(frozen=True)
 class Files:
-    """Where a solution is to be written; None where it is not."""
+    """Where a solution is to be written; None where it is not. ``plot`` has ``KIND:FILE`` too."""
 
     json: Path | None
-    plot: Path | None
+    plot: Sequence[str] | None = None
     export: Path | None = None
 
     def check(self, scene: str) -> None:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
-        json = None if self.is_piped else self.json
-        outputs = {"--json": json, "--plot": self.plot, "--export": self.export}
-        check_outputs(outputs, inputs, export=EXPORTS, plot=PICTURES)
+        outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
+        kinds: dict[str, Sequence[str]] = {"export": EXPORTS}
+        for number, (kind, path) in enumerate(self.pictures):
+            name = "plot" if kind == "mechanism" else f"plot {kind}"
+            name += "" if f"--{name}" not in outputs else f" ({number + 1})"
+            outputs[f"--{name}"] = path
+            kinds[name] = _SUFFIXES.get(kind, IMAGES)
+        check_outputs(outputs, inputs, **kinds)
 
     @property
     def is_piped(self) -> bool:
         return self.json == Path("-")
+
+    @property
+    def pictures(self) -> list[tuple[str, Path]]:
+        found = []
+        for text in self.plot or ():
+            kind, colon, name = text.partition(":")
+            if not (colon and kind.isidentifier() and len(kind) > 1):  # C:wall.png is a file
+                found.append(("mechanism", Path(text)))
+                continue
+            if kind in PICTURES_OF:
+                found.append((kind, Path(name)))
+                continue
+            near = difflib.get_close_matches(kind, PICTURES_OF, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(PICTURES_OF)}"
+            raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
+        return found
 
     def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
         if self.is_piped:
@@ -94,8 +133,11 @@ class Files:
         elif self.json is not None:
             write_result(solution, self.json)
             yield self.json
-        if self.plot is not None:
-            yield from plot(scene, solution, self.plot)
+        for kind, path in self.pictures:
+            if kind == "mechanism":
+                yield from plot(scene, solution, path)
+            else:
+                yield picture_of(solution.of(scene), kind, path)
         if self.export is not None:
             yield from export(scene, self.export, solution)
 
@@ -124,69 +166,51 @@ def deliver(
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str = argument(
-        f"{SCENE} A built-in name wins over a file of that name: write ./NAME for the file."
-    )
+    scene: str = argument("Scene file or built-in name, which wins (else ./NAME).")
     surface: str = option(
-        "conic|parabolic|octagon|K-gon",
-        "Yield surface: the exact cone; torsion and shear on a parabola nearer the exact limit, at "
-        "the same price; the paper's 8 facets, or any K, as in 16-gon. Facets are on the unsafe "
-        "side; octagon-inscribed or 16-gon-inscribed on the safe one.",
+        "NAME",
+        "Yield surface: conic, the exact cone (default); parabolic, nearer the exact limit of "
+        "torsion with shear; octagon (the paper's), 16-gon ..., on the unsafe side; "
+        "octagon-inscribed ..., on the safe side.",
         "conic",
     )
     method: str | None = option(
-        "|".join(TABLE),
-        "; ".join(f"{name}: {row.method.answers}" for name, row in TABLE.items())
-        + ". Unless given: convex.",
-    )
-    interaction: str | None = option(
-        "|".join(words("interaction")),
-        "Older spelling of --method fixed-point and --method certified.",
+        "NAME",
+        f"{either(TABLE).replace('convex', 'convex (default)')}: cvxlimit explain SCENE says what "
+        "each answers, and how long it takes.",
     )
     moments: str | None = option(
-        "|".join(MOMENTS),
-        "How the interaction adds moments: every sign on its own, the safe reading; static torsion "
-        "about the pressure centre, without or with the paper's Eq. 27; or the paper's own "
-        "reading, which depends on the contacts' axes. For methods with interaction only; unless "
-        "given: independent.",
+        "NAME",
+        f"How interaction with bending adds moments: {either(MOMENTS)}; unless given, independent, "
+        "the safe reading.",
     )
-    torsion_shear: str | None = option(
-        "|".join(words("torsion_shear")),
-        "Older spelling of --surface parabolic and --method exact.",
+    model: str = option(
+        "NAME",
+        "auto (default): no more model than the scene needs; full; or least, the smallest that is "
+        "valid. Bounds are those of the full scene in any case.",
+        "auto",
     )
-    flow: str | None = option(
-        "|".join(words("flow")), "Older spelling of --method zero-dilatancy and --method gilbert."
-    )
+    interaction: str | None = option("NAME", "Older spelling of --method.", hidden=True)
+    torsion_shear: str | None = option("NAME", "Older: parabolic, exact.", hidden=True)
+    flow: str | None = option("NAME", "Older spelling of --method.", hidden=True)
     json: Path | None = result_option()
-    plot: Path | None = option(
-        "OUT.png|.html|.vtu",
-        "Draw the mechanism: a picture, an interactive page, or files for ParaView.",
-    )
+    plot: list[str] | None = plot_option()
     export: Path | None = option(
-        "OUT.csv|.obj|.glb",
-        "Write the contacts with their forces (CSV), or the blocks, for other programs.",
+        "FILE", "Contacts with their forces (.csv), or the blocks (.obj, .glb).", group=OUTPUT
     )
     tolerance: float | None = option(
         "WIDTH",
-        "Asked width of the bracket, relative to its larger bound; the fixed point stops at a "
-        "change of this size. Unless given: 1e-5 without interaction, 1e-4 for the fixed point, "
-        "1e-3 for exact torsion-shear; the certified method goes as far as it can, and 0.05 counts "
-        "as good.",
-    )
-    model: str = option(
-        "|".join(MODELS),
-        "How much model: no more than the scene needs, all of it, or the least that is valid "
-        "whether it pays or not. The bounds are those of the full scene in any case; cvxlimit "
-        "explain SCENE says what is left out.",
-        "auto",
+        "Asked relative width of the bracket, or change at which the fixed point stops. Unless "
+        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified as narrow as it gets.",
+        group=EFFORT,
     )
     branching_seconds: float | None = option(
         "S",
-        "Time for branch and bound, which narrows the certified interaction's bracket. Unless "
-        "given: 60 where a tolerance is asked for, or a scene has few contacts; else what is left "
-        "of ten seconds, or of thirty solves without interaction.",
+        "Seconds of branch and bound, which narrows the bracket of the certified method; unless "
+        "given, 60 with a tolerance or few contacts, else about 10.",
+        group=EFFORT,
     )
-    workers: int = option("N", "Processes that branch and bound uses.", 1)
+    workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
 
     def settings(self) -> dict[str, str | float | Certified | None]:
         names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model")
@@ -229,13 +253,14 @@ class Movement:
         "X,Y,Z", "Where to, as in --direction=0,0,-1; its length does not matter.", ...
     )
     which: str = option(
-        "least|largest",
-        "The reaction that remains while the support gives way, or the one that pushes it back.",
+        "NAME",
+        "least (default) or largest: the reaction that remains while the support gives way, or the "
+        "one that pushes it back.",
         "least",
     )
     surface: str = surface_option()
     json: Path | None = result_option()
-    plot: Path | None = option("OUT.png|.html|.vtu", "Draw the mechanism.")
+    plot: list[str] | None = plot_option()
 
 
 @taking(Movement)
@@ -260,7 +285,7 @@ class Question:
 
     scene: str = argument()
     surface: str = surface_option()
-    model: str = option("|".join(MODELS), "How much model, as for solve.", "auto")
+    model: str = model_option()
 
 
 @taking(Question)
@@ -282,6 +307,7 @@ class Drawing:
     plot: Path | None = option(
         "OUT.png|.html",
         "Picture, or page to turn and point at. Unless given, a page is opened in the browser.",
+        group=OUTPUT,
     )
 
 

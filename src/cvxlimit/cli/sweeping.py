@@ -16,7 +16,15 @@ from rich.text import Text
 from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import argument, named_values, option, taking
+from cvxlimit.cli.options import (
+    EFFORT,
+    argument,
+    named_values,
+    option,
+    output_option,
+    surface_option,
+    taking,
+)
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -42,20 +50,19 @@ class Variations:
         "as surface. VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
         ...,
     )
-    output: Path | None = option(
+    surface: str | None = surface_option(None)
+    output: Path | None = output_option(
         "FOLDER",
-        "Store rows there as they come (Parquet). The same command again goes on where the last "
-        "one ended.",
-    )
-    surface: str | None = option(
-        "conic|octagon|K-gon", "Yield surface, as for solve. Unless given: conic."
+        "Store rows there as they come (Parquet: pandas.read_parquet reads the folder). The same "
+        "command again goes on where the last one ended.",
     )
     transfer: float | None = option(
         "T",
         "Do not solve rows that others with smaller and larger friction, cohesion or strengths "
         "enclose within this relative width.",
+        group=EFFORT,
     )
-    workers: int = option("N", "Processes that solve.", 1)
+    workers: int = option("N", "Processes that solve; 1 unless given.", 1, group=EFFORT)
 
 
 @taking(Variations)

@@ -6,6 +6,7 @@ alike in all of them happens here, once.
 
 from __future__ import annotations
 
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -24,6 +25,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.progressbar import LOG
 from cvxlimit.proof.certificate import assumptions
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Member, Solution, Status
@@ -243,7 +245,8 @@ class Run:
         return state, settings
 
     def tell(self, message: str) -> None:
-        """Say what is being done, to whoever asked for that."""
+        """Say what is being done, to whoever asked for that and to the log."""
+        LOG.info(message)
         if self.progress is not None:
             self.progress(message)
 
@@ -252,7 +255,7 @@ class Run:
         outcome, factor = state.outcome, state.load_factor
         seconds = outcome.compile_seconds + outcome.solve_seconds
         self.history.append(Iterate(factor, seconds, str(solver), outcome.status, **figures))
-        if self.progress is None:
+        if self.progress is None and not LOG.isEnabledFor(logging.INFO):
             return
         has_bracket = self.best.bracket.has_any
         found = outcome.status if factor is None else f"load factor {rounded(factor)}"

@@ -47,6 +47,12 @@ more than 1 % of the structure's up to 100 courses."""
 
 AXES = ("x", "y", "z")
 
+METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
+
+STONE = (5.0, 40.0)
+"""Weights per volume in kN/m³ between which all stones and bricks lie: pumice has 6, basalt 31."""
+
 _IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
 """Companions of geometry files, silently left alone in a folder."""
 
@@ -82,6 +88,7 @@ def import_geometry(
     force_unit: str = "kN",
     joint_tolerance: float | None = None,
     name: str | None = None,
+    to_unit: str | None = None,
 ) -> Imported:
     """A scene from OBJ, STL, PLY, glTF, COMPAS or CSV files.
 
@@ -94,7 +101,7 @@ def import_geometry(
     paths
         A file, a folder of files, or several of either.
     length_unit : str
-        Unit of the files' coordinates, for example "m"; nothing is converted.
+        Unit of the files' coordinates, for example "m".
     up : "x", "y" or "z"
         Axis that points up: the dead load is the own weight against it. Nothing is turned.
     friction : float
@@ -115,6 +122,9 @@ def import_geometry(
         See :class:`~cvxlimit.scene.Scene`.
     name : str or None
         Of the scene; the file's name unless given.
+    to_unit : str or None
+        Coordinates are converted to this unit first, from mm to m for example; densities, loads and
+        the tolerance are in it. None converts nothing.
 
     Raises
     ------
@@ -148,6 +158,10 @@ def import_geometry(
         notes: list[str] = []
         bodies = _named(files, notes)
         _check_coordinates(bodies)
+        if to_unit is not None:
+            times = _metres(length_unit) / _metres(to_unit)
+            bodies = [replace(body, vertices=times * body.vertices) for body in bodies]
+            length_unit = to_unit
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         fixed = _supports(bodies, supports, axis, notes)
@@ -163,7 +177,32 @@ def import_geometry(
             name=files[0].stem if name is None else name,
             joint_tolerance=joint_tolerance,
         )
+        notes += _strange_density(scene)
         return Imported(scene, tuple(map(str, files)), tuple(notes))
+
+
+def _metres(unit: str) -> float:
+    if unit not in METRES:
+        raise InputError(
+            f"there is no conversion of length unit {unit!r}: it must be one of {', '.join(METRES)}"
+        )
+    return METRES[unit]
+
+
+def _strange_density(scene: Scene) -> list[str]:
+    """A word where blocks are far lighter or heavier than stone, as a rule by another unit."""
+    units, blocks = scene.units, [scene.blocks[i] for i in scene.free]
+    if units.length not in METRES or units.force not in KILONEWTONS or not blocks:
+        return []
+    given = scene.total_weight / sum(block.volume for block in blocks)
+    mean = given * KILONEWTONS[units.force] / METRES[units.length] ** 3
+    low, high = STONE
+    if low <= mean <= high:
+        return []
+    return [
+        f"the mean density is {mean:.3g} kN/m³, which no stone has ({low:g} to {high:g}): check "
+        "--density and --length-unit, or convert coordinates with --to-unit"
+    ]
 
 
 def sketch(error: GeometryError) -> Scene | None:
