@@ -286,9 +286,11 @@ class Inquiry:
             if formulation is not run.formulation:
                 reduction = Reduction.none(assemblage.statics, formulation)
             problem = DirectProblem(assemblage, surfaces, reduction, most=1.0)
-            certifier = Certifier(assemblage, problem.surfaces, formulation)
+
+        def certificate(state: LimitState) -> Certificate:
+            return self._certificate(state, Certifier(assemblage, problem.surfaces, formulation))
 
         for settings in (self.ladder or problem.ladder(self.tolerance))[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
-            yield state, partial(self._certificate, state, certifier)
+            yield state, partial(certificate, state)

@@ -130,8 +130,11 @@ class Balance:
         return factorised(square.tocsc())
 
     def change(self, residual: FloatArray) -> FloatArray:
-        along = residual if self.rates is None else self.rates @ residual
-        return np.asarray(-self.weights * (self.transposed @ self.solve(along)))
+        return self.along(residual if self.rates is None else np.asarray(self.rates @ residual))
+
+    def along(self, residual: FloatArray) -> FloatArray:
+        """The change for a residual along the ways in which blocks may move."""
+        return np.asarray(-self.weights * (self.transposed @ self.solve(residual)))
 
     def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """Forces (n, 6) with the least change that balances the loads of ``statics``."""

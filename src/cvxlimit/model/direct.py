@@ -110,8 +110,10 @@ class DirectProblem:
             most = np.array([self.most / self.assemblage.scaling.load_factor(1.0)])
             rows.linear.append(_Form(np.array([0]), np.array([rows.width]), -np.ones(1), most))
         every, nothing = np.arange(len(live)), np.zeros(len(live))
-        balance = _form(matrix, -1.0, -dead)
-        balance = balance.plus(-1.0, _Form(every, np.full_like(every, rows.width), live, nothing))
+        at, column = (np.asarray(index, np.int64) for index in matrix.tocoo().coords)
+        balance = _Form(at, column, -matrix.data, -dead).plus(
+            -1.0, _Form(every, np.full_like(every, rows.width), live, nothing)
+        )
         blocks = [[balance], *([form] for form in rows.linear), *rows.cones]
         right = [np.stack([form.constant for form in block], axis=1) for block in blocks]
         starts = np.cumsum([0, *(part.size for part in right)])
@@ -170,11 +172,6 @@ class _Form(NamedTuple):
         return _Form(row, column, value, self.constant + each * other.constant)
 
 
-def _form(matrix: sp.csr_array, sign: float, constant: FloatArray) -> _Form:
-    row, column = (np.asarray(index, np.int64) for index in matrix.tocoo().coords)
-    return _Form(row, column, sign * matrix.data, constant)
-
-
 class _Rows:
     """What conditions ask for: ``linear`` forms that are not negative, and second-order ``cones``,
     bound first; ``width`` counts the unknowns."""
@@ -211,9 +208,8 @@ class _Rows:
             self.cones.append([bound, *rows])
 
     def _form(self, form: LinearForm, contact: IntArray | None) -> _Form:
-        matrix, constant = self.model.rows(form, contact)
-        found = _form(matrix, 1.0, constant / self.force)
-        return found._replace(value=self.unit[found.column] * found.value)
+        row, column, value, constant = self.model.entries(form, contact)
+        return _Form(row, column, self.unit[column] * value, constant / self.force)
 
 
 def _is_known(condition: Condition, cone: Cone) -> bool:

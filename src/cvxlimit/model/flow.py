@@ -68,19 +68,19 @@ class _Rows:
     """Linear forms as rows on the internal forces, one below the other: ``places`` says where."""
 
     def __init__(self, model: ForceModel, forms: list[tuple[LinearForm, IntArray | None]]) -> None:
-        every, self.places = np.arange(len(model.contacts)), list[slice]()
-        matrices = [sp.csr_array((0, model.meaning.shape[1]))]
-        constants, contacts, self.size = [np.zeros(0)], [every[:0]], 0
+        every, self.places, self.size = np.arange(len(model.contacts)), list[slice](), 0
+        found, contacts = [model.entries({}, every[:0])], [every[:0]]
         for form, contact in forms:
-            matrix, constant = model.rows(form, contact)
-            matrices.append(matrix)
-            constants.append(constant)
+            row, column, value, constant = model.entries(form, contact)
+            found.append((self.size + row, column, value, constant))
             contacts.append(every if contact is None else contact)
             self.places.append(slice(self.size, self.size + len(constant)))
             self.size += len(constant)
-        self.matrix = sp.vstack(matrices, format="csr")
+        row, column, value, self.constant = map(np.concatenate, zip(*found, strict=True))
+        shape = self.size, model.meaning.shape[1]
+        self.matrix = sp.csr_array((value, (row, column)), shape=shape)
         self.transposed = self.matrix.T.tocsr()
-        self.constant, self.contact = np.concatenate(constants), np.concatenate(contacts)
+        self.contact = np.concatenate(contacts)
 
 
 class StrengthRows:

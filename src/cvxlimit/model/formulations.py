@@ -136,8 +136,16 @@ class ForceModel:
     @cached_property
     def meaning(self) -> sp.csr_array:
         """Contact forces (6 n, p) per unit of the internal ones."""
-        blocks = [part.meaning(len(self.contacts)) for part in self.parts]
-        return sp.hstack(blocks, format="csr")
+        entries = [
+            (self.start[part.name], len(COMPONENTS) * part.contact + COLUMN[component], value)
+            for part in self.parts
+            for component, value in part.gives.items()
+        ]
+        row = np.concatenate([at for _, at, _ in entries])
+        column = np.concatenate([np.arange(where.start, where.stop) for where, _, _ in entries])
+        each = np.concatenate([np.broadcast_to(value, len(at)) for _, at, value in entries])
+        shape = len(COMPONENTS) * len(self.contacts), len(self.contact)
+        return sp.csr_array((each.astype(float), (row, column)), shape=shape)
 
     def values(self, internal: FloatArray) -> dict[str, FloatArray]:
         """Internal forces (p,) by part, and the contacts' components (n,)."""
@@ -172,23 +180,32 @@ class ForceModel:
                     )
         return written
 
-    def rows(self, form: LinearForm, contact: IntArray | None) -> tuple[sp.csr_array, FloatArray]:
-        """A linear form as rows on s: matrix (k, p) and constants (k,)."""
-        at = np.arange(len(self.contacts)) if contact is None else contact
-        matrix = sp.csr_array((len(at), self.meaning.shape[1]))
-        constant = np.zeros(len(at))
+    def entries(
+        self, form: LinearForm, contact: IntArray | None
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """A linear form as k rows on s: where its entries are, what they are, constants (k,)."""
+        size = len(self.contacts if contact is None else contact)
+        constant, found = np.zeros(size), [(np.zeros((2, 0), np.int64), np.zeros(0))]
         for name, coefficient in form.items():
-            factor = np.broadcast_to(np.asarray(number(coefficient), dtype=float), (len(at),))
+            factor = np.broadcast_to(np.asarray(number(coefficient), dtype=float), (size,))
             if name == CONSTANT:
                 constant = constant + factor
             elif name in COLUMN:
-                unit = self.meaning[len(COMPONENTS) * at + COLUMN[name]]
-                matrix = matrix + sp.diags_array(factor) @ unit
+                for part in (part for part in self.parts if name in part.gives):
+                    row, column = part.contact, np.arange(len(part.contact))
+                    value = np.broadcast_to(part.gives[name], (len(row),))
+                    if contact is not None:
+                        unit = sp.csr_array((value, (row, column)), (len(self.contacts), len(row)))
+                        given = unit[contact].tocoo()
+                        row, column = (np.asarray(index, np.int64) for index in given.coords)
+                        value = given.data
+                    at = np.stack([row, self.start[part.name].start + column])
+                    found.append((at, factor[row] * value))
             else:
-                where, rows = self.start[name], np.arange(len(at))
-                part = sp.csr_array((factor, (rows, where.start + rows)), shape=matrix.shape)
-                matrix = matrix + part
-        return matrix.tocsr(), constant
+                each = np.arange(size)
+                found.append((np.stack([each, self.start[name].start + each]), factor))
+        places = np.concatenate([at for at, _ in found], axis=1)
+        return places[0], places[1], np.concatenate([values for _, values in found]), constant
 
 
 Formulation = Callable[[Contacts], ForceModel]

@@ -144,9 +144,13 @@ def _rates(
     blocks: int, across: FloatArray | None, mirror: Mirror | None, moving: IntArray
 ) -> sp.csr_array:
     ways = _ways(across, None if mirror is None else mirror.normal)
+    if mirror is None:  # as sp.kron would have it, in a twentieth of its time
+        way, part = np.nonzero(ways)
+        row = len(ways) * np.arange(len(moving))[:, None] + way
+        at = row.ravel(), (DOF * moving[:, None] + part).ravel()
+        shape = len(ways) * len(moving), DOF * blocks
+        return sp.csr_array((np.tile(ways[way, part], len(moving)), at), shape=shape)
     each = sp.eye_array(blocks, format="csr")
-    if mirror is None:
-        return sp.kron(each[moving], sp.csr_array(ways), format="csr")
     partner, image = mirror.blocks, ways @ mirror.reflection
     first, own = moving[moving < partner[moving]], moving[moving == partner[moving]]
     symmetric = ways[np.abs(image - ways).max(axis=1) < 1e-9]

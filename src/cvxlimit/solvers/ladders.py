@@ -7,7 +7,7 @@ are in docs/evidence/solvers.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,6 +27,7 @@ class LadderNumbers:
 
     least_bracket: float = 1e-6  # narrowest that is asked of QOCO with cones
     lean: float = 1e-10  # tolerance of QOCO without cones and facets
+    enough: float = 1 / 3  # gap of the blockwise solver, over the width of the bracket asked for
     tiny: int = 100  # variables up to which Clarabel comes first in any case
     loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
     leading: float = 1e-6  # of problems that only lead the way:
@@ -192,13 +193,15 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     """
     first, *others = default_ladder(shape.cones > 0)
     own, kind = settings_for("BLOCKWISE"), shape.kind
+    # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
+    enough = settings_for("BLOCKWISE", NUMBERS.enough * tolerance)
     has_qoco = "QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)
     work = BLOCKWISE_FROM[kind]
     least = work[best_backend()]
     if has_qoco:
         least = max(least, work["beside QOCO"])
     if shape.work >= least:
-        return (own, first, *others)
+        return (enough, replace(own, label="BLOCKWISE tight"), first, *others)
     if not has_qoco:
         return (first, own, *others)
     quick = settings_for("QOCO", NUMBERS.lean if kind == "lean" else None)
