@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
@@ -69,8 +70,8 @@ def domain_command(asked: Asked) -> ExitCode:
         scene, told = scene_named(asked.scene), with_result(tell)
         if len(surfaces) > 1:
             return compare_domains(scene, surfaces, loads, asked.tolerance, progress=told)
-        method = "exact" if surfaces[0] == "exact" else asked.method
-        surface = "conic" if surfaces[0] == "exact" else surfaces[0]
+        method: Any = "exact" if surfaces[0] == "exact" else asked.method
+        surface: Any = "conic" if surfaces[0] == "exact" else surfaces[0]
         return load_domain(
             scene, loads, asked.tolerance,
             surface=surface, method=method, path=asked.json, progress=told,

@@ -26,11 +26,11 @@ from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.exporting import FORMATS, write_program
 from cvxlimit.solvers.program import ConeProgram
-from cvxlimit.surfaces.coulomb import surfaces_of
+from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
 from cvxlimit.versions import __version__
 
 
@@ -61,7 +61,7 @@ def export_command(asked: Export) -> ExitCode:
         path = asked.output or Path(f"{Path(scene.name).name}.{form}")
         check_outputs({"--output": path}, {asked.scene: "the scene"})
         tell("solving for the proved optimum")
-        program, remarks = problem_of(scene, asked.surface, asked.model)
+        program, remarks = problem_of(scene, asked.surface, asked.model)  # type: ignore[arg-type]
         write_program(program, path, form, scene.name.replace(" ", "-"), remarks)
         return scene, program, path
 
@@ -74,7 +74,7 @@ def export_command(asked: Export) -> ExitCode:
 
 
 def problem_of(
-    scene: Scene, surface: str = "conic", model: str = "auto"
+    scene: Scene, surface: SurfaceName = "conic", model: ModelName = "auto"
 ) -> tuple[ConeProgram, tuple[str, str]]:
     """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]

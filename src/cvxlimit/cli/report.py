@@ -131,6 +131,7 @@ def summary(
         [
             ("scene", f"{solution.scene} ({origin})"),
             ("size", f"{blocks} x {counted(solution.contacts, 'contact')}"),
+            ("friction", _friction(solution.solved_scene)),
             ("model", f"reduced: {', '.join(solution.model)}" if solution.model else ""),
             ("surface", solution.surface),
             ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
@@ -144,6 +145,16 @@ def summary(
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
             *(("written", file) for file in files),
         ]
+    )
+
+
+def _friction(scene: Scene | None) -> str:
+    """Told, for a scene of one's own or a generator may have left it at its default."""
+    if scene is None:
+        return ""
+    others = sorted(set(scene.contact_friction.values()) - {scene.friction})
+    return f"{scene.friction:g}" + (
+        f", elsewhere {others[0]:g} to {others[-1]:g}" if others else ""
     )
 
 

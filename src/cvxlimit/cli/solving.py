@@ -272,7 +272,8 @@ def settle_command(asked: Movement) -> ExitCode:
 
     def settled(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(asked.scene)
-        found = settlement(scene, asked.support, along, asked.which, asked.surface, progress=tell)
+        surface: Any = asked.surface
+        found = settlement(scene, asked.support, along, asked.which, surface, progress=tell)
         return scene, found.solution
 
     scene, solution = interruptible(settled)
@@ -291,9 +292,9 @@ class Question:
 @taking(Question)
 def explain_command(asked: Question) -> ExitCode:
     """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
-    found = interruptible(
-        lambda tell: explain(scene_named(asked.scene), asked.surface, model=asked.model)
-    )
+    surface: Any = asked.surface
+    model: Any = asked.model
+    found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))
     title, *lines = str(found).splitlines()
     show(Text("\n".join([one_line(title), *lines])))
     return ExitCode.SOLVED

@@ -265,7 +265,7 @@ class Reference(Method):
     def measure(self, scene: Scene) -> Row:
         started = time.perf_counter()
         if self.interaction != "none":
-            found = solve(scene, method="certified", moments=self.moments)
+            found = solve(scene, method="certified", moments=self.moments)  # type: ignore[arg-type]
             status = str(found.status)
         else:  # two exact solvers as far as rounding lets them; all others if they fall short
             first, *others = default_ladder()

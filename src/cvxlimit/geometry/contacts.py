@@ -74,7 +74,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         in the plane (t1, t2) about the origin. A contact that is not convex rocks about its hull:
         these are the hull's corners, everything else belongs to the contact itself.
     sides : (n, 2)
-        l1, l2 of rectangles, along t1 and t2; NaN for other polygons.
+        l1, l2 of rectangles, along t1 and t2; NaN for other polygons, so that a formula in them
+        gives NaN there (CVXPY then says "Problem data contains NaN or Inf"): ask ``is_rectangle``
+        first, or take ``area``, ``corner_xy`` and ``torsion_arm``, which all contacts have.
     area : (n,)
     friction, cohesion, compressive_strength, tensile_strength : (n,)
         See :class:`~cvxlimit.strengths.JointValues`; a number is that of all contacts.

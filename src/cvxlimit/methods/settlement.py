@@ -21,6 +21,7 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.coulomb import SurfaceName
 
 _NO_WEIGHT = 1e-14
 """Weight of the moving support over that of all blocks: its own does not count."""
@@ -55,7 +56,7 @@ def settlement(
     support: str,
     direction: ArrayLike,
     which: str = _LEAST,
-    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
     tolerance: float = TOLERANCE,
     progress: Progress | None = None,
 ) -> Reaction:

@@ -7,29 +7,41 @@ from collections.abc import Sequence
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.table import TABLE, Surface, check, check_choice, chosen
+from cvxlimit.methods.interaction.readings.named import MomentsName
+from cvxlimit.methods.table import (
+    TABLE,
+    FlowName,
+    InteractionName,
+    MethodName,
+    TorsionShearName,
+    check,
+    check_choice,
+    chosen,
+)
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.reductions.choice import MODELS
+from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
+from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.coulomb import SurfaceName
 
 
 def solve(
     scene: Scene | Assemblage,
-    surface: Surface = "conic",
-    method: str | Method | None = None,
+    surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
+    method: MethodName | Method | None = None,
     *,
-    moments: str | Moments | None = None,
+    moments: MomentsName | Moments | None = None,
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
     ladder: Sequence[str | SolverSettings] | None = None,
     progress: Progress | None = None,
-    model: str = "auto",
-    interaction: str | Method | None = None,
-    torsion_shear: str | None = None,
-    flow: str | None = None,
+    model: ModelName = "auto",
+    interaction: InteractionName | Method | None = None,
+    torsion_shear: TorsionShearName | None = None,
+    flow: FlowName | None = None,
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
 
@@ -105,10 +117,8 @@ def solve(
     check_choice("model", model, MODELS)
     older = {"interaction": interaction, "torsion_shear": torsion_shear, "flow": flow}
     settings = {"tolerance": tolerance, "moments": moments}
-    surface, asked = chosen(surface, method, older, settings)
-    run = Run(
-        scene, surface, formulation=formulation, ladder=ladder, progress=progress, model=model
-    )
+    taken, asked = chosen(surface, method, older, settings)
+    run = Run(scene, taken, formulation=formulation, ladder=ladder, progress=progress, model=model)
     if asked.name in TABLE:  # a loop of one's own takes all
         if model == "least" and not TABLE[asked.name].reduces:
             raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,12 @@ from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
+
+MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
+InteractionName = Literal["none", "fixed-point", "certified"]
+TorsionShearName = Literal["linear", "parabolic", "exact"]
+FlowName = Literal["associated", "zero-dilatancy", "gilbert"]
+"""Names for type checkers: those of :data:`TABLE` and of :func:`words`."""
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
 

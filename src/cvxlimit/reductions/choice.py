@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,9 +29,10 @@ from cvxlimit.reductions.planar import Plane, find_plane
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solvers import SOLVERS, Shape
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
+from cvxlimit.surfaces.coulomb import SurfaceName, needed_surfaces, surfaces_of
 
-MODELS = ("auto", "full", "least")
+ModelName = Literal["auto", "full", "least"]
+MODELS: tuple[str, ...] = get_args(ModelName)
 """How much model: what the scene needs where that pays, all of it, or as little as is valid."""
 
 _LEAST_MIRRORED = 150
@@ -244,10 +246,10 @@ class Explanation:
 
 def explain(
     scene: Scene,
-    surface: str | Cone | Sequence[YieldSurface] = "conic",
+    surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
     *,
     tolerance: float = 1e-5,
-    model: str = "auto",
+    model: ModelName = "auto",
 ) -> Explanation:
     """How much model ``solve`` gives a scene without interaction, and why; nothing is solved.
 

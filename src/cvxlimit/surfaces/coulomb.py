@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -93,6 +94,14 @@ class ParabolicTorsionShear(YieldSurface):
         size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / parabola_arm(contacts)})
         return [Condition([size], slip_resistance(contacts))]
 
+
+SurfaceName = Literal[
+    "conic", "parabolic",
+    "octagon", "8-gon", "12-gon", "16-gon", "24-gon", "32-gon", "48-gon", "64-gon",
+    "octagon-inscribed", "8-gon-inscribed", "12-gon-inscribed", "16-gon-inscribed",
+    "24-gon-inscribed", "32-gon-inscribed", "48-gon-inscribed", "64-gon-inscribed",
+]  # fmt: skip
+"""Names of surfaces for type checkers; ``Facets.circumscribed(K)`` is any other polygon."""
 
 PARABOLIC = "parabolic"
 """Torsion and shear on a parabola between the paper's line (Eq. 24) and the exact limit."""

@@ -22,13 +22,14 @@ from cvxlimit.errors import InputError
 from cvxlimit.io.scenes import LOAD, scene_to_dict
 from cvxlimit.loads import Load, combined
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import MomentsName, parse_moments
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import check_choice
+from cvxlimit.methods.table import MethodName, check_choice
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.reductions.choice import MODELS
+from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.domains.document import read_domain, write_domain
@@ -37,7 +38,8 @@ from cvxlimit.studies.domains.images import Raw, images
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.studies.domains.supports import Structure, Support
 from cvxlimit.studies.sweeping import solved
-from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces import Cone, Rocking, YieldSurface
+from cvxlimit.surfaces.coulomb import SurfaceName
 
 PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0))}
 """Loads unless others are given: pushes of the weight along both horizontal axes."""
@@ -77,7 +79,7 @@ class Study:
             solves = len(self.structure.run.history) - before
             return {"answers": answers, "solves": solves}
         scene = self.scene.with_live(combined(self.loads, self.structure.units * direction))
-        answer = solve(scene, method=self.method, **self.options)
+        answer = solve(scene, method=self.method, **self.options)  # type: ignore[arg-type]
         if answer.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return {"answers": [answer], "solves": 1}
@@ -280,11 +282,11 @@ def load_domain(
     loads: Mapping[str, Load] | Sequence[Load] | None = None,
     tolerance: float = 0.01,
     *,
-    surface: Any = "conic",
-    method: str = "convex",
-    moments: Any = None,
+    surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
+    method: MethodName = "convex",
+    moments: MomentsName | Moments | None = None,
     ladder: Any = None,
-    model: str = "auto",
+    model: ModelName = "auto",
     most_solves: int = 200,
     directions: int = 16,
     executor: Any = None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -64,6 +66,8 @@ class Paper(TiedMoments):
 
 _AXES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Choices of signs: turning a contact's axes by 180 degrees, or mirroring one of them."""
+
+MomentsName = Literal["independent", "signed", "signed-torsion-bending", "paper"]
 
 MOMENTS: dict[str, Moments] = {
     m.name: m for m in (INDEPENDENT, SIGNED, SignedTorsionBending(), Paper())
