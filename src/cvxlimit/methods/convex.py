@@ -22,7 +22,7 @@ from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
-from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces import YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
@@ -37,6 +37,8 @@ class _Numbers:
     # contact forces, over the dead load, beyond which it is rounding alone that could hold a block:
     # solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms
     no_force: float = 100000000.0
+    # whether a load stands shows far from the optimum: forces inside are all that is asked of them
+    aside: float = 0.1
     rungs_aside: int = 2  # of the ladder: the first may fail where friction is huge
     whole: float = 1.0 - 1e-06  # share of the dead load that is all: limits of 1 come out to 1e-8
 
@@ -290,7 +292,11 @@ class Inquiry:
         def certificate(state: LimitState) -> Certificate:
             return self._certificate(state, Certifier(assemblage, problem.surfaces, formulation))
 
-        for settings in (self.ladder or problem.ladder(self.tolerance))[: _N.rungs_aside]:
+        rungs = self.ladder or problem.ladder(self.tolerance)
+        if rungs[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
+            others = (rung for rung in rungs if rung.name != "BLOCKWISE")
+            rungs = (settings_for("BLOCKWISE", _N.aside), *others)
+        for settings in rungs[: _N.rungs_aside]:
             state = run.solve(problem.solve, settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
             yield state, partial(certificate, state)
