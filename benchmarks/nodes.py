@@ -41,20 +41,20 @@ def searched(seed: int, **where: Any) -> BranchAndBound:
 def solvers(seed: int, repeats: int = 5) -> None:
     """One node's problem by each solver."""
     search = searched(seed)
-    explorer, rng = search.explorer, np.random.default_rng(0)
+    relaxer, rng = search.relaxer, np.random.default_rng(0)
     boxes = search.open[0].node.boxes.copy()
     boxes[:, :, 0] += 0.3 * rng.random(boxes.shape[:2])
-    copies = explorer.moments.box_copies(explorer.contacts, boxes)
-    flow = InteractionFlow(explorer.contacts, explorer.moments, boxes)
-    certifier = explorer.certifier.with_flow(flow)
+    copies = relaxer.moments.box_copies(relaxer.contacts, boxes)
+    flow = InteractionFlow(relaxer.contacts, relaxer.moments, boxes)
+    certifier = relaxer.certifier.with_flow(flow)
     for name, tolerance in _SOLVERS:
         settings, start = settings_for(name, tolerance), time.process_time()
         for _ in range(repeats):
-            state = explorer.problem.solve(copies, settings, search.price)
+            state = relaxer.problem.solve(copies, settings, search.price)
         spent = 1e3 * (time.process_time() - start) / repeats
         bound = certifier.certificate(None, None, state.mechanism).upper
         console.print(
-            f"wall {seed}, {len(explorer.contacts)} contacts, {len(copies)} copies: {name} "
+            f"wall {seed}, {len(relaxer.contacts)} contacts, {len(copies)} copies: {name} "
             f"{tolerance:g} {spent:.1f} ms, bound {bound:.5f}"
         )
 
@@ -63,14 +63,14 @@ def shares(seed: int, nodes: int = 40) -> None:
     """What one node costs, and how much of that is the solver's."""
     search = searched(seed)
     search.step()  # narrowing
-    solver, plain = [0.0], search.explorer.problem.solve
+    solver, plain = [0.0], search.relaxer.problem.solve
 
     def timed(*given: Any) -> Any:
         state = plain(*given)
         solver[0] += state.outcome.solve_seconds
         return state
 
-    vars(search.explorer.problem)["solve"] = timed
+    vars(search.relaxer.problem)["solve"] = timed
     before, spent, start = search.nodes, time.process_time(), time.perf_counter()
     problems = search.solves
     while search.can_go_on and search.nodes < before + nodes:

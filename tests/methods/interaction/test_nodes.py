@@ -27,6 +27,25 @@ FloatArray = NDArray[np.float64]
 TIGHT = settings_for("CLARABEL", 1e-9)
 
 
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_rules_within_boxes_are_exact_where_something_is_missing(moments: str) -> None:
+    """Elsewhere they say that nothing is; to twice the enclosures' share of the power in play."""
+    rng = np.random.default_rng(5)
+    contacts = random_wall(4).contacts
+    boxes = random_boxes(contacts, rng)
+    whole = InteractionFlow(contacts, MOMENTS[moments])
+    exact, within = InteractionFlow(contacts, MOMENTS[moments], boxes), whole.within(boxes)
+    signs = set()
+    for _ in range(20):
+        rates = rng.normal(size=(len(contacts), 6)) * [1.0, 1.0, 1.0, 5.0, 5.0, 5.0]
+        found, given = (flow.shortfall(rates).missing for flow in (within, exact))
+        scale = 2e-8 * np.abs(rates).max()
+        assert np.allclose(np.maximum(found, 0.0), np.maximum(given, 0.0), rtol=0.0, atol=scale)
+        assert (within.opened(rates).missing >= given - scale).all()
+        signs |= set(np.sign(given).tolist())
+    assert {-1.0, 1.0} <= signs
+
+
 def random_boxes(contacts: Contacts, rng: np.random.Generator) -> FloatArray:
     """Boxes (n, 2, 2), of one sign, of both evenly and unevenly, and some whole."""
     ends = np.sort(rng.uniform(-1.0, 1.0, (len(contacts), 2, 2)), axis=2)

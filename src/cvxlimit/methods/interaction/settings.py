@@ -94,8 +94,9 @@ class BranchSettings:
     far: float = 3.0  # while what is left collapses at less than this times the node's bound
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
+    carried: float = 0.8  # share of the gap carried by contacts whose ranges it tries
     attempts: int = 3  # its solves per end of a range
-    gain: float = 0.1  # share of the gap that a round of it must close for another one
+    gain: float = 0.05  # share of the gap that a round of it must close for another one
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
@@ -105,6 +106,7 @@ class BranchSettings:
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
     tried: int = 3  # contacts tried for a split,
     tried_nodes: int = 60  # for so many nodes; then the one that carries most of the gap
+    due: float = 0.3  # share of the best split's gain from which others are due in its parts
     climbs: tuple[int, ...] = (1, 5, 15, 30, 60, 120, 240, 480, 960)  # nodes before safe steps
     climb_solves: int = 16  # of each
     rarely: int = 64  # longest wait for another search for better forces, in nodes

@@ -27,10 +27,22 @@ from cvxlimit.solvers import LimitState, SolverSettings, node_ladder, tight_ladd
 from cvxlimit.surfaces import Rocking
 
 
+@dataclass(frozen=True)
+class Split:
+    """The box of a ``contact`` cut along an ``axis`` at ``ends``. Every part has a bound, which
+    holds in all nodes below the one where it was found."""
+
+    contact: int
+    axis: int
+    ends: tuple[float, ...]
+    bounds: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Node:
     """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
-    relaxation's ``forces`` and ``load_factor``, and copies ``added`` by pricing."""
+    relaxation's ``forces`` and ``load_factor``, copies ``added`` by pricing, and splits that were
+    tried above and are ``due``. ``is_missing`` is True if copies were added since it was solved."""
 
     bound: float
     boxes: FloatArray
@@ -38,6 +50,8 @@ class Node:
     forces: FloatArray | None = None
     load_factor: float = -np.inf
     mechanism: FloatArray | None = None
+    due: tuple[Split, ...] = ()
+    is_missing: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,8 +96,8 @@ class Relaxer:
         self.moments, self.contacts = moments, assemblage.contacts
         self.ladder = tuple(ladder or node_ladder())
         self.tight = tuple(ladder or tight_ladder())
-        whole = InteractionFlow(self.contacts, moments)
-        self.certifier = Certifier(assemblage, (Rocking(),), flow=whole)
+        self.flow = InteractionFlow(self.contacts, moments)
+        self.certifier = Certifier(assemblage, (Rocking(),), flow=self.flow)
         if opening is not None:
             self.certifier.offer_opening_field(opening)
         self.statics = self.certifier.statics
@@ -100,14 +114,15 @@ class Relaxer:
         closed = max([self.closed, *(n.bound for n in nodes if n.bound <= goal.cut)])
         return Explored(still, closed, self.solves, frozenset(self.solvers))
 
-    def evaluated(self, node: Node, goal: Goal) -> Node:
+    def evaluated(self, node: Node, goal: Goal, rounds: int = BRANCH.rounds) -> Node:
         """Solve, certify, add copies; a solver's failure leaves the bound and forces as given."""
-        flow = InteractionFlow(self.contacts, self.moments, node.boxes)
+        flow = self.flow.within(node.boxes)
         certifier = self.certifier.with_flow(flow)
         first = self.moments.box_copies(self.contacts, node.boxes)
         worth = BRANCH.worth_a_copy * goal.width
-        for _ in range(BRANCH.rounds):
+        for _ in range(rounds):
             state = self.solve(first.joined(node.added), goal.price)
+            node = replace(node, is_missing=False)
             if state.mechanism is None or state.load_factor is None:
                 break
             node = replace(node, forces=state.forces, load_factor=state.load_factor)
@@ -120,7 +135,7 @@ class Relaxer:
             missed = missed_copies(flow, certifier, state.mechanism, worth)
             if not len(missed):
                 break
-            node = replace(node, added=node.added.joined(missed))
+            node = replace(node, added=node.added.joined(missed), is_missing=True)
         return node
 
     def solve(
@@ -161,17 +176,17 @@ def scores(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
     return np.where(free & (width > BRANCH.narrowest), excess * speed, 0.0)
 
 
-def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[tuple[int, int, float]]:
-    """Contacts, axes and fractions at which to split, the best first; none if nothing can."""
+def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[Split]:
+    """Where to split, the best first; none if nothing can."""
     if node.forces is None or node.mechanism is None:
-        return _widest(node)
+        return _widest(relaxer, node)
     every = np.ones(len(relaxer.contacts), dtype=bool)
     seen = _beneath(relaxer, node, (node.forces, node.mechanism, every), goal)
     # the halves of contacts beneath others have one and the same bound at first
     tried = goal.tried if seen[2].all() else 1
     score = scores(relaxer, node.boxes, seen)
     best = [j for j in np.argsort(-score)[:tried].tolist() if score[j] > 0.0]
-    return [_place(relaxer, node, seen[0], j) for j in best] or _widest(node)
+    return [_place(relaxer, node, seen[0], j) for j in best] or _widest(relaxer, node)
 
 
 def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
@@ -196,41 +211,70 @@ def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
     return seen
 
 
-def _place(
-    relaxer: Relaxer, node: Node, forces: FloatArray, contact: int
-) -> tuple[int, int, float]:
+def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Split:
     centre = centres(forces, relaxer.contacts)[contact]
     high = node.boxes[contact, :, 1]
     low, centre = relaxer.moments.folded(node.boxes[contact], centre)
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
     axis = int(inner.argmax())
-    return contact, axis, float(centre[axis])
+    return _cut(relaxer, node, contact, axis, float(centre[axis]))
 
 
-def _widest(node: Node) -> list[tuple[int, int, float]]:
+def _widest(relaxer: Relaxer, node: Node) -> list[Split]:
     width = np.ptp(node.boxes, axis=2)
-    contact, axis = np.unravel_index(int(width.argmax()), width.shape)
+    contact, axis = (int(i) for i in np.unravel_index(int(width.argmax()), width.shape))
     if width[contact, axis] <= BRANCH.narrowest:
         return []
-    return [(int(contact), int(axis), float(node.boxes[contact, axis].mean()))]
+    return [_cut(relaxer, node, contact, axis, float(node.boxes[contact, axis].mean()))]
+
+
+def _cut(relaxer: Relaxer, node: Node, contact: int, axis: int, at: float) -> Split:
+    low, high = node.boxes[contact, axis].tolist()
+    ends = relaxer.moments.split(low, high, at)
+    return Split(contact, axis, tuple(ends), (np.inf,) * (len(ends) - 1))
 
 
 def explore(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
+    """Split a node where that gains most. What else was tried is due in its parts: splits are tried
+    once for several levels, and parts closed here need no problem there."""
     relaxer.begun()
-    best: tuple[float, list[Node]] | None = None
-    for contact, axis, at in choices(relaxer, node, goal):
-        children, added = [], node.added.without(np.array([contact]))
-        low, high = node.boxes[contact, axis]
-        for ends in pairwise(relaxer.moments.split(low, high, at)):
-            boxes = node.boxes.copy()
-            boxes[contact, axis] = ends
-            children.append(relaxer.evaluated(replace(node, boxes=boxes, added=added), goal))
-        gains = [node.bound - max(child.bound, goal.lower) for child in children]
-        gain = min(gains) + 0.1 * float(np.mean(gains))
-        if best is None or gain > best[0]:
-            best = gain, children
-        if max(child.bound for child in children) <= goal.cut:
+    tried = []
+    for split in node.due[:1] or choices(relaxer, node, goal):
+        parts = _parts(relaxer, node, split, goal)
+        bounds = tuple(part.bound for part in parts)
+        gains = [node.bound - max(bound, goal.lower) for bound in bounds]
+        worth = min(gains) + 0.1 * float(np.mean(gains))
+        tried.append((worth, replace(split, bounds=bounds), parts))
+        if max(bounds) <= goal.cut:
             break
-    if best is None:
+    if not tried:
         relaxer.closed = node.bound
-    return relaxer.explored(best[1] if best else [], goal)
+        return relaxer.explored([], goal)
+    worth, best, parts = max(tried, key=lambda entry: entry[0])
+    due = node.due[1:]
+    if not node.due:
+        others = sorted(tried, key=lambda entry: -entry[0])
+        due = tuple(
+            split for w, split, _ in others if split is not best and w > BRANCH.due * worth > 0.0
+        )
+    return relaxer.explored([_settled(relaxer, part, due, goal) for part in parts], goal)
+
+
+def _parts(relaxer: Relaxer, node: Node, split: Split, goal: Goal) -> list[Node]:
+    """The parts of a node, those whose bound is not known to close them solved once."""
+    j, added = split.contact, node.added.without(np.array([split.contact]))
+    parts = []
+    for ends, bound in zip(pairwise(split.ends), split.bounds, strict=True):
+        boxes = node.boxes.copy()
+        boxes[j, split.axis] = ends
+        part = replace(node, boxes=boxes, added=added, bound=min(node.bound, bound))
+        is_open = part.bound > goal.cut
+        parts.append(relaxer.evaluated(part, goal, 1) if is_open else part)
+    return parts
+
+
+def _settled(relaxer: Relaxer, part: Node, due: tuple[Split, ...], goal: Goal) -> Node:
+    part = replace(part, due=due)
+    if part.is_missing and part.bound > goal.cut:
+        part = relaxer.evaluated(part, goal, BRANCH.rounds - 1)
+    return part

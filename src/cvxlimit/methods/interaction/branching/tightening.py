@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.relaxation.hull import CopyColumns, HullProblem, stacked
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
@@ -48,7 +47,10 @@ class _Tightening:
         self._aim()
         seen = node.forces, node.mechanism, np.ones(len(relaxer.contacts), dtype=bool)
         centre = centres(node.forces, relaxer.contacts)
-        rows = np.flatnonzero(scores(relaxer, node.boxes, seen)).tolist()
+        score = scores(relaxer, node.boxes, seen)
+        rows = np.argsort(-score)
+        before = np.cumsum(score[rows]) - score[rows]
+        rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()
         for j, axis, side in product(rows, (0, 1), (0, 1)):
             low, high = self.boxes[j, axis]
             sign = 2.0 * side - 1.0
@@ -88,7 +90,7 @@ class _Tightening:
         """True if a mechanism proves that states pressed in ``slab`` do not reach the bound; else
         copies that it missed are added."""
         relaxer, node, goal = self.relaxer, self.node, self.goal
-        flow = InteractionFlow(relaxer.contacts, relaxer.moments, slab)
+        flow = relaxer.flow.within(slab)
         certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
         tilt = BRANCH.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()

@@ -27,9 +27,14 @@ class InteractionFlow:
     """
 
     def __init__(
-        self, contacts: Contacts, moments: Moments, boxes: FloatArray | None = None
+        self,
+        contacts: Contacts,
+        moments: Moments,
+        boxes: FloatArray | None = None,
+        whole: InteractionFlow | None = None,
     ) -> None:
-        self.contacts, self.moments = contacts, moments
+        self.contacts, self.moments, self.whole = contacts, moments, whole
+        self._given, self._opened = np.zeros(0), Shortfall(np.zeros(0), np.zeros(0))
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         has_corners = moments.has_corner_hull(contacts, self.boxes)
@@ -40,18 +45,31 @@ class InteractionFlow:
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Above the exact one by 1e-10 of the largest power at most; with independent signs on
         polygons by what friction at the corners allows more."""
-        return Shortfall(self._support(-rates, SUPPORT.halvings)[0], np.zeros(0))
+        return Shortfall(self.worst(rates)[0], np.zeros(0))
 
-    opened = shortfall  # the rule leaves no choice
+    def opened(self, rates: FloatArray) -> Shortfall:
+        """The same, exact everywhere; kept, for one field opens every mechanism."""
+        if self.whole is not None:
+            return self.whole.opened(rates)
+        if not np.array_equal(rates, self._given):
+            found = self._support(-rates, SUPPORT.halvings)[0]
+            self._given, self._opened = rates, Shortfall(found, np.zeros(0))
+        return self._opened
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         return self._support(-rates, 0)[0]
 
     def worst(self, rates: FloatArray) -> Support:
         """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known."""
-        return self._support(-rates, SUPPORT.halvings)
+        floor = None if self.whole is None else rates[:, COLUMN["N"]]
+        return self._support(-rates, SUPPORT.halvings, floor)
 
-    def _support(self, w: FloatArray, halvings: int) -> Support:
+    def within(self, boxes: FloatArray) -> InteractionFlow:
+        """The rule in boxes, for one of many mechanisms: shortfalls are exact only where something
+        is missing, and fields open what they open of the whole."""
+        return InteractionFlow(self.contacts, self.moments, boxes, self)
+
+    def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> Support:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         friction, rows, cells = self.contacts.friction, self._corners, self._cells
         if len(rows):
@@ -62,6 +80,7 @@ class InteractionFlow:
             np.maximum.at(power, j[cells.start], found)
         rows = self._rectangles
         if len(rows):
-            asked = Asked(w[rows], self.half[rows], friction[rows], self.boxes[rows])
+            least = np.full(len(rows), -np.inf) if floor is None else floor[rows]
+            asked = Asked(w[rows], self.half[rows], friction[rows], self.boxes[rows], least)
             power[rows], centre[rows] = self.moments.support(asked, halvings)
         return power + w[:, COLUMN["N"]], centre

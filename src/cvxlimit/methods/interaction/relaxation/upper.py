@@ -45,7 +45,7 @@ def missed_copies(
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
-        chosen &= missing * price > worth * -flow.shortfall(statics.relative_rates(field)).missing
+        chosen &= missing * price > worth * -flow.opened(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
     result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
     if beside > 0.0:
@@ -67,7 +67,8 @@ class UpperBound:
     def __init__(self, run: Run, half: Half | None = None) -> None:
         self.run = run
         with run.clock.phase("compile"):
-            self.flow = InteractionFlow(run.contacts, run.moments)
+            whole = InteractionFlow(run.contacts, run.moments)
+            self.flow = whole.within(whole.boxes)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
             self.first = run.moments.box_copies(run.contacts)
