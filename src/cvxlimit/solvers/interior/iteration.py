@@ -133,6 +133,7 @@ class InteriorPoint:
         """The best iterate, when the relative gap is below the tolerance, or rounding allows no
         more. A start that is no use, of another size or with NaN, is not used."""
         began = time.perf_counter()
+        self.system.target = min(max(LIMITS.target, 300.0 * tolerance), LIMITS.loosest)
         at = self._warm(start) or self._cold()
         best, scores, worst, count = at, [np.inf], np.inf, 0
         rank, enough = (True, np.inf), max(NUMBERS.solved, tolerance)
