@@ -14,7 +14,7 @@ from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
 from cvxlimit.plotting.strength import BENDING, utilisations
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution
 
 if TYPE_CHECKING:
@@ -30,8 +30,10 @@ def table_of(solution: Solution, what: str) -> DataFrame:
     pandas = needed("pandas", "frames", "tables")
     if what == "history":
         return _history(solution, pandas)
-    scene = solution.drawn_scene
-    index, columns = _TABLES[what](solution, scene)
+    if solution.solved_scene is None and (solution.contact_names or what == "blocks"):
+        index, columns = _read(solution, what)
+    else:
+        index, columns = _TABLES[what](solution, solution.drawn_scene)
     table = pandas.DataFrame(
         {name: values for name, (values, _, _) in columns.items()},
         index=pandas.Index(index, name=what.removesuffix("s")),
@@ -44,8 +46,36 @@ def table_of(solution: Solution, what: str) -> DataFrame:
     return table
 
 
+def _read(solution: Solution, what: str) -> tuple[list[str], Columns]:
+    """What a file holds without the scene: forces by contact, or rates by block."""
+    units = solution.units or Units("", "")
+    if what == "contacts":
+        return list(solution.contact_names), _forces(solution.forces, solution.contacts, units)
+    moving = solution.mechanism or {}
+    return list(moving), _moving(np.array([*moving.values()]).reshape(-1, 6), units)
+
+
+def _forces(found: FloatArray | None, number: int, units: Units) -> Columns:
+    forces = np.full((number, 6), np.nan) if found is None else found
+    columns: Columns = {}
+    what = ("shear along t1", "shear along t2", "normal force, compression positive",
+            "moment about t1", "moment about t2", "torsion about the normal")  # fmt: skip
+    for name, text, values in zip(COMPONENTS, what, forces.T, strict=True):
+        unit = f"{units.force}\u00b7{units.length}" if name.startswith("M") else units.force
+        columns[name] = values, unit, f"{text}, on block b"
+    columns["shear"] = np.hypot(forces[:, 0], forces[:, 1]), units.force, "size of (V1, V2)"
+    return columns
+
+
+def _moving(rates: FloatArray, units: Units) -> Columns:
+    return {
+        **_along("u", rates[:, :3], f"{units.length}\u00b7rate", "velocity along {}, live power 1"),
+        **_along("r", rates[:, 3:], "rad\u00b7rate", "rotation about {}, live power 1"),
+    }
+
+
 def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
-    contacts, length, force = scene.contacts, scene.units.length, scene.units.force
+    contacts, length = scene.contacts, scene.units.length
     ids = np.array([block.id for block in scene.blocks], dtype=object)
     found = contact_forces(scene, solution)
     forces = np.full((len(contacts), 6), np.nan) if found is None else found
@@ -56,12 +86,7 @@ def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
         "friction": (contacts.friction, "", "Coulomb coefficient"),
         "area": (contacts.area, f"{length}\u00b2", "of the contact"),
     }
-    what = ("shear along t1", "shear along t2", "normal force, compression positive",
-            "moment about t1", "moment about t2", "torsion about the normal")  # fmt: skip
-    for name, text, values in zip(COMPONENTS, what, forces.T, strict=True):
-        unit = f"{force}\u00b7{length}" if name.startswith("M") else force
-        columns[name] = values, unit, f"{text}, on block b"
-    columns["shear"] = np.hypot(forces[:, 0], forces[:, 1]), force, "size of (V1, V2)"
+    columns |= _forces(forces, len(contacts), scene.units)
     for i, values in enumerate(centre.T, 1):
         columns[f"e{i}"] = values, length, f"pressure centre from the contact's, along t{i}"
     columns |= _along("p", place, length, "{} of the pressure centre")
@@ -114,8 +139,7 @@ def _blocks(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
         "weight": (weight, scene.units.force, "density times volume"),
         "volume": (volume, f"{length}\u00b3", "of the block"),
         **_along("", centroids, length, "{} of the centroid"),
-        **_along("u", rates[:, :3], f"{length}\u00b7rate", "velocity along {}, live power 1"),
-        **_along("r", rates[:, 3:], "rad\u00b7rate", "rotation about {}, live power 1"),
+        **_moving(rates, scene.units),
         "speed": (blank * moving.speed, "", "largest corner speed over the largest of all"),
         "is_support": (np.array([b.id in fixed for b in blocks]), "", "fixed block"),
     }

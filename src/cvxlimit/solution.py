@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, rounded, rounded_up
 from cvxlimit.errors import InputError
-from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
@@ -194,6 +194,10 @@ class Solution:
         the full one.
     quantity : str
         What ``load_factor`` and the bracket are of: the load factor, or a support's reaction.
+    contact_names : tuple of str
+        In the order of ``forces``; empty for a file of a version below 0.2.
+    units : Units or None
+        Those of all numbers; None for such a file.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     surfaces : tuple of YieldSurface
@@ -225,6 +229,13 @@ class Solution:
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
     surfaces: tuple[YieldSurface, ...] = field(default=(), repr=False)
+    contact_names: tuple[str, ...] = field(default=(), repr=False)
+    units: Units | None = None
+
+    def __post_init__(self) -> None:
+        if self.solved_scene is not None:
+            object.__setattr__(self, "contact_names", self.solved_scene.contacts.names)
+            object.__setattr__(self, "units", self.solved_scene.units)
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
@@ -321,12 +332,13 @@ class Solution:
         ``"contacts"``: both blocks, forces V1 ... MT on the second, pressure centre, utilisation by
         surface, opening, slip and twist rates for live power 1. ``"blocks"``: weight, centroid,
         rates. ``"history"``: what every solver gave. ``table.attrs["units"]`` and
-        ``table.attrs["description"]`` say what each column is.
+        ``table.attrs["description"]`` say what each column is. A solution read from a file has the
+        columns of forces and rates alone, until :meth:`of` gives it its scene.
 
         Raises
         ------
         InputError
-            For another table, or a solution without its scene.
+            For another table, or a solution of an older file, which names no contacts.
         ModelError
             If pandas is not installed.
 

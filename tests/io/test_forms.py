@@ -186,6 +186,7 @@ SOLUTION = {
     "note": "so it is",
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
     "members": (MEMBER,), "model": ("planar",), "quantity": "reaction",
+    "contact_names": ("a-b",), "units": Units("cm", "N"),
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}
 """Of a solution: they live in memory and pickles only; files have their names."""

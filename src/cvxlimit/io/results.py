@@ -13,7 +13,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number
+from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number, shown
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,
@@ -29,6 +29,7 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
+from cvxlimit.io.scenes import UNITS
 from cvxlimit.solution import Iterate, Member, Solution, Status
 
 _NOT_FINITE = ("nan", "inf", "-inf")
@@ -97,6 +98,21 @@ MEMBER = record(
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
+_NAMED = {"forces": list(COMPONENTS), "mechanism": list(_RATES)}
+
+
+def _components(value: object, where: str, _: str) -> JsonObject:
+    if value != _NAMED:
+        raise InputError(f"{where} must be {_NAMED}, got {shown(value)}")
+    return {}
+
+
+COMPONENTS_SAID = Form(
+    _components, lambda solution, *_: _NAMED if solution.contact_names else None, {"const": _NAMED}
+)
+"""What the columns of forces and mechanism are, for those who read the file by other means."""
+
+
 def _rows(forces: list[tuple[float, ...]]) -> FloatArray:
     return np.array(forces, dtype=float).reshape(-1, len(COMPONENTS))
 
@@ -112,6 +128,9 @@ def _solution(lower: float, upper: float, **given: Any) -> Solution:
         raise InputError(
             f"forces must be {given['contacts']} rows, one for each contact, got {len(forces)}"
         )
+    names = given.get("contact_names", ())
+    if names and len(names) != given["contacts"]:
+        raise InputError(f"contact_names must be {given['contacts']} names, got {len(names)}")
     if mechanism is not None:
         given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
     return Solution(bracket=Bracket(lower, upper, **basis), **given)
@@ -143,6 +162,9 @@ RESULT: Document[Solution] = Document(
             "members": Key(listed(MEMBER), "{key}"),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
+            "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),
+            "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),
+            "units": Key(UNITS, "{key}"),
         },
         _solution,
         header=HEADER,
@@ -189,7 +211,8 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    Keys are the fields of :class:`~cvxlimit.solution.Solution`; ``bracket`` says which bounds are
+    Keys are the fields of :class:`~cvxlimit.solution.Solution`, and ``components``, which names the
+    columns of forces and mechanism; ``bracket`` says which bounds are
     proved, and by what the width of one around zero is measured. A missing bound becomes None; any
     other number that is not finite the text "nan", "inf" or "-inf". In the history, fields that do
     not apply are left out.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NoReturn, Self
+from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
 
@@ -387,7 +387,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     is_known = any(o.has_values or o.claims_no_optimum for _, o in run.attempts)
     if status.has_answer and is_empty and run.attempts and not is_known:
         status = Status.SOLVER_FAILED
-    words: dict[str, str] = {"interaction": "none", **words_of(run.surface)}
+    words: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         words[method.axis] = method.name
     mechanism = None if best.mechanism is None else np.reshape(best.mechanism, (-1, DOF))
