@@ -1,4 +1,4 @@
-"""``python -m benchmarks [run | charts | headline | list]``."""
+"""``python -m benchmarks [all | run | charts | headline | list]``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from rich.console import Console
 
-from benchmarks import headline
+from benchmarks import evidence, headline
 from benchmarks.cases import Case, all_cases
 from benchmarks.results import Record, environment, read, write
 from benchmarks.runs import Limits
@@ -20,12 +20,15 @@ from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
 console = Console(highlight=False, markup=False, soft_wrap=True)
 HERE = Path(__file__).parent
 ACTIONS = {
+    "all": "measure every figure of the documentation at this commit, two hours on one core; what "
+    "has a record of it is not measured again",
     "run": "measure all cases, which takes hours, or some of them, and draw the charts",
     "charts": "draw them again from the results",
     "headline": "the figures of the README, 10 minutes",
     "list": "the cases and methods",
 }
 TAKES = {
+    "all": {"parts", "again"},
     "run": {"cases", "sizes", "methods", "repeat", "limit", "memory", "quick", "out", "docs"},
     "charts": {"out", "docs"},
     "headline": {"repeat", "limit", "memory", "quick", "out"},
@@ -45,12 +48,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     _refuse_unused(parser, options)
     _make_folders(options)
-    action = {"run": _run, "charts": _charts, "headline": _headline, "list": _list}[options.action]
+    actions = {"all": _all, "run": _run, "charts": _charts, "headline": _headline, "list": _list}
     try:
-        return action(options)
+        return actions[options.action](options)
     except KeyboardInterrupt:
-        kept = f"; sizes that were finished are in {options.out}" if options.action == "run" else ""
-        console.print(f"interrupted{kept}")
+        kept = {
+            "all": "; parts that were finished have their records, the same command goes on",
+            "run": f"; sizes that were finished are in {options.out}",
+        }
+        console.print(f"interrupted{kept.get(options.action, '')}")
         return 130
 
 
@@ -77,6 +83,9 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     explained = "; ".join(f"{name}: {text}" for name, text in ACTIONS.items())
     add("action", nargs="?", choices=ACTIONS, help=explained)
+    add("--parts", nargs="+", choices=[part.name for part in evidence.PARTS], metavar="PART",
+        help="of all: only these; " + ", ".join(part.name for part in evidence.PARTS))  # fmt: skip
+    add("--again", action="store_true", help="of all: also what has a record of this commit")
     add("--cases", nargs="+", metavar="CASE", help="names of cases; all unless given")
     add(
         "--sizes",
@@ -144,16 +153,16 @@ def _run(options: argparse.Namespace) -> int:
         "seconds_per_run": plan.limits.seconds,
         "threads_per_run": plan.limits.threads,
     }
-    records: list[Record] = []
+    rows: list[Record] = []
     for case in cases:
         if not sizes_of(case, plan):
             console.print(f"{case.name}: left out, it has no size but {case.sizes[0]}")
         with console.status(case.name) as status:
             for record in run_case(case, plan, status.update):
-                records.append(record)
+                rows.append(record)
                 _report(record)
-                write(options.out, records, about)
-    if not records:
+                write(options.out, rows, about)
+    if not rows:
         raise SystemExit("nothing was run: none of these methods or sizes belongs to the cases")
     console.print(f"written: {options.out / 'results.csv'} and results.json")
     return _charts(options)
@@ -176,16 +185,20 @@ def _charts(options: argparse.Namespace) -> int:
     if not (options.out / "results.json").exists():
         raise SystemExit(f"there is no results.json in {options.out}: run writes one")
     try:
-        records, about = read(options.out)
+        rows, about = read(options.out)
     except (ValueError, TypeError, AttributeError, KeyError) as error:
         raise SystemExit(
             f"results.json in {options.out} was not written by run: {error}"
         ) from error
-    for path in charts.draw_all(records, about, options.out):
+    for path in charts.draw_all(rows, about, options.out):
         console.print(f"drawn: {path}")
         if options.docs is not None:
             (options.docs / path.name).write_bytes(path.read_bytes())
     return 0
+
+
+def _all(options: argparse.Namespace) -> int:
+    return min(1, evidence.measure(options.parts, options.again, console.print))
 
 
 def _headline(options: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ from cvxlimit.surfaces import Condition, Cone, Norm, Rocking, TorsionShear, Yiel
 console = Console(highlight=False, soft_wrap=True)
 IntArray = NDArray[np.int64]
 
-SCENES = ("tuff-wall", "s12-panel", "s10-panel", "house-corner", "barrel-vault", "dome")
+SCENES = ("tuff-wall", "s12-panel", "house-corner", "barrel-vault", "dome")
 _VIOLATED = 1e-7
 """Share of the total load that counts: what solvers leave is below 1e-8."""
 
@@ -49,7 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print one line per scene and experiment."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.lazy", description=__doc__)
     parser.add_argument("--scenes", nargs="+", default=SCENES)
-    for name in parser.parse_args(arguments).scenes:
+    scenes = parser.parse_args(arguments).scenes
+    console.print(
+        "| scene | contacts | rows | all at once, s | where needed, s | rounds | contacts whose "
+        "rows were added | factors differ by |\n" + "|---" * 8 + "|"
+    )
+    for name in scenes:
         assemblage = Assemblage.of(builtin_scene(name))
         for cone in ("conic", "octagon"):
             torsion_where_violated(assemblage, parse_cone(cone))

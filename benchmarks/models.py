@@ -2,8 +2,7 @@
 
 Every built-in scene, and planar walls, with the full model and with ``auto``: sizes of the compiled
 problem, peak memory (in a process of its own) and seconds of CPU, medians of some runs; and the
-best choice by hand, of both models and three solvers. ``--write`` replaces the table in
-docs/evidence/models.md.
+best choice by hand, of both models and three solvers.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -36,8 +34,6 @@ ENOUGH, MOST = 8.0, 31
 """Small scenes run until this many seconds are used, at most so often."""
 
 HANDS = ("QOCO", "CLARABEL", "BLOCKWISE")
-PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "models.md"
-_START, _END = "<!-- models -->\n", "<!-- end -->\n"
 
 HEAD = (
     "| scene | contacts | variables | cones | rows | seconds | MB | auto: | variables | cones | "
@@ -52,12 +48,11 @@ def scene_of(name: str) -> Scene:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, print the table, and write it if asked to."""
+    """Measure and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.models", description=__doc__)
     parser.add_argument("--scenes", nargs="+", default=[*BUILTIN, *WALLS])
     parser.add_argument("--runs", type=int, default=2)
     parser.add_argument("--large", action="store_true", help="the largest wall as well")
-    parser.add_argument("--write", action="store_true", help=f"into {PAGE.name}")
     parser.add_argument("--one", nargs=2, metavar=("SCENE", "MODEL"),
                         help="one measurement, as JSON; MODEL may be 'times'")  # fmt: skip
     options = parser.parse_args(arguments)
@@ -67,10 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.write(json.dumps(found))
         return
     names = [*options.scenes, *(LARGE if options.large else ())]
-    lines = [HEAD, *table(names, options.runs)]
-    if options.write:
-        before, rest = PAGE.read_text("utf-8").split(_START)
-        PAGE.write_text(before + _START + "".join(lines) + _END + rest.split(_END)[1], "utf-8")
+    console.print(HEAD, end="")
+    for line in table(names, options.runs):
+        console.print(line, end="")
 
 
 def table(names: Sequence[str], runs: int) -> Iterator[str]:
@@ -89,7 +83,7 @@ def table(names: Sequence[str], runs: int) -> Iterator[str]:
 def row(
     name: str, full: dict[str, Any] | None, lean: dict[str, Any], hands: dict[str, float]
 ) -> str:
-    """One line of Markdown, shown as well."""
+    """One line of Markdown."""
     cells = [name, f"{lean['contacts']:,}"]
     for part in (full, lean):
         if part is lean:
@@ -103,9 +97,7 @@ def row(
     cells.append(apart_by if isinstance(apart_by, str) else f"{apart_by:.0e}")
     best = min(hands, key=hands.__getitem__) if hands else ""
     cells.append(f"{best} {hands[best]:.3g}" if best else "")
-    line = "| " + " | ".join(cells) + " |\n"
-    console.print(line, end="")
-    return line
+    return "| " + " | ".join(cells) + " |\n"
 
 
 def apart(name: str, what: str, runs: int = 1) -> dict[str, Any]:

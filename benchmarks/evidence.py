@@ -1,0 +1,273 @@
+"""Every measured figure of the documentation: which command makes it, and the record it leaves.
+
+``python -m benchmarks all`` runs each of :data:`PARTS` at one commit, keeps what it prints in
+``docs/evidence/records``, and puts that between the marks of the pages: ``<!-- record NAME -->``
+for all of it, ``<!-- record NAME: TITLE -->`` for what stands below the heading ``### TITLE``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from datetime import datetime
+from pathlib import Path
+from time import perf_counter
+
+from benchmarks.results import environment
+from cvxlimit.files import write_file
+from cvxlimit.versions import __version__
+
+ROOT = Path(__file__).parents[1]
+EVIDENCE = ROOT / "docs" / "evidence"
+FOLDER = EVIDENCE / "records"
+SOURCES = ("src", "benchmarks", "pyproject.toml")
+"""What a figure depends on."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A command whose figures the documentation quotes.
+
+    Attributes
+    ----------
+    name : str
+    command : str
+        What follows ``python -m``.
+    minutes : float
+        About how long it takes on one core, for whom waits.
+    keeps : str
+        File or folder, below the repository's root, in which it goes on where it stopped. What a
+        run at another commit left there is deleted.
+    """
+
+    name: str
+    command: str
+    minutes: float
+    keeps: str = ""
+
+
+RUN = "benchmarks run --docs docs/evidence --out benchmarks/results/"
+OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e-8"'
+
+PARTS = (
+    Part("small", "benchmarks.small", 1),
+    Part("headline", "benchmarks headline --repeat 3 --limit 60", 12),
+    Part("resolving", "benchmarks.resolving", 6),
+    Part("engine", "benchmarks.engine", 3),
+    Part("sweep", "benchmarks.sweep", 2),
+    Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 5000", 8),
+    Part("closing", "benchmarks.closing_page --measure", 25),
+    Part("nodes", "benchmarks.nodes", 5),
+    Part(
+        "interaction",
+        "benchmarks.interaction --write --budget 3000 --each 40",
+        40,
+        "docs/evidence/interaction.json",
+    ),
+    Part("atlas", "benchmarks.stability --size 420", 25, "benchmarks/results/stability"),
+    Part("referees", "benchmarks.referees --seconds 40 --picture docs/evidence/referees.png", 15),
+    Part("torsion", "benchmarks.physics docs/evidence speed", 2),
+    Part("physics", "benchmarks.physics docs/evidence models", 6),
+    Part("dilatancy-walls", "benchmarks.dilatancy walls", 1),
+    Part("dilatancy-space", "benchmarks.dilatancy space", 3),
+    Part("dilatancy-unique", "benchmarks.dilatancy unique --walls 50", 2),
+    Part("gilbert", "benchmarks.dilatancy gilbert", 1),
+    Part("models", "benchmarks.models --large", 12),
+    Part("elimination", "benchmarks.elimination", 1),
+    Part("lazy", "benchmarks.lazy", 3),
+    Part("domains", "benchmarks.domains --ideal", 4),
+    Part("domains-space", "benchmarks.domains --scenes facade --loads 3 --tolerance 0.03", 1),
+    Part("domes", "benchmarks.dome", 2),
+    Part("chart-panel", f"{RUN}s12 --cases s12-class --limit 15 --repeat 2", 12),
+    Part(
+        "chart-wall",
+        f'{RUN}planar --cases planar-wall --sizes 150 --limit 10 --methods "cvxlimit*" {OWN} '
+        '"literal/octagon/kN-m" "literal/conic/kN-m"',
+        4,
+    ),
+    Part(
+        "chart-growth",
+        f"{RUN}panels --cases panel --sizes 500 1900 5000 9000 16452 --repeat 1 --limit 120 "
+        f'--methods cvxlimit/1e-6 "conic/corners/qoco/1e-8" {OWN}',
+        12,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a part printed, and when, where and with what code it did."""
+
+    part: str
+    command: str
+    version: str
+    commit: str
+    measured: str
+    machine: str
+    minutes: float
+    output: str
+
+    def section(self, title: str | None = None) -> str:
+        """The output, or the lines below one of its headings."""
+        if title is None:
+            return self.output
+        found = re.search(rf"^### {re.escape(title)}\n(.*?)(?=^### |\Z)", self.output, re.M | re.S)
+        if found is None:
+            raise ValueError(f"the record of {self.part} has no heading {title!r}")
+        return found[1]
+
+    def block(self, title: str | None = None) -> str:
+        """Markdown for a page: tables as they are, other lines as text, and where all is from.
+
+        With the title "stamp" the last alone, for pages whose tables the part writes itself.
+        """
+        day = f"{datetime.fromisoformat(self.measured):%d %B %Y}".lstrip("0")
+        stamp = (
+            f"*`python -m {self.command}` took {max(self.minutes, 1):.0f} min with cvxlimit "
+            f"{self.version} at {self.commit} on {day}; {self.machine}.*"
+        )
+        tables = [] if title == "stamp" else _paragraphs(self.section(title))
+        return "\n\n".join((*tables, stamp))
+
+
+def _paragraphs(output: str) -> list[str]:
+    """Runs of table lines as they are, runs of other lines between fences."""
+    found: list[str] = []
+    for is_table, lines in _runs([line for line in output.splitlines() if line.strip()]):
+        text = "\n".join(lines)
+        found.append(text if is_table else f"```text\n{text}\n```")
+    return found
+
+
+def _runs(lines: Sequence[str]) -> list[tuple[bool, list[str]]]:
+    runs: list[tuple[bool, list[str]]] = []
+    for line in lines:
+        is_table = line.startswith("|")
+        if not runs or runs[-1][0] != is_table:
+            runs.append((is_table, []))
+        runs[-1][1].append(line)
+    return runs
+
+
+def read(part: str, folder: Path = FOLDER) -> Record | None:
+    """The record of a part, or None before it was first measured."""
+    path = folder / f"{part}.json"
+    if not path.exists():
+        return None
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return Record(**{column.name: content[column.name] for column in fields(Record)})
+
+
+def measure(names: Sequence[str] | None, again: bool, say: Callable[[str], None]) -> int:
+    """Run the parts that have no record of this commit, one after the other, and fill the pages.
+
+    Returns how many failed.
+    """
+    commit, failed = committed(), 0
+    FOLDER.mkdir(exist_ok=True)
+    chosen = [part for part in PARTS if names is None or part.name in names]
+    for number, part in enumerate(chosen, 1):
+        known, place = read(part.name), f"{number} of {len(chosen)}, {part.name}"
+        if known is not None and known.commit == commit and not again:
+            say(f"{place}: measured already")
+            continue
+        say(f"{place}: about {part.minutes:g} min")
+        _forget_older(part, commit)
+        try:
+            record = run(part, commit, say)
+        except subprocess.CalledProcessError as error:
+            say(f"{place}: failed with exit code {error.returncode}")
+            failed += 1
+            continue
+        write_file(
+            FOLDER / f"{part.name}.json", (json.dumps(asdict(record), indent=1) + "\n").encode()
+        )
+    fill()
+    return failed
+
+
+def _forget_older(part: Part, commit: str) -> None:
+    """Delete what an interrupted run at another commit left behind."""
+    begun = ROOT / "benchmarks" / "results" / "begun" / part.name
+    if not part.keeps or (begun.exists() and begun.read_text() == commit):
+        return
+    kept = ROOT / part.keeps
+    shutil.rmtree(kept) if kept.is_dir() else kept.unlink(missing_ok=True)
+    begun.parent.mkdir(parents=True, exist_ok=True)
+    begun.write_text(commit)
+
+
+def committed() -> str:
+    """The commit that is measured: figures of code that is nowhere are nobody's."""
+    if _git("status", "--porcelain", "--", *SOURCES):
+        raise SystemExit(
+            f"commit the changes below {', '.join(SOURCES)} first: records name a commit"
+        )
+    return _git("rev-parse", "--short=7", "HEAD")
+
+
+def _git(*arguments: str) -> str:
+    try:
+        done = subprocess.run(
+            ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise SystemExit(f"records name a commit, and git told none: {error}") from error
+    return done.stdout.strip()
+
+
+def run(part: Part, commit: str, say: Callable[[str], None]) -> Record:
+    """One part, in a process of its own with one thread; what it prints is shown as it comes."""
+    about, start = environment(), perf_counter()
+    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", *shlex.split(part.command)]
+    lines = []
+    with subprocess.Popen(
+        command, cwd=ROOT, env={**os.environ, **single}, stdout=subprocess.PIPE, text=True
+    ) as process:
+        for line in process.stdout or ():
+            lines.append(line.rstrip())
+            say(lines[-1])
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    machine = about["machine"]
+    return Record(
+        part.name,
+        part.command,
+        __version__,
+        commit,
+        about["started"],
+        f"{machine['cores']} cores, {machine['cpu']}, load {machine['load_before']} at its start",
+        round((perf_counter() - start) / 60.0, 1),
+        "\n".join(lines) + "\n",
+    )
+
+
+_MARKED = re.compile(r"<!-- record ([\w-]+)(?:: ([^>]*?))? -->\n.*?<!-- /record -->", re.S)
+
+
+def filled(text: str, folder: Path = FOLDER) -> str:
+    """A page with the present records between its marks."""
+
+    def block(found: re.Match[str]) -> str:
+        record = read(found[1], folder)
+        inside = "" if record is None else f"\n{record.block(found[2])}\n\n"
+        head = found[0].split("\n", 1)[0]
+        return f"{head}\n{inside}<!-- /record -->"
+
+    return _MARKED.sub(block, text)
+
+
+def fill() -> None:
+    """All pages, and the README."""
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := filled(text)) != text:
+            write_file(page, new.encode())

@@ -1,0 +1,118 @@
+"""Measured figures on the pages: they are those of the records, and no others."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import pytest
+from benchmarks import evidence
+from benchmarks.evidence import PARTS, Part, Record, filled, read, run
+
+from cvxlimit import __version__
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = sorted([DOCS.parent / "README.md", *DOCS.rglob("*.md")])
+MARK = re.compile(r"<!-- record ([\w-]+)")
+
+RECORD = Record(
+    "speed", "benchmarks.speed", __version__, "1a2b3c4", "2026-11-22T10:00:00+00:00", "2 cores",
+    3.0, "### walls\n| wall | s |\n|---|---|\n| 1 | 0.423056 |\nthree lines\n### arches\n12.5 ms\n",
+)  # fmt: skip
+
+
+def marks(page: Path) -> list[str]:
+    return MARK.findall(page.read_text("utf-8"))
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if marks(p)], ids=lambda p: p.name)
+def test_a_page_shows_the_present_records(page: Path) -> None:
+    text = page.read_text("utf-8")
+    assert filled(text) == text, "python -m benchmarks all puts the records into the pages"
+
+
+@pytest.mark.parametrize("name", sorted({name for page in PAGES for name in marks(page)}))
+def test_a_record_is_of_this_minor_version_and_of_the_command_that_is_named(name: str) -> None:
+    (part,) = (part for part in PARTS if part.name == name)
+    record = read(name)
+    assert record is not None, f"python -m benchmarks all --parts {name}"
+    assert record.command == part.command
+    assert record.version.split(".")[:2] == __version__.split(".")[:2]
+
+
+def test_every_record_belongs_to_a_part() -> None:
+    assert {path.stem for path in evidence.FOLDER.glob("*.json")} <= {part.name for part in PARTS}
+
+
+def figures(text: str) -> list[str]:
+    """Decimal figures with three or more significant digits."""
+    found = re.findall(r"(?<![\w.,-])\d+\.\d+(?![\d.]*\w)", text)
+    return [number for number in found if len(number.replace(".", "").lstrip("0")) >= 3]
+
+
+def numbers(text: str) -> list[Decimal]:
+    found = []
+    for word in re.findall(r"\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?", text):
+        try:
+            found.append(Decimal(word.replace(",", "")))
+        except InvalidOperation:
+            continue
+    return found
+
+
+def stands(quoted: str, measured: list[Decimal]) -> bool:
+    """Rounded to the digits that are quoted, one of the measured numbers is this one."""
+    value = Decimal(quoted)
+    return any(
+        abs(number - value) <= Decimal((0, (5,), value.as_tuple().exponent - 1))
+        for number in measured
+    )
+
+
+def test_a_block_shows_tables_text_and_where_it_is_from() -> None:
+    block = RECORD.block("walls")
+    assert "| 1 | 0.423056 |" in block
+    assert "```text\nthree lines\n```" in block
+    assert "12.5" not in block
+    assert "`python -m benchmarks.speed`" in block
+    assert "at 1a2b3c4 on 22 November 2026; 2 cores" in block
+    assert "wall" not in RECORD.block("stamp")
+    with pytest.raises(ValueError, match="no heading 'domes'"):
+        RECORD.block("domes")
+
+
+def test_what_stands_between_the_marks_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "speed.json").write_text(json.dumps(asdict(RECORD)))
+    page = "a\n<!-- record speed: arches -->\nold 9.99\n<!-- /record -->\nb\n"
+    made = filled(page, tmp_path)
+    assert "12.5 ms" in made
+    assert "9.99" not in made
+    assert made.startswith("a\n<!-- record speed: arches -->\n")
+    assert made.endswith("<!-- /record -->\nb\n")
+    assert filled(made, tmp_path) == made
+
+
+def test_figures_are_held_against_records() -> None:
+    """0.4231 is 0.423056 to four digits, and 0.4230 is not; 12.5 stands there, 12.6 does not."""
+    measured = numbers(RECORD.output)
+    assert figures("about 0.4231, 12.5 ms, 1 %, 0.05, 2.0") == ["0.4231", "12.5"]
+    assert [stands(quoted, measured) for quoted in ("0.4231", "0.4230", "12.5", "12.6")] == [
+        True, False, True, False,
+    ]  # fmt: skip
+
+
+def test_a_command_that_fails_leaves_no_record() -> None:
+    failing = Part("failing", "benchmarks nothing", 1)
+    with pytest.raises(evidence.subprocess.CalledProcessError):
+        run(failing, "1a2b3c4", lambda line: None)
+
+
+def test_a_record_holds_what_its_command_printed() -> None:
+    record = run(
+        replace(PARTS[0], command="benchmarks list --cases arch"), "1a2b3c4", lambda _: None
+    )
+    assert record.output.startswith("arch: ")
+    assert (record.commit, record.version) == ("1a2b3c4", __version__)
