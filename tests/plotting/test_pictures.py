@@ -6,10 +6,13 @@ import io
 import json
 import subprocess
 import sys
-from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
 from cvxlimit import Solution, builtin_scene, plotting, solve
@@ -19,7 +22,9 @@ from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
 from cvxlimit.plotting.movement import ContactKind, motion
 from cvxlimit.plotting.picture import drawn_mesh
-from cvxlimit.plotting.pictures.forces import thrust_lines
+from cvxlimit.plotting.pictures.forces import FAINTEST, thrust_lines
+from cvxlimit.plotting.pictures.utilisation import IDLE_COLOUR
+from cvxlimit.plotting.sheet import Letters, columns_of, measured
 
 KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))
 
@@ -38,7 +43,7 @@ def tuff() -> Solution:
 def drawings(monkeypatch) -> list[Drawing]:
     """What would be drawn, without the painting."""
     seen: list[Drawing] = []
-    monkeypatch.setattr(drawing, "drawn", lambda given: seen.append(given) or given)
+    monkeypatch.setattr(drawing, "drawn", lambda given, sheet: seen.append(given) or given)
     return seen
 
 
@@ -65,6 +70,23 @@ class TestThrust:
         assert normal.min() <= size.min() <= size.max() <= normal.max()
 
 
+class TestForces:
+    def test_arrows_push_the_block_above_and_small_ones_are_left_out(self, tuff, drawings) -> None:
+        plotting.forces(tuff)
+        lines = drawings[0].lines
+        length = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1)
+        assert length.min() > FAINTEST * length.max()
+        scene, contacts = tuff.drawn_scene, tuff.drawn_scene.contacts
+        size = np.linalg.norm(tuff.forces[:, :3], axis=1)
+        assert length.max() == pytest.approx(lines.each * size.max())
+        assert len(length) == (size > FAINTEST * size.max()).sum() < len(contacts)
+        assert drawings[0].glass  # lines over opaque blocks hide which joint they belong to
+        arrows = lines.ends[:, 1] - lines.ends[:, 0]
+        assert (arrows[np.abs(arrows[:, 2]) > 0.5 * length.max()][:, 2] > 0).all()
+        assert {arrow.case for arrow in drawings[0].notes.arrows} == {"dead", "live"}
+        assert scene.name in drawings[0].heading
+
+
 class TestMechanism:
     def test_lines_are_as_wide_as_joints_move(self, tuff: Solution, drawings) -> None:
         """114 joints of the tuff wall slide: those that hardly do must not hide the others."""
@@ -86,6 +108,20 @@ class TestMechanism:
             stated = f"largest displacement drawn {times * moving.scale * moving.largest:.3g} m"
             assert stated in drawings[-1].caption
 
+    @pytest.mark.parametrize("kind", ["mechanism", "cracks"])
+    def test_joints_below_a_twentieth_of_the_largest_rate_are_not_drawn(
+        self, tuff: Solution, drawings, kind: str
+    ) -> None:
+        PICTURES[kind](tuff)
+        marking = drawings[-1].marking
+        table = tuff.to_dataframe()
+        moves = (table["state"] != "closed").to_numpy()
+        opens = (table["state"] == "opens").to_numpy()
+        rate = np.where(opens, table["opening"], table["slip"])
+        slow = rate < 0.05 * rate[moves].max()
+        assert (moves & slow).sum() > 10
+        assert ((marking.kind != ContactKind.CLOSED) == (moves & ~slow)).all()
+
     def test_cracks_are_drawn_on_what_has_not_moved(self, arch: Solution, drawings) -> None:
         plotting.cracks(arch)
         assert drawings[0].moving.scale == 0.0
@@ -105,14 +141,13 @@ class TestUtilisation:
         assert (np.diff(grey) < 0).all()
 
     def test_joints_have_the_colour_of_their_share(self, tuff: Solution, drawings) -> None:
-        plotting.utilisation(tuff, surface="torsion")
-        marking = drawings[0].marking
+        plotting.utilisation(tuff, surface="torsion", state="found")
         used = tuff.to_dataframe()["utilisation_torsion"].to_numpy()
-        for code, share in zip(marking.kind.tolist(), used.tolist(), strict=True):
-            if code == 0:
-                assert np.isnan(share)
-            else:
-                assert abs((code - 0.5) / len(marking.colours) - min(share, 1.0)) < 0.02
+        normal = tuff.to_dataframe()["N"].to_numpy()
+        decals = drawings[0].decals  # rectangles: one for each joint
+        for decal, share, n in zip(decals, used.tolist(), normal.tolist(), strict=True):
+            is_idle = n < 0.01 * normal.max()
+            assert decal.colour == (IDLE_COLOUR if is_idle else used_colour(min(share, 1.0)))
 
     def test_an_unknown_surface_is_refused(self, tuff: Solution) -> None:
         with pytest.raises(InputError, match="choose one of rocking, sliding, torsion"):
@@ -131,8 +166,7 @@ def test_an_exploded_view_moves_blocks_apart(tuff: Solution, drawings) -> None:
     assert not moving.rates[:, 3:].any()
 
 
-def test_every_picture_is_a_figure(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(drawing, "drawn", partial(drawing.drawn, pixels=200))  # for speed
+def test_every_picture_is_a_figure(tmp_path) -> None:
     solution = solve(builtin_scene("single-block"))
     for kind in KINDS:
         assert isinstance(solution.plot(kind), SceneFigure)
@@ -296,3 +330,72 @@ def test_a_thumbnail_is_small(arch: Solution) -> None:
     scene = arch.drawn_scene
     image = Image.open(io.BytesIO(drawing.thumbnail(scene, motion(scene, arch), None)))
     assert max(image.size) <= 420
+
+
+class TestSheet:
+    """Figures for a journal's column: nothing leaves the paper, letters can be read."""
+
+    @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
+    @pytest.mark.parametrize("figsize", [(3.4, 2.9), None])
+    def test_words_stay_on_the_paper(self, tuff: Solution, kind: str, figsize) -> None:
+        figure = tuff.plot(kind, figsize=figsize)
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        figure.draw(renderer)
+        texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+        texts = [t for t in texts if t.axes is None or t.axes.axison or t in t.axes.texts]
+        assert len(texts) > 10
+        page = figure.bbox
+        for text in texts:
+            box = text.get_window_extent(renderer)
+            assert text.get_fontsize() >= 7.0
+            assert box.x0 >= page.x0 - 0.5, text
+            assert box.x1 <= page.x1 + 0.5, text
+            assert box.y0 >= page.y0 - 0.5, text
+            assert box.y1 <= page.y1 + 0.5, text
+        boxes = [t.get_window_extent(renderer).padded(-1.0) for t in texts]
+        for i, box in enumerate(boxes):
+            for other, second in zip(texts[:i], boxes[:i], strict=True):
+                assert not box.overlaps(second), (texts[i], other)
+
+    def test_sizes_titles_and_legends_are_the_callers(self, arch: Solution) -> None:
+        figure = arch.plot("thrust", figsize=(3.4, 2.5), title="Arch", legend=False)
+        assert figure.get_size_inches().tolist() == [3.4, 2.5]
+        assert figure.texts[0].get_text() == "Arch"
+        assert not figure.legends
+        assert not arch.plot("thrust", title="").texts
+        with rc_context({"figure.figsize": (5.0, 4.0), "font.size": 12.0}):
+            figure = arch.plot("thrust")
+            assert figure.get_size_inches().tolist() == [5.0, 4.0]
+            assert Letters(6.5).heading == pytest.approx(1.2 * 11.0)
+        assert max(arch.plot("thrust").get_size_inches()) > 5.0
+
+    def test_axes_of_ones_own(self, arch: Solution, tmp_path) -> None:
+        own = Figure(figsize=(7.0, 3.0), layout="constrained")
+        left, right = own.subplots(1, 2)
+        assert arch.plot("mechanism", ax=left) is own
+        arch.plot("thrust", ax=right, title="Thrust")
+        assert "Thrust" in [text.get_text() for text in right.texts]
+        assert left.get_legend() is not None
+        own.savefig(tmp_path / "two.pdf")
+        with pytest.raises(InputError, match="give ax or figsize, not both"):
+            arch.plot("thrust", ax=left, figsize=(3, 3))
+        with pytest.raises(InputError, match="save that with savefig"):
+            arch.plot("thrust", tmp_path / "a.png", ax=left)
+        with pytest.raises(InputError, match=r"width and height in inches, got \(3, -1\)"):
+            arch.plot("thrust", figsize=(3, -1))
+
+    @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
+    def test_files_of_vectors_hold_no_image(self, arch: Solution, kind: str, tmp_path) -> None:
+        """Matplotlib's own colour bar is the only image: a strip of 256 colours."""
+        pdf = arch.plot(kind, tmp_path / "arch.pdf").read_bytes()
+        svg = arch.plot(kind, tmp_path / "arch.svg").read_text("utf-8")
+        bars = 0 if kind == "forces" else 1
+        assert pdf.count(b"/Subtype /Image") <= bars
+        assert svg.count("<image ") <= bars
+        assert svg.count("<path ") > 40
+
+    def test_columns_of_a_legend_fit(self) -> None:
+        texts = ["contact opens (44)", "support", "undeformed", "dead load", "live load"]
+        assert columns_of(texts, 8.0, 20.0) == 5
+        assert columns_of(texts, 8.0, 0.5) == 1
+        assert measured(texts[0], 16.0) == pytest.approx(2 * measured(texts[0], 8.0), rel=0.05)

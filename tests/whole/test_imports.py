@@ -39,7 +39,8 @@ OUTSIDE = {
 """All that input, output and plotting may see besides themselves."""
 
 STRENGTH = "plotting.strength"
-"""Sees surfaces and readings of Eq. 30: how much of its strength a contact uses they say."""
+"""Sees surfaces, readings of Eq. 30 and the state of least use: how much of its strength a contact
+uses they say."""
 
 
 OWN_PICKLES = {"methods.interaction.branching.workers", "studies.rows"}
@@ -151,7 +152,7 @@ def test_files_and_pictures_see_scenes_and_solutions_only(name: str) -> None:
     own = name.split(".")[0]
     readings = ("methods.interaction.readings.", "methods.interaction.states.")
     seen = {m.split(".")[0] for m in imported(name) if not m.startswith(readings)} - {own}
-    allowed = OUTSIDE | {"surfaces"} if name == STRENGTH else OUTSIDE
+    allowed = OUTSIDE | {"surfaces", "model"} if name == STRENGTH else OUTSIDE
     if name != STRENGTH:
         seen |= {"methods" for m in imported(name) if m.startswith("methods.")}
     assert seen <= allowed, f"{name} imports {sorted(seen - allowed)}"

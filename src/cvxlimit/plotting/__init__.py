@@ -70,6 +70,8 @@ def picture_of(
         raise InputError(f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}")
     if path is None:
         return PICTURES[kind](solution, **options)
+    if options.get("ax") is not None:
+        raise InputError("a picture in axes is part of their figure: save that with savefig")
     if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":
         return plot(solution.drawn_scene, solution, path)[0]
     return PICTURES[kind](solution, **options).save(path)
@@ -147,17 +149,21 @@ def plot_scene(
 
 
 def scene_figure(
-    scene: Scene, viewer: Viewer = None, refusal: InputError | None = None
+    scene: Scene, viewer: Viewer = None, refusal: InputError | None = None, **options: Any
 ) -> SceneFigure:
     """The picture of a scene as a Matplotlib figure; see :func:`plot_scene` and :func:`figure`."""
     made = figures()
-    found: SceneFigure = made.drawn(made.scene_drawing(scene, viewer, refusal or refused(scene)))
+    drawing = made.scene_drawing(scene, viewer, refusal or refused(scene))
+    found: SceneFigure = made.drawn(drawing, made.Sheet(**options))
     return found
 
 
-def figure(scene: Scene, solution: Solution, viewer: Viewer = None) -> SceneFigure:
+def figure(scene: Scene, solution: Solution, viewer: Viewer = None, **options: Any) -> SceneFigure:
     """The picture of :func:`plot` as a Matplotlib figure, which notebooks show when it ends a cell.
     ``viewer`` is the direction from the scene towards the viewer, chosen from the movement if
-    None."""
-    found: SceneFigure = figures().drawn(mechanism_of(scene, solution, viewer=viewer))
+    None; ``ax``, ``figsize``, ``title`` and ``legend`` are those of :func:`picture`."""
+    made = figures()
+    found: SceneFigure = made.drawn(
+        mechanism_of(scene, solution, viewer=viewer), made.Sheet(**options)
+    )
     return found

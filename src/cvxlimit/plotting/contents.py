@@ -27,12 +27,17 @@ class Bar:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Straight lines over the blocks: ends (k, 2, 3), widths (k,) in points, one colour."""
+    """Straight lines over the blocks: ends (k, 2, 3), widths (k,) in points, one colour; opacity
+    (k,) of each if it differs, and heads at their second ends if they are arrows. With ``each``,
+    the length of a unit of force, a bar states the scale."""
 
     ends: FloatArray
     widths: FloatArray
     colour: str
     label: str
+    opacity: FloatArray | None = None
+    heads: bool = False
+    each: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,10 @@ class Drawing:
         What the legend calls blocks that do not move.
     has_axes : bool
         False where places are not those of the scene.
+    glass : bool
+        True if only lines are drawn of blocks that are no supports.
+    keys : sequence of (colour, text)
+        Further entries of the legend.
     """
 
     scene: Scene
@@ -74,6 +83,8 @@ class Drawing:
     bar: Bar | None = None
     blocks: str = "block"
     has_axes: bool = True
+    glass: bool = False
+    keys: Sequence[tuple[str, str]] = ()
 
 
 def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:

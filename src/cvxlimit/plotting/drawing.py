@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-import textwrap
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,51 +15,54 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage, imsave
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 import cvxlimit.plotting.look as look
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
-from cvxlimit.plotting.camera import Camera, default_camera, upright
-from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.axes import Axes as Coordinates
+from cvxlimit.plotting.camera import Camera, default_camera
+from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, Saved
-from cvxlimit.plotting.movement import Motion, free_size, still
-from cvxlimit.plotting.picture import SURROUNDINGS, Picture, paint, shown_bounds
+from cvxlimit.plotting.movement import Motion, still
+from cvxlimit.plotting.picture import Fill, Seen, seen
+from cvxlimit.plotting.sheet import (
+    POINT,
+    Fit,
+    Letters,
+    Sheet,
+    columns_of,
+    fitted,
+    lines_of,
+)
 from cvxlimit.scene import Scene
 
 INK = "#4a4f57"
+_FACE_LINE, _GLASS_LINE, _GHOST_LINE = "#4b4e53", "#a9adb4", "#b4b7bd"
 
+_WIDEST, _TALLEST = 7.6, 6.4
+"""Inches that the scene may take where nobody says how large a figure is."""
 
-@dataclass(frozen=True)
-class _Sheet:
-    """Sizes of a figure: inches, letters in a line, and shares of the free blocks' size."""
+_NARROWEST = 6.7
+"""Inches of such a figure, for title and legend."""
 
-    widest: float = 7.6  # that the painted part may take
-    tallest: float = 6.4
-    narrowest: float = 5.0  # below which title and legend would not fit
-    left: float = 0.6  # for tick labels, colour bar, title and legend
-    right: float = 1.1
-    top: float = 0.6
-    bottom: float = 0.55
-    letters: int = 84  # of a caption in the narrowest picture
-    line: float = 0.15  # from line to line
-    heading_letters: int = 72
-    heading_line: float = 0.2
-    dpi: int = 150
-    tick: float = 0.012  # length of a tick mark
-    tick_spacing: float = 0.11  # least distance between tick labels
+_DPI = 150
+_PAD = 0.08
+"""Inches between parts of a figure and at its edge."""
 
+_SCALE_ROOM = 0.2
+"""Inches above the scene for a bar that states the scale of forces."""
 
-_SHEET = _Sheet()
+_FINE = 5.5
+"""Inches of a scene from which on lines are as wide as they say; in smaller pictures finer."""
 
 
 class SceneFigure(Figure, Saved):
@@ -78,7 +80,7 @@ class SceneFigure(Figure, Saved):
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
             warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            self.savefig(buffer, format=kind, dpi=_SHEET.dpi, metadata=dated)
+            self.savefig(buffer, format=kind, dpi=max(_DPI, self.dpi), metadata=dated)
         return buffer.getvalue()
 
     def pixels(self) -> NDArray[np.uint8]:
@@ -96,38 +98,35 @@ def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> D
     return Drawing(scene, moving, camera, look.scene_title(scene), marking=marking, notes=notes)
 
 
-def drawn(drawing: Drawing, pixels: int = 1500) -> SceneFigure:
-    return assembled(drawing, paint(drawing, pixels))[0]
+def drawn(drawing: Drawing, sheet: Sheet | None = None) -> SceneFigure:
+    return assembled(drawing, seen(drawing), sheet or Sheet())[0]
 
 
-def assembled(drawing: Drawing, picture: Picture) -> tuple[SceneFigure, AxesImage]:
-    """A figure around a painted scene, and the artist that holds the image."""
-    result = SceneFigure(dpi=_SHEET.dpi, facecolor="white")
-    axes = result.add_axes((0.0, 0.0, 1.0, 1.0))
-    frame = np.stack([picture.frame.low[:2], picture.frame.high[:2]])
-    image = axes.imshow(
-        picture.image,
-        extent=(frame[0, 0], frame[1, 0], frame[0, 1], frame[1, 1]),
-        interpolation="lanczos",
-        interpolation_stage="rgba",
-        zorder=2.0,
-    )
-    seen = [frame, _draw_notes(axes, drawing), _draw_lines(axes, drawing)]
-    if drawing.has_axes:
-        seen.append(_draw_axes(axes, drawing.scene, drawing.camera))
-    seen.append(_draw_shapes(axes, drawing))
-    refusal = drawing.notes.refusal
-    said = textwrap.wrap(
-        look.printable(f"refused: {refusal}" if refusal else drawing.caption), _SHEET.letters
-    )
-    heading = textwrap.wrap(drawing.heading, _SHEET.heading_letters)
-    more = _SHEET.line * len(said) + _SHEET.heading_line * (len(heading) - 1)
-    _arrange(result, axes, np.concatenate(seen), more)
-    _draw_title(result, heading, said, look.MARK_COLOUR if refusal else INK)
-    if drawing.bar is not None:
-        _draw_colour_bar(result, axes, drawing.bar)
-    _draw_legend(result, drawing)
-    return result, image
+def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigure, list[Artist]]:
+    """A figure around a scene, and the artists of what moves in it."""
+    parts = _Parts.of(drawing, picture, sheet)
+    if sheet.ax is None:
+        figure: Any = SceneFigure(parts.size, dpi=_DPI, facecolor="white")
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    else:
+        axes = sheet.ax
+        figure = axes.get_figure(root=True)
+    axes.set_axis_off()
+    axes.set_xlim(parts.low[0], parts.low[0] + parts.size[0] / parts.fit.scale)
+    axes.set_ylim(parts.low[1], parts.low[1] + parts.size[1] / parts.fit.scale)
+    axes.set_aspect("equal")
+    weight = min(1.0, max(0.5, float(parts.fit.taken.max()) / _FINE))
+    moved = draw_seen(axes, picture, weight, drawing.glass)
+    _draw_notes(axes, drawing, weight)
+    if drawing.lines is not None:
+        _draw_lines(axes, drawing, drawing.lines, weight)
+    _draw_dots(axes, drawing, weight)
+    _draw_shapes(axes, drawing, weight)
+    if parts.coordinates is not None:
+        _draw_axes(axes, parts.coordinates, parts.fit.scale)
+    parts.write(figure if sheet.ax is None else axes, axes, drawing)
+    parts.write_scale(axes, drawing, weight)
+    return figure, moved
 
 
 def thumbnail(
@@ -139,116 +138,310 @@ def thumbnail(
 ) -> bytes:
     notes = Annotations() if refusal is None else annotated(scene, refusal)
     drawing = Drawing(scene, moving, camera or default_camera(scene, moving), notes=notes)
+    picture = seen(drawing)
+    low, high = picture.bounds
+    pad = 0.01 * (high - low).max()
+    extent = high - low + 2.0 * pad
+    size = pixels / _DPI * extent / extent.max()
+    figure = SceneFigure(tuple(size), dpi=_DPI, facecolor="none")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set_xlim(low[0] - pad, high[0] + pad)
+    axes.set_ylim(low[1] - pad, high[1] + pad)
+    draw_seen(axes, picture, 0.5)
     buffer = io.BytesIO()
-    imsave(buffer, np.clip(paint(drawing, pixels).image, 0.0, 1.0), format="png")
+    figure.savefig(buffer, format="png", dpi=_DPI)
     return buffer.getvalue()
 
 
-def _draw_notes(axes: Axes, drawing: Drawing) -> FloatArray:
-    taken = [np.empty((0, 2))]
+# --- what is seen of the scene -------------------------------------------------------------------
+
+
+def draw_seen(axes: Axes, picture: Seen, weight: float, glass: bool = False) -> list[Artist]:
+    """Faces, outlines and joints as vectors; lines ``weight`` times as wide as they say."""
+    line = 0.55 * weight
+    added: list[Artist] = []
+    if picture.ghost.rings:
+        added.append(_fills(axes, [picture.ghost], 0.0))
+        added.append(_lines(axes, picture.ghost_lines, _GHOST_LINE, line, 2.1))
+    if glass:
+        added.append(_lines(axes, picture.lines, _GLASS_LINE, line, 2.15))
+    if picture.fills:
+        added.append(_fills(axes, picture.fills, 0.35 * line))
+    colour, strength = (_GLASS_LINE, 0.45) if glass else (_FACE_LINE, 1.0)
+    added.append(_lines(axes, picture.lines, colour, line, 2.4, strength))
+    if picture.ghost.rings:
+        added.append(_lines(axes, picture.ghost_lines, "#26263a", line, 2.5, 0.13))
+    if len(picture.marks):
+        marks = LineCollection(
+            list(picture.marks), colors=picture.colours, linewidths=weight * picture.widths,
+            capstyle="round", zorder=2.6,
+        )  # fmt: skip
+        added.append(axes.add_collection(marks, autolim=False))
+    return added
+
+
+def _fills(axes: Axes, fills: Sequence[Fill], seam: float) -> Artist:
+    """Regions, with a hairline of their own colour: without it paper shows between neighbours."""
+    paths = [
+        Path.make_compound_path(*(Path(ring, closed=True) for ring in fill.rings)) for fill in fills
+    ]
+    colours = [fill.colour for fill in fills]
+    collection = PathCollection(
+        paths, facecolors=colours, edgecolors=colours, linewidths=seam, zorder=2.2,
+        transform=axes.transData,
+    )  # fmt: skip
+    return axes.add_collection(collection, autolim=False)
+
+
+def _lines(
+    axes: Axes, lines: Sequence[FloatArray], colour: str, width: float, zorder: float,
+    opacity: float = 1.0,
+) -> Artist:  # fmt: skip
+    collection = LineCollection(
+        list(lines), colors=[to_rgba(colour, opacity)], linewidths=width, joinstyle="round",
+        zorder=zorder,
+    )  # fmt: skip
+    return axes.add_collection(collection, autolim=False)
+
+
+# --- what lies over it ---------------------------------------------------------------------------
+
+
+def _draw_arrow(
+    axes: Axes, ends: FloatArray, colour: Any, width: float, zorder: float, halo: bool
+) -> None:
+    """From one point (2,) to another, its head no longer than half of it."""
+    style = {
+        "arrowstyle": "-|>,head_length=0.32,head_width=0.14", "lw": width, "color": colour,
+        "shrinkA": 0, "shrinkB": 0, "mutation_scale": 6.0 + 6.0 * width, "joinstyle": "miter",
+    }  # fmt: skip
+    if halo:
+        style["path_effects"] = [withStroke(linewidth=width + 1.2, foreground="#ffffffb0")]
+    axes.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), zorder=zorder,
+                  annotation_clip=False, arrowprops=style)  # fmt: skip
+
+
+def _draw_notes(axes: Axes, drawing: Drawing, weight: float) -> None:
     for arrow in drawing.notes.arrows:
         ends = drawing.camera.project(np.array([arrow.tail, arrow.tip]))[:, :2]
-        taken.append(ends)
-        axes.annotate(
-            "", xy=tuple(ends[1]), xytext=tuple(ends[0]), zorder=6, annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-|>,head_length=0.5,head_width=0.22", "lw": 2.2,
-                "color": look.CASE_COLOURS[arrow.case], "shrinkA": 0, "shrinkB": 0,
-                "path_effects": [withStroke(linewidth=3.6, foreground="#ffffffb0")],
-            },
-        )  # fmt: skip
+        _draw_arrow(axes, ends, look.CASE_COLOURS[arrow.case], 2.2 * weight, 7.5, halo=True)
     if drawing.notes.marks:
         at = drawing.camera.project(np.array([mark.at for mark in drawing.notes.marks]))[:, :2]
-        taken.append(at)
-        axes.plot(
-            *at.T, "o", ms=9, mfc="none", mec=look.MARK_COLOUR, mew=1.8, zorder=7, clip_on=False
-        )
-    return np.concatenate(taken)
+        axes.plot(*at.T, "o", ms=9 * weight, mfc="none", mec=look.MARK_COLOUR, mew=1.8 * weight,
+                  zorder=7, clip_on=False)  # fmt: skip
 
 
-def _draw_lines(axes: Axes, drawing: Drawing) -> FloatArray:
-    taken = np.empty((0, 2))
-    if drawing.lines is not None:
-        taken = drawing.camera.project(drawing.lines.ends.reshape(-1, 3))[:, :2]
+def _draw_lines(axes: Axes, drawing: Drawing, lines: Lines, weight: float) -> None:
+    ends = drawing.camera.project(lines.ends.reshape(-1, 3))[:, :2].reshape(-1, 2, 2)
+    opacity = np.ones(len(ends)) if lines.opacity is None else lines.opacity
+    colours = np.array([to_rgba(lines.colour, a) for a in opacity.tolist()]).reshape(-1, 4)
+    widths = weight * lines.widths
+    order = np.argsort(lines.widths, kind="stable")
+    if not lines.heads:
+        halo = withStroke(linewidth=float(widths.max(initial=0.0)) + 1.0, foreground="#ffffff40")
         axes.add_collection(
             LineCollection(
-                list(taken.reshape(-1, 2, 2)), linewidths=drawing.lines.widths,
-                colors=drawing.lines.colour, zorder=6, capstyle="round",
-                path_effects=[withStroke(linewidth=1.0, foreground="#ffffff60")],
+                list(ends[order]), linewidths=widths[order], colors=colours[order], zorder=6,
+                capstyle="round", path_effects=[halo] if lines.opacity is None else None,
             ),
             autolim=False,
         )  # fmt: skip
+        return
+    for k in order.tolist():
+        _draw_arrow(axes, ends[k], tuple(colours[k]), float(widths[k]), 6.0, halo=False)
+
+
+def _draw_dots(axes: Axes, drawing: Drawing, weight: float) -> None:
     if drawing.dots is not None and len(drawing.dots):
         at = drawing.camera.project(drawing.dots)[:, :2]
-        size = float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 5.0))
+        size = weight * float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 4.0))
         axes.plot(*at.T, "o", ms=size, mfc=look.CENTRE_COLOUR, mec="white", mew=0.25 * size**0.5,
                   zorder=7)  # fmt: skip
-    return taken
 
 
-def _draw_shapes(axes: Axes, drawing: Drawing) -> FloatArray:
-    taken = [np.empty((0, 2))]
+def _draw_shapes(axes: Axes, drawing: Drawing, weight: float) -> None:
     for shape in drawing.shapes:
         flat = drawing.camera.project(shape.points + shape.moves)[:, :2]
         if shape.is_zone:
-            axes.fill(*flat.T, color=shape.colour, alpha=0.85, lw=2.0, zorder=6)
+            axes.fill(*flat.T, color=shape.colour, alpha=0.85, lw=2.0 * weight, zorder=6)
         else:
-            axes.plot(*flat.T, "-o", color=shape.colour, lw=2.6, ms=4.0, zorder=6.5, clip_on=False)
-        taken.append(flat)
-    kinds = Counter((shape.label, shape.colour) for shape in drawing.shapes)
-    for k, ((label, colour), count) in enumerate(kinds.items()):
-        axes.text(
-            0.99, 0.99 - 0.045 * k, f"{label} ({count})", color=colour, fontsize=8.5,
-            weight="bold", transform=axes.transAxes, ha="right", va="top", zorder=8,
-        )  # fmt: skip
-    return np.concatenate(taken)
+            axes.plot(*flat.T, "-o", color=shape.colour, lw=2.6 * weight, ms=4.0 * weight,
+                      zorder=6.5, clip_on=False)  # fmt: skip
 
 
-def _arrange(result: Figure, axes: Axes, seen: FloatArray, more: float) -> None:
-    """Fit the figure around the points (n, 2) in view, with ``more`` inches above them."""
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    width, height = high - low
-    scale = min(_SHEET.widest / width, _SHEET.tallest / height)
-    inner = np.array([max(scale * width, _SHEET.narrowest), scale * height])
-    outer = inner + np.array([_SHEET.left + _SHEET.right, _SHEET.top + more + _SHEET.bottom])
-    result.set_size_inches(*outer)
-    axes.set_position((_SHEET.left / outer[0], _SHEET.bottom / outer[1], *(inner / outer)))
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-
-
-def _draw_title(result: Figure, heading: list[str], said: list[str], colour: str) -> None:
-    height = result.get_figheight()
-    below = 0.4 + _SHEET.heading_line * (len(heading) - 1)
-    parts = (heading, 0.24, 11.0, "black"), (said, below + 0.08, 8.5, colour)
-    for lines, top, size, ink in parts:
-        result.text(
-            0.5, 1.0 - top / height, "\n".join(lines),
-            ha="center", va="top", fontsize=size, color=ink, parse_math=False,
-        )  # fmt: skip
-
-
-def _draw_colour_bar(result: Figure, axes: Axes, bar_of: Bar) -> None:
-    colours = LinearSegmentedColormap.from_list("bar", list(bar_of.stops))
-    box = axes.get_position()
-    width = result.get_figwidth()
-    bar = result.add_axes(
-        (box.x1 + 0.25 / width, box.y0 + 0.28 * box.height, 0.16 / width, 0.68 * box.height)
+def _draw_axes(axes: Axes, coordinates: Coordinates, scale: float) -> None:
+    ticks = [np.stack([at, at + away / scale]) for at, away in coordinates.ticks]
+    axes.add_collection(
+        LineCollection([*coordinates.lines, *ticks], colors=INK, linewidths=0.8, zorder=3),
+        autolim=False,
     )
-    drawn = result.colorbar(ScalarMappable(Normalize(0.0, 1.0), colours), cax=bar)
-    drawn.set_label(bar_of.label, fontsize=8)
-    drawn.ax.tick_params(labelsize=8)
+    for word in coordinates.words:
+        x, y = word.away
+        axes.annotate(
+            word.text, word.at, (x / POINT, y / POINT), textcoords="offset points",
+            ha=word.level, va=word.upright, fontsize=word.size, color=INK, annotation_clip=False,
+            parse_math=False,
+        )  # fmt: skip
 
 
-def _draw_legend(result: Figure, drawing: Drawing) -> None:
-    handles = [*_contents_keys(drawing), *_notes_keys(drawing.notes)]
-    columns = min(len(handles), max(3, int(result.get_figwidth() / 1.25)))
-    result.legend(
-        handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=8,
-        bbox_to_anchor=(0.5, 0.0), handlelength=1.1, handleheight=0.9, columnspacing=1.4,
-    )  # fmt: skip
+# --- the sheet around it -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """A figure's parts and their places, in inches from its lower left corner."""
+
+    size: tuple[float, float]
+    letters: Letters
+    heading: list[str]
+    said: list[str]
+    keys: list[Artist]
+    columns: int
+    bar: tuple[float, float, float, float] | None
+    bar_label: str
+    fit: Fit
+    low: FloatArray
+    coordinates: Coordinates | None
+
+    @classmethod
+    def of(cls, drawing: Drawing, picture: Seen, sheet: Sheet) -> _Parts:
+        points, given = _points(drawing, picture), sheet.size
+        width = given[0] if given else _automatic(points)
+        letters = Letters(width)
+        inner = width - 2.0 * _PAD
+        refusal = drawing.notes.refusal
+        title = drawing.heading if sheet.title is None else sheet.title
+        said = f"refused: {refusal}" if refusal else drawing.caption
+        heading = lines_of(title, letters.heading, inner)
+        below = lines_of(look.printable(said) if title else "", letters.caption, inner)
+        keys = [*_contents_keys(drawing), *_notes_keys(drawing.notes)] if sheet.legend else []
+        texts = [str(key.get_label()) for key in keys]
+        columns = columns_of(texts, letters.key, inner) if keys else 1
+        rows = -(-len(keys) // columns)
+        top = _PAD + POINT * (
+            1.3 * letters.heading * len(heading) + 1.35 * letters.caption * len(below)
+        )
+        foot = _PAD + POINT * 1.5 * letters.key * rows
+        bar_label, bar_room = _bar_room(drawing.bar, letters, inner, given and given[1])
+        if drawing.lines is not None and drawing.lines.each is not None:
+            top += _SCALE_ROOM
+        side = bar_room if letters.is_wide else 0.0
+        foot += 0.0 if letters.is_wide else bar_room
+        tallest = given[1] if given else top + foot + _TALLEST
+        room = np.array([inner - side, max(tallest - top - foot - 2.0 * _PAD, 0.3 * tallest)])
+        fit = fitted(points, (), 0.85 * room)
+        coordinates = None
+        if drawing.has_axes:
+            for _ in range(2):  # ticks depend on the scale, and it on them
+                coordinates = Coordinates.of(drawing.scene, drawing.camera, fit.scale, letters)
+                spots = np.concatenate([points, *coordinates.lines])
+                fit = fitted(spots, coordinates.words, room)
+        else:
+            fit = fitted(points, (), room)
+        height = given[1] if given else top + foot + 2.0 * _PAD + float(fit.taken[1])
+        room[1] = height - top - foot - 2.0 * _PAD
+        place = np.array([_PAD, foot + _PAD]) + 0.5 * np.maximum(room - fit.taken, 0.0)
+        bar = None
+        if drawing.bar is not None:
+            bar = (width - side + 0.05, foot + _PAD + 0.22 * room[1], 0.15, 0.7 * room[1])
+            if not letters.is_wide:
+                bar = (0.18 * width, foot - 0.02 - 0.13, 0.64 * width, 0.09)
+        return cls(
+            (width, height), letters, heading, below, keys, columns, bar, bar_label, fit,
+            fit.low - place / fit.scale, coordinates,
+        )  # fmt: skip
+
+    def write(self, host: Any, axes: Axes, drawing: Drawing) -> None:
+        """Title, caption, legend and colour bar, onto a figure or into axes."""
+        width, height = self.size
+        across = host.transFigure if isinstance(host, Figure) else host.transAxes
+        colour = look.MARK_COLOUR if drawing.notes.refusal else INK
+        top = height - _PAD
+        for lines, size, ink in (
+            (self.heading, self.letters.heading, "black"), (self.said, self.letters.caption, colour)
+        ):  # fmt: skip
+            if lines:
+                host.text(
+                    0.5, top / height, "\n".join(lines), transform=across, ha="center", va="top",
+                    fontsize=size, color=ink, parse_math=False, linespacing=1.15,
+                )  # fmt: skip
+            top -= 1.3 * size * POINT * len(lines)
+        if self.keys:
+            host.legend(
+                handles=self.keys, loc="lower center", ncols=self.columns, frameon=False,
+                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * _PAD / height),
+                handlelength=1.1, handleheight=0.9, columnspacing=1.3, handletextpad=0.6,
+                borderpad=0.0, borderaxespad=0.0, labelspacing=0.3,
+            )  # fmt: skip
+        if self.bar is not None and drawing.bar is not None:
+            x, y, wide, high = self.bar
+            place = (x / width, y / height, wide / width, high / height)
+            figure: Any = axes.get_figure(root=True)
+            box = host.add_axes(place) if isinstance(host, Figure) else host.inset_axes(place)
+            colours = LinearSegmentedColormap.from_list("bar", list(drawing.bar.stops))
+            level = "vertical" if self.letters.is_wide else "horizontal"
+            shown = figure.colorbar(
+                ScalarMappable(Normalize(0.0, 1.0), colours), cax=box, orientation=level
+            )
+            shown.set_label(self.bar_label, fontsize=self.letters.key)
+            shown.ax.tick_params(labelsize=self.letters.tick, pad=2.0, length=2.5)
+
+    def write_scale(self, axes: Axes, drawing: Drawing, weight: float) -> None:
+        """A bar as long as a round force, above the scene on its right."""
+        lines = drawing.lines
+        if lines is None or lines.each is None or not len(lines.ends):
+            return
+        longest = float(np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1).max())
+        force = _round_below(longest / lines.each)
+        y = self.size[1] - _PAD - POINT * (
+            1.3 * self.letters.heading * len(self.heading)
+            + 1.35 * self.letters.caption * len(self.said)
+        )  # fmt: skip
+        end = self.low + np.array([self.size[0] - 3 * _PAD, y - 0.5 * _SCALE_ROOM]) / self.fit.scale
+        start = end - np.array([force * lines.each, 0.0])
+        _draw_arrow(axes, np.stack([start, end]), lines.colour, 2.0 * weight, 7.0, halo=False)
+        axes.annotate(
+            f"{force:g} {look.printable(drawing.scene.units.force)}", tuple(start), (-4.0, 0.0),
+            textcoords="offset points", ha="right", va="center", fontsize=self.letters.key,
+            color=lines.colour, annotation_clip=False, parse_math=False,
+        )  # fmt: skip
+
+
+def _round_below(value: float) -> float:
+    """1, 2 or 5 times a power of ten, not above a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= value))
+
+
+def _points(drawing: Drawing, picture: Seen) -> FloatArray:
+    """All that must be in view, on the picture (n, 2)."""
+    spots = [np.array([mark.at for mark in drawing.notes.marks]).reshape(-1, 3)]
+    spots += [np.array([arrow.tail, arrow.tip]) for arrow in drawing.notes.arrows]
+    spots += [shape.points + shape.moves for shape in drawing.shapes]
+    if drawing.lines is not None:
+        spots.append(drawing.lines.ends.reshape(-1, 3))
+    over = drawing.camera.project(np.concatenate(spots))[:, :2]
+    return np.concatenate([picture.bounds, over])
+
+
+def _automatic(points: FloatArray) -> float:
+    """Width in inches of a figure that nobody gave a size."""
+    width, height = np.ptp(points, axis=0)
+    scale = min(_WIDEST / width, _TALLEST / height)
+    return float(max(scale * width + 1.7, _NARROWEST))
+
+
+def _bar_room(
+    bar: Bar | None, letters: Letters, inner: float, height: float | None
+) -> tuple[str, float]:
+    """The bar's label in lines, and inches beside or below the scene."""
+    if bar is None:
+        return "", 0.0
+    length = 0.6 * (height or 0.6 * inner) if letters.is_wide else inner
+    lines = lines_of(bar.label, letters.key, length)
+    each = POINT * (1.3 * letters.key * len(lines) + 1.3 * letters.tick)
+    return "\n".join(lines), each + (0.5 if letters.is_wide else 0.2)
 
 
 def _contents_keys(drawing: Drawing) -> Iterator[Artist]:
@@ -262,11 +455,19 @@ def _contents_keys(drawing: Drawing) -> Iterator[Artist]:
     if drawing.lines is not None:
         yield Line2D([], [], color=drawing.lines.colour, lw=2.2, label=drawing.lines.label)
     if drawing.dots is not None:
-        yield _ring("pressure centre", ms=5, mfc=look.CENTRE_COLOUR, mec="white")
+        yield _ring("pressure centre", ms=4.5, mfc=look.CENTRE_COLOUR, mec="white")
+    for colour, label in drawing.keys:
+        yield Patch(color=colour, label=label)
+    kinds = Counter((shape.label, shape.colour) for shape in drawing.shapes)
+    for (label, colour), count in kinds.items():
+        yield Patch(color=colour, label=f"{label} ({count})")
     if moves:
         yield Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed")
+    elif drawing.glass:
+        yield Patch(facecolor="white", edgecolor=_GLASS_LINE, label=drawing.blocks)
     else:
-        yield Patch(color=look.STONE_COLOUR, label=drawing.blocks)
+        stone = look.STONE_COLOUR if drawing.colours is None else look.PALE
+        yield Patch(facecolor=stone, edgecolor=_GLASS_LINE, lw=0.5, label=drawing.blocks)
     yield Patch(color=look.SUPPORT_COLOUR, label="support")
 
 
@@ -277,71 +478,8 @@ def _notes_keys(notes: Annotations) -> Iterator[Artist]:
         yield Line2D([], [], color=look.CASE_COLOURS[case], lw=2.2, label=f"{case} load")
     if notes.marks:
         label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
-        yield _ring(label, ms=7, mfc="none", mec=look.MARK_COLOUR, mew=1.6)
+        yield _ring(label, ms=6, mfc="none", mec=look.MARK_COLOUR, mew=1.4)
 
 
 def _ring(label: str, **look: Any) -> Line2D:
     return Line2D([], [], ls="none", marker="o", label=label, **look)
-
-
-def _draw_axes(axes: Axes, scene: Scene, camera: Camera) -> FloatArray:
-    """Axes along the free blocks, level ones in front, the upright one left."""
-    bounds, size, up = shown_bounds(scene), free_size(scene), upright(scene)
-    pole = int(np.abs(up).argmax())
-    level = [axis for axis in range(3) if axis != pole]
-    low, high = bounds + np.array([[-1.0], [1.0]]) * (SURROUNDINGS + 0.03) * size
-    front = np.where(camera.axes[2] >= 0.0, high, low)
-    left = np.where(camera.axes[0] >= 0.0, low, high)
-    front[pole] = left[pole] = low[pole] if up[pole] > 0.0 else high[pole]
-    towards = np.diag(np.where(camera.axes[2] >= 0.0, 1.0, -1.0))
-    seen = [
-        _draw_axis(axes, scene, camera, axis, front, towards[other])
-        for axis, other in (level, level[::-1])
-    ]
-    seen.append(_draw_axis(axes, scene, camera, pole, left, -camera.axes[0]))
-    return np.concatenate(seen)
-
-
-def _draw_axis(
-    axes: Axes, scene: Scene, camera: Camera, axis: int, through: FloatArray, outward: FloatArray
-) -> FloatArray:
-    size = free_size(scene)
-    along, aside = camera.axes[:2, axis], camera.axes[:2] @ outward
-    shown = float(np.linalg.norm(along))
-    if abs(along[0] * aside[1] - along[1] * aside[0]) < 0.05 * shown or shown < 0.05:
-        return np.empty((0, 2))
-    low, high = shown_bounds(scene)[:, axis]
-    ticks = _ticks(low, high, int((high - low) * shown / (_SHEET.tick_spacing * size)))
-    line = np.tile(through, (len(ticks) + 2, 1))
-    line[:, axis] = [low, *ticks, high]
-    base = line @ camera.axes[:2].T
-    step = _SHEET.tick * size * aside / max(float(np.linalg.norm(aside)), 0.5)
-    axes.plot(*base[[0, -1]].T, color=INK, lw=0.8, clip_on=False, zorder=3)
-    for value, at in zip(ticks, base[1:-1], strict=True):
-        axes.plot(*np.stack([at, at + step]).T, color=INK, lw=0.8, clip_on=False, zorder=3)
-        _write(axes, f"{value:.10g}", at + 1.7 * step, aside, 7.5)
-    range_text = "" if len(ticks) else f" {low:.4g} to {high:.4g}"
-    name = f"{'xyz'[axis]}{range_text} ({scene.units.length})"
-    middle = base[[0, -1]].mean(axis=0, keepdims=True)
-    away = 6.5 if len(ticks) else 1.7
-    _write(axes, name, middle[0] + away * step, aside, 9.0)
-    return np.concatenate([base, base[1:-1] + 4.5 * step, middle + (away + 2.5) * step])
-
-
-def _ticks(low: float, high: float, room: int) -> FloatArray:
-    if room < 1:
-        return np.empty(0)
-    locator = MaxNLocator(min(room, 8), steps=[1, 2, 2.5, 5, 10])
-    found = np.asarray(locator.tick_values(low, high), dtype=float)
-    slack = 1e-9 * (high - low)
-    inside: FloatArray = found[(found >= low - slack) & (found <= high + slack)]
-    return inside if len(inside) > 1 else np.array([low, high])
-
-
-def _write(axes: Axes, text: str, at: FloatArray, aside: FloatArray, size: float) -> None:
-    level = "center" if abs(aside[0]) < 0.3 else "left" if aside[0] > 0 else "right"
-    upright = "center" if abs(aside[1]) < 0.2 else "bottom" if aside[1] > 0 else "top"
-    axes.text(
-        at[0], at[1], text, ha=level, va=upright, fontsize=size, color=INK,
-        clip_on=False, parse_math=False,
-    )  # fmt: skip

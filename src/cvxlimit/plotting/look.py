@@ -17,7 +17,7 @@ from cvxlimit.files import write_file
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
 from cvxlimit.plotting.movement import ContactKind, Motion
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
+from cvxlimit.solution import Solution, Status
 
 SPEED_STOPS = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", "#134b73")
 """Colours from speed 0 to the largest, evenly spaced: light to dark, so that they also read in
@@ -93,6 +93,10 @@ def block_colours(
     return colours
 
 
+SLOW = 0.05
+"""Joints that move by less than this share of the fastest are not drawn: where sliding dilates,
+nearly every joint of a wall moves a little, and a hundred lines say nothing."""
+
 THINNEST = 0.22
 """Width of the joint that moves least, as a share of that which moves most: still to be seen."""
 
@@ -106,7 +110,8 @@ def moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
     largest = float(rate[what.kind != ContactKind.CLOSED].max(initial=0.0))
     share = np.clip(rate / largest, 0.0, 1.0) if largest > 0.0 else np.ones(len(rate))
     width = THINNEST + (widest - THINNEST) * share
-    return Marking(scene.contacts, what.kind, kinds, KIND_TEXTS, width)
+    drawn = np.where(share < SLOW, ContactKind.CLOSED, what.kind)
+    return Marking(scene.contacts, drawn, kinds, KIND_TEXTS, width)
 
 
 def scene_joints(scene: Scene) -> Marking:
@@ -125,10 +130,11 @@ _BENDING = {
 
 
 def title(solution: Solution) -> str:
-    """Scene, friction, load factor and bracket if there is one; the status without an answer.
+    """Scene, friction, load factor; the status without an answer.
 
-    The bracket's ends are rounded outwards, so that what is printed is still a bracket.
-    Characters that do not print are replaced.
+    The bracket stands beside it where it is wider than what is printed, with the status: its ends
+    are rounded outwards, so that what is printed is still a bracket. Characters that do not print
+    are replaced.
 
     Example
     -------
@@ -136,7 +142,7 @@ def title(solution: Solution) -> str:
     >>> from cvxlimit.solution import Solution, Status
     >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058,
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
-    'tuff-wall, Coulomb friction: load factor 0.42306 in [0.42305, 0.42306]'
+    'tuff-wall, Coulomb friction: load factor α = 0.42306'
     """
     what = f"{printable(solution.scene)}, {_FRICTION.get(solution.surface, solution.surface)}"
     if solution.interaction in _BENDING:
@@ -145,10 +151,15 @@ def title(solution: Solution) -> str:
         what += f", {solution.interaction}"
     if solution.load_factor is None:
         return f"{what}: {solution.status}"
-    doubt = "" if solution.status.is_good else f" ({solution.status})"
-    inside = f" in {solution.bracket.shown(DIGITS)}" if solution.bracket.has_any else ""
-    value = f"{printable(solution.quantity)} {rounded(solution.load_factor, DIGITS)}"
-    return f"{what}: {value}{inside}{doubt}"
+    standing = solution.standing
+    says = standing != "certified" and standing != str(Status.CONVERGED)
+    is_narrow = solution.status.is_good and solution.gap <= 10.0**-DIGITS
+    has_bracket = solution.bracket.has_any and not is_narrow
+    inside = f" in {solution.bracket.shown(DIGITS)}" if has_bracket else ""
+    symbol = printable(solution.quantity)
+    symbol += " \N{GREEK SMALL LETTER ALPHA} =" if symbol == "load factor" else ""
+    doubt = f" ({standing})" if says else ""
+    return f"{what}: {symbol} {rounded(solution.load_factor, DIGITS)}{inside}{doubt}"
 
 
 def scene_title(scene: Scene) -> str:
@@ -163,7 +174,7 @@ def printable(text: str) -> str:
 
 
 IMAGES = (".png", ".svg", ".pdf")
-"""Files of figures. In SVG and PDF the painted blocks are an image; everything else is lines."""
+"""Files of figures; in SVG and PDF everything is lines, faces and letters."""
 
 
 class Saved(ABC):

@@ -32,7 +32,18 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
     """A function from a solution to a :class:`Drawing`, as a picture of its name.
 
     It returns a figure then, and ``solution.plot`` knows it; its parameters besides the solution
-    are options there.
+    are options there. Every picture also takes
+
+    ``ax``
+        Matplotlib axes to draw into, with title and legend inside them; their figure is returned.
+    ``figsize``
+        Width and height in inches, such as ``(3.4, 3.0)`` for a journal's column; by itself a
+        figure is as large as its scene needs, or as ``rcParams["figure.figsize"]`` says where that
+        was changed. Letters follow ``rcParams["font.size"]``.
+    ``title``
+        Another text; with ``""`` neither title nor caption.
+    ``legend``
+        ``False`` leaves it out.
 
     Example
     -------
@@ -49,14 +60,33 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
     >>> del PICTURES["falling"]
     """
 
+    own = inspect.signature(make)
+    common = [p for p in _COMMON if p.name not in own.parameters]
+
     @wraps(make)
     def made(*args: P.args, **options: P.kwargs) -> SceneFigure:
-        figure: SceneFigure = figures().drawn(make(*args, **options))
+        given = {p.name: options.pop(p.name) for p in common if p.name in options}
+        drawing = make(*args, **options)  # refuses other names
+        made_of = figures()
+        figure: SceneFigure = made_of.drawn(drawing, made_of.Sheet(**given))
         return figure
 
-    signature = inspect.signature(make).replace(return_annotation="SceneFigure")
+    parameters = [*own.parameters.values(), *common]
+    signature = own.replace(parameters=parameters, return_annotation="SceneFigure")
     made.__signature__ = signature  # type: ignore[attr-defined]
     return listed(made)
+
+
+_COMMON = [
+    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=value, annotation=kind)
+    for name, value, kind in (
+        ("ax", None, "Axes | None"),
+        ("figsize", None, "tuple[float, float] | None"),
+        ("title", None, "str | None"),
+        ("legend", True, "bool"),
+    )
+]
+"""What :func:`picture` adds to the parameters of every picture."""
 
 
 def figures() -> ModuleType:

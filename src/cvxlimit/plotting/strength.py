@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -10,6 +12,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import reading_of
 from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.model.reserve import least_used
 from cvxlimit.plotting.movement import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -56,6 +59,34 @@ def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> 
         known = [key.removeprefix("utilisation_") for key in found if key != "utilisation"]
         raise InputError(f"there is no surface {surface!r}: choose one of {', '.join(known)}")
     return found[name]
+
+
+LITTLE = 1e-2
+"""A joint that is pressed by less than this share of the largest compression carries next to
+nothing: the share of its strength in use is a quotient of two forces that do not matter."""
+
+
+def least_used_state(
+    solution: Solution, scene: Scene, load_factor: float | None = None
+) -> tuple[Solution, str]:
+    """The solution with the state of force that uses joints least, at its own load factor or at a
+    smaller one, and what that is in words; its own forces where its set of states is not convex."""
+    forces = forces_of(scene, solution)
+    is_plain = solution.interaction == "none" and solution.torsion_shear != "exact"
+    is_plain &= solution.quantity == "load factor" and 0.0 <= solution.lower < np.inf
+    found = None
+    if is_plain:
+        factor = solution.lower if load_factor is None else load_factor
+        found = least_used(scene, _solved_with(solution), factor, forces)
+    at = "at collapse" if load_factor is None else f"at load factor {load_factor:g}"
+    if found is not None:
+        return replace(solution, forces=found), f"{at}, in the state that uses joints least"
+    if load_factor is not None:
+        raise InputError(
+            f"no state of forces of {solution.scene!r} was found at load factor {load_factor:g}: "
+            f"ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
+        )
+    return solution, f"{at}, in the state of forces that was found"
 
 
 def forces_of(scene: Scene, solution: Solution) -> FloatArray:

@@ -17,15 +17,13 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
 from cvxlimit.plotting.contents import Viewer
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.movement import displaced
-from cvxlimit.plotting.picture import drawn_mesh, frame_of, paint
+from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.registry import figures, listed
 from cvxlimit.solution import Solution
 
 Bytes = NDArray[np.uint8]
 
-PIXELS = 640
 DPI = 100
 SECONDS = 2.4
 """From rest to the largest displacement and back."""
@@ -133,16 +131,15 @@ def animation(
             f"the solution of {solution.scene!r} has no mechanism ({solution.status}): there is "
             "nothing to set in motion"
         )
-    mesh = drawn_mesh(drawing.scene)
-    moved = displaced(drawing.scene, moving, mesh.points, mesh.point_block)
-    frame = frame_of(drawing.camera.project(np.concatenate([mesh.points, moved])), PIXELS)
-    last = paint(drawing, frame=frame)
-    figure, image = figures().assembled(drawing, last)
+    made = figures()
+    figure, shown = made.assembled(drawing, seen(drawing), made.Sheet())
     figure.set_dpi(DPI)
     forth: list[Bytes] = []
     for share in (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))).tolist():
         part = replace(drawing, moving=replace(moving, scale=share * moving.scale))
-        image.set_data(paint(part, frame=frame, ghost=last.ghost).image)
+        for artist in shown:
+            artist.remove()
+        shown = made.draw_seen(figure.axes[0], seen(part), 1.0)
         forth.append(figure.pixels())
     return Animation((*forth, *forth[-2:0:-1]))
 

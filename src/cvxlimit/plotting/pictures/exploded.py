@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 import cvxlimit.plotting.look as look
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import positive
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
 from cvxlimit.plotting.picture import drawn_mesh
+from cvxlimit.plotting.pictures.utilisation import idle_keys, joint_areas, used_shares
 from cvxlimit.plotting.registry import picture
-from cvxlimit.plotting.strength import forces_of, share_used
+from cvxlimit.plotting.strength import forces_of, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -26,6 +28,8 @@ CORNERS = 20
 @picture
 def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = None) -> Drawing:
     """Blocks drawn apart: how much of their strength joints use, and where they are pressed.
+
+    In the state of force that uses joints least, as in :func:`utilisation`.
 
     Parameters
     ----------
@@ -45,14 +49,20 @@ def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = 
     scene = solution if isinstance(solution, Scene) else solution.drawn_scene
     solved = solution if isinstance(solution, Solution) and solution.forces is not None else None
     shown = motion(scene, solved) if solved else still(scene)
+    caption, used = "exploded view: joints", np.full(len(scene.contacts), np.nan)
+    if solved is not None:
+        solved, said = least_used_state(solved, scene)
+        used = used_shares(solved, scene)
+        caption = f"exploded view; strength in use {said}"
     return Drawing(
         scene,
         _apart(scene, away),
         camera_for(scene, shown, viewer),
         look.title(solution) if isinstance(solution, Solution) else scene.name,
-        "exploded view" + ("; joints by share of strength in use" if solved else ": joints"),
+        caption,
         colours=look.block_colours(scene, still(scene), stone=look.PALE),
-        decals=list(_faces(scene, solved)),
+        decals=[*joint_areas(scene, used, both=True), *_dots(scene, solved, used)],
+        keys=idle_keys(used) if solved else [],
         dots=np.empty((0, 3)) if solved else None,
         bar=Bar(look.USE_STOPS, look.USE_TEXT) if solved else None,
         has_axes=False,
@@ -71,22 +81,17 @@ def _apart(scene: Scene, gap: float) -> Motion:
     return replace(still(scene), rates=rates, scale=1.0)
 
 
-def _faces(scene: Scene, solution: Solution | None) -> Iterator[Decal]:
+def _dots(scene: Scene, solution: Solution | None, used: FloatArray) -> Iterator[Decal]:
+    """Where joints are pressed that carry something."""
+    if solution is None:
+        return
     contacts = scene.contacts
-    used = np.full(len(contacts), np.nan)
-    place = np.full((len(contacts), 3), np.nan)
-    if solution is not None:
-        used = share_used(solution, scene)
-        place = pressure_centres(contacts, forces_of(scene, solution))[1]
+    place = pressure_centres(contacts, forces_of(scene, solution))[1]
     side = np.sqrt(contacts.area)
-    radius = np.minimum(0.11 * np.median(side), 0.3 * side)
+    radius = np.minimum(0.075 * np.median(side), 0.25 * side)
     turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    for j in range(len(contacts)):
-        colour = "#c9c3b4" if np.isnan(used[j]) else look.used_colour(float(used[j]))
+    for j in np.flatnonzero(np.isfinite(place).all(axis=1) & ~np.isnan(used)).tolist():
+        dot = place[j] + radius[j] * ring @ contacts.axes[j, :2]
         for block in (int(contacts.a[j]), int(contacts.b[j])):
-            for piece in contacts.piece_points(j):
-                yield Decal(piece, block, colour)
-            if np.isfinite(place[j]).all():
-                dot = place[j] + radius[j] * ring @ contacts.axes[j, :2]
-                yield Decal(dot, block, look.CENTRE_COLOUR, lift=2.0)
+            yield Decal(dot, block, look.CENTRE_COLOUR, lift=2.0)

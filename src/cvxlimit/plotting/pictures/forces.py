@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import pressure_centres
-from cvxlimit.plotting.camera import thin_axis
+from cvxlimit.plotting.annotations import annotated
+from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.registry import picture
@@ -19,12 +22,12 @@ FORCE_COLOUR, THRUST_COLOUR = "#1b5e9c", "#123f6b"
 LONGEST_FORCE = 0.16
 """Length of the largest resultant, relative to the free blocks' size."""
 
-FAINTEST = 0.004
-"""Forces below this share of the largest are not drawn: a tenth of a line's width."""
+FAINTEST = 0.02
+"""Forces below this share of the largest are not drawn: in a wall in space most joints carry a
+hundredth of it, and their lines hide the others."""
 
-DOTTED = 0.05
-"""Pressure centres are marked where more than this share of the largest force passes: a wall of
-many joints would be dots all over."""
+_FAR = 0.35
+"""Opacity of the force farthest from the viewer, over that of the nearest."""
 
 _UPRIGHT = 0.1
 """A structure whose joints all lie within this (sine) of being across one plane is planar."""
@@ -32,28 +35,33 @@ _UPRIGHT = 0.1
 
 @picture
 def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
-    """Resultants: the force that each joint transmits, through its pressure centre.
+    """Resultants: the force that each joint exerts on the block above it, at its pressure centre.
 
-    Parameters and errors as for :func:`mechanism`; besides, a solution must have forces. Planar
-    structures are seen straight from the front unless ``viewer`` says otherwise.
+    Arrows are as long, wide and dark as the force; below 2 % of the largest there is none. A bar
+    states their scale; arrows of the loads have a scale of their own. Parameters and errors as for
+    :func:`mechanism`; besides, a solution must have forces. Planar structures are seen straight
+    from the front unless ``viewer`` says otherwise.
     """
     scene = solution.drawn_scene
-    found = forces_of(scene, solution)
-    _, place = pressure_centres(scene.contacts, found)
-    vectors = np.einsum("nk,nkx->nx", found[:, :3], scene.contacts.axes)
+    contacts, found = scene.contacts, forces_of(scene, solution)
+    _, place = pressure_centres(contacts, found)
+    vectors = np.einsum("nk,nkx->nx", found[:, :3], contacts.axes)
+    centre = np.array([block.centroid for block in scene.blocks])
+    is_above = (centre[contacts.b] - centre[contacts.a]) @ upright(scene) >= -1e-9 * free_size(
+        scene
+    )
+    vectors *= np.where(is_above, 1.0, -1.0)[:, None]  # as they are, they act on block b
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     shown = np.flatnonzero((size > FAINTEST * largest) & np.isfinite(place).all(axis=1))
-    place, size = place[shown], size[shown]
-    half = 0.5 * LONGEST_FORCE * free_size(scene) * vectors[shown] / largest
-    ends = np.stack([place - half, place + half], axis=1)
-    return at_rest(
-        solution,
-        _front(scene, viewer),
-        f"forces in the joints; the longest line is {largest:.3g} {scene.units.force}",
-        lines=Lines(ends, 0.7 + 1.8 * size / largest, FORCE_COLOUR, "resultant"),
-        dots=place[size > DOTTED * largest],
-    )
+    each = LONGEST_FORCE * free_size(scene) / largest
+    ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
+    label = "force on the block above"
+    return _with_forces(
+        solution, viewer, f"forces in the joints above {100 * FAINTEST:g} % of the largest, "
+        f"{largest:.3g} {scene.units.force}", ends, size[shown] / largest,
+        Lines(ends, 0.6 + 1.4 * size[shown] / largest, FORCE_COLOUR, label, heads=True, each=each),
+    )  # fmt: skip
 
 
 @picture
@@ -61,21 +69,39 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """Thrust lines: how compression flows from joint to joint through the pressure centres.
 
     Where a block has two loaded joints the line joins their pressure centres, as in an arch; where
-    it has more, lines meet in the mean of them, weighted by force. Lines are as wide as the force.
-    Parameters and errors as for :func:`forces`.
+    it has more, lines meet in the mean of them, weighted by force. Lines are as wide and dark as
+    the force; what carries less than 2 % of the largest is left out. In space blocks are glass, and
+    lines behind fainter. Parameters and errors as for :func:`forces`.
     """
     scene = solution.drawn_scene
     found = forces_of(scene, solution)
     ends, size = thrust_lines(scene, found)
     largest = float(size.max(initial=0.0)) or 1.0
+    share = size / largest
     _, place = pressure_centres(scene.contacts, found)
-    return at_rest(
-        solution,
-        _front(scene, viewer),
-        f"thrust lines at collapse; the widest line carries {largest:.3g} {scene.units.force}",
-        lines=Lines(ends, 0.5 + 3.5 * size / largest, THRUST_COLOUR, "thrust"),
-        dots=place[found[:, 2] > DOTTED * float(found[:, 2].max(initial=0.0))],
-    )
+    drawing = _with_forces(
+        solution, viewer, f"thrust lines at collapse; the widest line carries {largest:.3g} "
+        f"{scene.units.force}", ends, share,
+        Lines(ends, 0.4 + 3.6 * share, THRUST_COLOUR, "thrust"),
+    )  # fmt: skip
+    loaded = found[:, 2] > FAINTEST * float(found[:, 2].max(initial=0.0))
+    return drawing if drawing.glass else replace(drawing, dots=place[loaded])
+
+
+def _with_forces(
+    solution: Solution, viewer: Viewer, caption: str, ends: FloatArray, share: FloatArray,
+    lines: Lines,
+) -> Drawing:  # fmt: skip
+    """Lines over the blocks, the darker the larger the force; in space fainter behind, on glass."""
+    scene = solution.drawn_scene
+    is_flat = _is_planar(scene)
+    front: Viewer = tuple((-thin_axis(scene)).tolist()) if is_flat else None
+    opacity = np.minimum(0.25 + share, 1.0)
+    drawing = at_rest(solution, viewer or front, caption, notes=annotated(scene), glass=not is_flat)
+    if not is_flat and len(ends):
+        depth = ends.mean(axis=1) @ drawing.camera.axes[2]
+        opacity = opacity * (_FAR + (1.0 - _FAR) * (depth - depth.min()) / (np.ptp(depth) or 1.0))
+    return replace(drawing, lines=replace(lines, opacity=opacity))
 
 
 def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -99,9 +125,8 @@ def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArra
     return np.array(ends).reshape(-1, 2, 3), np.array(size)
 
 
-def _front(scene: Scene, viewer: Viewer) -> Viewer:
+def _is_planar(scene: Scene) -> bool:
     thin = thin_axis(scene)
     across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
     push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)
-    is_planar = across < _UPRIGHT and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0)
-    return viewer or (tuple((-thin).tolist()) if is_planar else None)
+    return bool(across < _UPRIGHT and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0))

@@ -7,13 +7,13 @@ from dataclasses import replace
 from cvxlimit.checks import positive
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
-from cvxlimit.plotting.look import SPEED_STOPS, SPEED_TEXT, moving_joints, title
+from cvxlimit.plotting.look import SLOW, SPEED_STOPS, SPEED_TEXT, moving_joints, title
 from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.registry import picture
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-CRACK = 2.2
+CRACK = 1.8
 """Width of the widest crack, in lines of the mechanism's widest joint: nothing gapes there to be
 seen by."""
 
@@ -22,8 +22,8 @@ seen by."""
 def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer = None) -> Drawing:
     """How the structure falls: displaced blocks by speed, and what the joints do.
 
-    Joints that open, slide or twist are outlined, the wider the faster, so that many small slips
-    do not hide what fails.
+    Joints that open, slide or twist are outlined, the wider the faster; those that move by less
+    than 5 % of the fastest are not, so that many small slips do not hide what fails.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def mechanism_of(
     length = moving.scale * moving.largest
     caption = (
         f"collapse mechanism; largest displacement drawn {length:.3g} {scene.units.length}; "
-        "joint lines by rate"
+        f"joints above {100 * SLOW:g} % of the largest rate"
     )
     return Drawing(
         scene,
@@ -71,9 +71,10 @@ def mechanism_of(
 def cracks(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """The crack pattern: joints that open, slide and twist, on the undeformed structure.
 
-    Lines are as wide as the joints move. Parameters and errors as for :func:`mechanism`.
+    Lines are the wider the faster the joints move; below 5 % of the fastest there is none.
+    Parameters and errors as for :func:`mechanism`.
     """
     scene = solution.drawn_scene
-    said = "crack pattern: joint lines as wide as they move in the mechanism"
+    said = f"crack pattern: lines by rate, above {100 * SLOW:g} % of the largest"
     marking = moving_joints(scene, motion(scene, solution), CRACK)
     return at_rest(solution, viewer, said, marking=marking)

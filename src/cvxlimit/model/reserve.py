@@ -1,0 +1,83 @@
+"""Of all states of force that carry a load factor, that which uses the joints least."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import ForceVariables
+from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.scene import Scene
+from cvxlimit.surfaces.base import YieldSurface, admissible, stated
+
+_BELOW = 1e-6
+"""The load factor is less by this share, so that rounding of it leaves forces to choose from; a
+contact at its strength then shows 1 to about as many digits as are printed."""
+
+_ADMISSIBLE = 1e-5
+"""Excess and imbalance, over the largest compression, of forces that are good for a picture."""
+
+
+@dataclass(frozen=True)
+class LeastUse:
+    """Least sum of N u^2 over all contacts, with u the share of strength in use.
+
+    u N is the least compression under which a contact would still bear its shear and moments, so
+    the sum is convex: that compression squared over N. Contacts are pressed by at most ``most``:
+    blocks between supports could press each other without end, and use ever less of their strength.
+    """
+
+    surfaces: Sequence[YieldSurface]
+    factor: float
+    most: float
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        """Scaled, as the problem's other terms."""
+        scaling, normal = assemblage.scaling, forces.components["N"]
+        needed, use = cp.Variable(normal.shape), cp.Variable(normal.shape)
+        limits = [
+            alpha == self.factor / scaling.load_factor(1.0),
+            needed <= normal,
+            normal <= self.most / scaling.force,
+            cp.SOC(normal + use, cp.vstack([2.0 * needed, normal - use]), axis=0),
+        ]
+        alone = {**forces.components, "N": needed}
+        for surface in self.surfaces:
+            for condition in stated(surface, assemblage.contacts):
+                limits += admissible(condition, alone, surface.cone)
+        return Terms(-cp.sum(use), assemblage.scaled.dead, alpha * assemblage.scaled.live, limits)
+
+
+def least_used(
+    scene: Scene, surfaces: Sequence[YieldSurface], factor: float, forces: FloatArray
+) -> FloatArray | None:
+    """The state (n, 6) that uses the joints least at a load factor, or None if none was found.
+
+    ``forces`` are a state that carries it; no contact is pressed by more than twice their largest
+    compression.
+    """
+    most = 2.0 * float(forces[:, 2].max(initial=0.0))
+    if scene.ties or (forces[:, 2] < -_ADMISSIBLE * most).any():
+        return None  # what pulls has no share of a compression
+    assemblage, below = Assemblage.of(scene), (1.0 - _BELOW) * factor
+    problem = LimitProblem(assemblage, surfaces, objective=LeastUse(surfaces, below, most))
+    for settings in problem.ladder():
+        found = problem.solve(settings).forces
+        if found is not None and _is_good(assemblage, surfaces, below, found, most):
+            return found
+    return None
+
+
+def _is_good(
+    assemblage: Assemblage, surfaces: Sequence[YieldSurface], factor: float, forces: FloatArray,
+    most: float,
+) -> bool:  # fmt: skip
+    rest = np.abs(assemblage.statics.residual(forces, factor)).max(initial=0.0)
+    parts = [part for surface in surfaces for part in surface.excess(forces, assemblage.contacts)]
+    excess = max(float(part.max(initial=0.0)) for part in parts)
+    return bool(np.isfinite(forces).all() and max(float(rest), excess) <= _ADMISSIBLE * most)

@@ -1,0 +1,182 @@
+"""Where things stand on a figure: sizes of letters, words in lines, the scene in what is left."""
+
+from __future__ import annotations
+
+import textwrap
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib import rcParams, rcParamsDefault
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.errors import InputError
+
+POINT = 1.0 / 72.0
+"""Inches."""
+
+_LEAST = 7.0
+"""Points of the smallest letters, unless ``font.size`` itself is smaller."""
+
+_WIDE = 5.0
+"""Inches from which on a colour bar stands at the side; below, it lies under the scene."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What a caller says of the figure; see :func:`cvxlimit.plotting.picture`."""
+
+    ax: Any = None
+    figsize: tuple[float, float] | None = None
+    title: str | None = None
+    legend: bool = True
+
+    def __post_init__(self) -> None:
+        if self.ax is not None and self.figsize is not None:
+            raise InputError("ax has a size of its own: give ax or figsize, not both")
+        if self.figsize is not None:
+            size = np.asarray(self.figsize, dtype=float)
+            if size.shape != (2,) or not (np.isfinite(size) & (size > 0.0)).all():
+                raise InputError(f"figsize must be width and height in inches, got {self.figsize}")
+
+    @property
+    def size(self) -> tuple[float, float] | None:
+        """Inches: those given, of ``ax``, or of Matplotlib's settings where they were changed."""
+        if self.ax is not None:
+            figure = self.ax.get_figure(root=True)
+            engine = figure.get_layout_engine()
+            if engine is not None:
+                engine.execute(figure)
+            box = self.ax.get_window_extent()
+            return box.width / figure.dpi, box.height / figure.dpi
+        changed = list(rcParams["figure.figsize"]) != list(rcParamsDefault["figure.figsize"])
+        given = self.figsize or (rcParams["figure.figsize"] if changed else None)
+        return None if given is None else (float(given[0]), float(given[1]))
+
+
+@dataclass(frozen=True)
+class Letters:
+    """Sizes in points for a figure so many inches wide, by ``font.size`` of Matplotlib."""
+
+    width: float
+
+    def size(self, usual: float) -> float:
+        """``usual`` is that of a wide figure with letters of 10 points."""
+        given = float(rcParams["font.size"])
+        narrow = min(1.0, max(0.8, self.width / 6.5))
+        return float(max(usual * narrow * given / 10.0, min(_LEAST, given)))
+
+    @property
+    def heading(self) -> float:
+        return self.size(11.0)
+
+    @property
+    def caption(self) -> float:
+        return self.size(8.5)
+
+    @property
+    def key(self) -> float:
+        return self.size(8.0)
+
+    @property
+    def tick(self) -> float:
+        return self.size(7.5)
+
+    @property
+    def is_wide(self) -> bool:
+        return self.width >= _WIDE
+
+
+def measured(text: str, size: float) -> float:
+    """Width of a line in inches."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        found = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
+    return float(found[0]) * POINT
+
+
+def lines_of(text: str, size: float, width: float) -> list[str]:
+    """A text in lines that are no wider than ``width`` inches, unless a word is."""
+    if not text:
+        return []
+    letters = max(8, int(len(text) * width / max(measured(text, size), 1e-9)))
+    while letters > 8 and any(
+        measured(line, size) > width for line in textwrap.wrap(text, letters)
+    ):
+        letters -= 1
+    return textwrap.wrap(text, letters)
+
+
+def columns_of(texts: Sequence[str], size: float, width: float) -> int:
+    """Columns of a legend, filled from above, that fit into ``width`` inches."""
+    em = size * POINT
+    wide = [measured(text, size) + KEY_ROOM * em for text in texts]
+    for columns in range(len(texts), 1, -1):
+        bounds = np.cumsum([0, *(len(part) for part in np.array_split(wide, columns))])
+        if sum(max(wide[a:b]) for a, b in pairwise(bounds)) <= width:
+            return columns
+    return 1
+
+
+KEY_ROOM = 3.2
+"""Handle of a legend's key and the spaces beside it, in letters' sizes."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """A text beside a point (2,) of the picture, ``away`` inches from it; alignments as in
+    Matplotlib."""
+
+    at: tuple[float, float]
+    away: tuple[float, float]
+    text: str
+    size: float
+    level: str = "center"
+    upright: str = "center"
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, bottom, right and top beside the point, in inches."""
+        width, height = measured(self.text, self.size), 1.25 * self.size * POINT
+        left = self.away[0] - {"left": 0.0, "center": 0.5, "right": 1.0}[self.level] * width
+        foot = self.away[1] - {"bottom": 0.0, "center": 0.5, "top": 1.0}[self.upright] * height
+        return left, foot, left + width, foot + height
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How points of the picture lie in a box: ``scale`` inches for one unit from ``low`` on, in the
+    box's lower left corner; ``taken`` are the inches used."""
+
+    scale: float
+    low: FloatArray
+    taken: FloatArray
+
+
+def fitted(points: FloatArray, words: Sequence[Word], room: FloatArray) -> Fit:
+    """The largest scale at which points (n, 2) and words lie within ``room`` (2,) inches."""
+    boxes = np.array([word.box for word in words]).reshape(-1, 4)
+    at = np.concatenate([points, np.array([word.at for word in words]).reshape(-1, 2)])
+    before = np.concatenate([np.zeros((len(points), 2)), boxes[:, :2]])
+    after = np.concatenate([np.zeros((len(points), 2)), boxes[:, 2:]])
+    extent = np.maximum(np.ptp(points, axis=0), 1e-300)
+
+    def taken(scale: float) -> tuple[FloatArray, FloatArray]:
+        low = (scale * at + before).min(axis=0)
+        return low, (scale * at + after).max(axis=0) - low
+
+    least, most = 0.0, float((room / extent).min())
+    for _ in range(50):
+        scale = 0.5 * (least + most)
+        if (taken(scale)[1] <= room).all():
+            least = scale
+        else:
+            most = scale
+    scale = max(least, 0.2 * float((room / extent).min()))  # never less than a fifth for the scene
+    low, size = taken(scale)
+    return Fit(scale, low / scale, size)
