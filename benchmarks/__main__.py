@@ -28,7 +28,7 @@ ACTIONS = {
     "list": "the cases and methods",
 }
 TAKES = {
-    "all": {"parts", "again"},
+    "all": {"parts", "again", "workers"},
     "run": {"cases", "sizes", "methods", "repeat", "limit", "memory", "quick", "out", "docs"},
     "charts": {"out", "docs"},
     "headline": {"repeat", "limit", "memory", "quick", "out"},
@@ -86,6 +86,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--parts", nargs="+", choices=[part.name for part in evidence.PARTS], metavar="PART",
         help="of all: only these; " + ", ".join(part.name for part in evidence.PARTS))  # fmt: skip
     add("--again", action="store_true", help="of all: also what has a record of this commit")
+    add("--workers", type=_number(int), default=1,
+        help="of all: so many parts at once; no more than there are cores")  # fmt: skip
     add("--cases", nargs="+", metavar="CASE", help="names of cases; all unless given")
     add(
         "--sizes",
@@ -198,7 +200,7 @@ def _charts(options: argparse.Namespace) -> int:
 
 
 def _all(options: argparse.Namespace) -> int:
-    return min(1, evidence.measure(options.parts, options.again, console.print))
+    return min(1, evidence.measure(options.parts, options.again, options.workers, console.print))
 
 
 def _headline(options: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from datetime import datetime
 from pathlib import Path
@@ -165,32 +166,37 @@ def read(part: str, folder: Path = FOLDER) -> Record | None:
     return Record(**{column.name: content[column.name] for column in fields(Record)})
 
 
-def measure(names: Sequence[str] | None, again: bool, say: Callable[[str], None]) -> int:
-    """Run the parts that have no record of this commit, one after the other, and fill the pages.
+def measure(
+    names: Sequence[str] | None, again: bool, workers: int, say: Callable[[str], None]
+) -> int:
+    """Run the parts that have no record of this commit, so many at a time, and fill the pages.
 
     Returns how many failed.
     """
-    commit, failed = committed(), 0
+    commit = committed()
     FOLDER.mkdir(exist_ok=True)
-    chosen = [part for part in PARTS if names is None or part.name in names]
-    for number, part in enumerate(chosen, 1):
-        known, place = read(part.name), f"{number} of {len(chosen)}, {part.name}"
-        if known is not None and known.commit == commit and not again:
-            say(f"{place}: measured already")
-            continue
-        say(f"{place}: about {part.minutes:g} min")
-        _forget_older(part, commit)
-        try:
-            record = run(part, commit, say)
-        except subprocess.CalledProcessError as error:
-            say(f"{place}: failed with exit code {error.returncode}")
-            failed += 1
-            continue
-        write_file(
-            FOLDER / f"{part.name}.json", (json.dumps(asdict(record), indent=1) + "\n").encode()
-        )
+    due = [part for part in PARTS if names is None or part.name in names]
+    if not again:
+        due = [part for part in due if (known := read(part.name)) is None or known.commit != commit]
+    say(f"{len(due)} parts to measure, some {sum(part.minutes for part in due):g} min of one core")
+    with ThreadPoolExecutor(workers) as pool:
+        done = pool.map(lambda part: _measured(part, commit, say), due)
+        failed = len(due) - sum(done)
     fill()
     return failed
+
+
+def _measured(part: Part, commit: str, say: Callable[[str], None]) -> bool:
+    say(f"{part.name}: about {part.minutes:g} min")
+    _forget_older(part, commit)
+    try:
+        record = run(part, commit, lambda line: say(f"{part.name}: {line}"))
+    except subprocess.CalledProcessError as error:
+        say(f"{part.name}: failed with exit code {error.returncode}")
+        return False
+    write_file(FOLDER / f"{part.name}.json", (json.dumps(asdict(record), indent=1) + "\n").encode())
+    say(f"{part.name}: done, {record.minutes:g} min")
+    return True
 
 
 def _forget_older(part: Part, commit: str) -> None:
