@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from cvxlimit import Certified, FixedPoint, Tie, builtin_scene, solve
+from cvxlimit import Certified, FixedPoint, Tie, builtin_scene, explain, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.table import EXTRAS, TABLE, words
 from cvxlimit.model.formulations import resultants
+from cvxlimit.reductions.choice import PACES
 from cvxlimit.surfaces import Rocking, TorsionShear
 
 CHOOSING = Path(__file__).parents[2] / "docs" / "choosing.md"
@@ -58,6 +59,13 @@ def test_scenes_and_formulations(name: str, extra: str) -> None:
         return
     with pytest.raises(ModelError, match=f"^method '{name}' .*: (leave|take)"):
         solve(scene, method=name, **options)
+
+
+def test_every_method_has_an_expected_time() -> None:
+    """Those of the convex problem follow from its size; all others have a pace."""
+    small, large = (explain(builtin_scene(name)).methods for name in ("tuff-wall", "s12-panel"))
+    assert ["convex", *PACES] == sorted(TABLE, key=["convex", *PACES].index)
+    assert all(0.0 < small[name] < large[name] for name in PACES)
 
 
 @pytest.mark.parametrize("name", TABLE)

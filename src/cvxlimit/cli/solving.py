@@ -296,7 +296,8 @@ def explain_command(asked: Question) -> ExitCode:
     model: Any = asked.model
     found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))
     title, *lines = str(found).splitlines()
-    show(Text("\n".join([one_line(title), *lines])))
+    answers = [f"{name}: {row.method.answers}" for name, row in TABLE.items()]
+    show(Text("\n".join([one_line(title), *lines, "", *answers])))
     return ExitCode.SOLVED
 
 

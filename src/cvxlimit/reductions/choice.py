@@ -7,7 +7,7 @@ together. A part without live load carries its dead load at every load factor in
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -199,6 +199,19 @@ def contacts_of(statics: Statics, blocks: BoolArray) -> BoolArray:
     return np.asarray(member[number[contacts.a]] | member[number[contacts.b]])
 
 
+PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "exact": (2e-5, 2.2),
+        "fixed-point": (2.5e-4, 1.85),
+        "certified": (5e-2, 1.0),
+        "zero-dilatancy": (5e-4, 2.0),
+        "gilbert": (1.4e-5, 2.1),
+    }
+)
+"""CPU seconds by method: the first times contacts to the power of the second, within a factor of
+some five (docs/evidence/speed.md#other-methods). Planar scenes take a third or less."""
+
+
 MEANING: Mapping[str, str] = MappingProxyType(
     {
         "parts": "parts without live load are left out: they stand",
@@ -214,7 +227,8 @@ class Explanation:
     """What :func:`explain` has found out.
 
     ``blocks`` are free ones; ``sizes`` those of the full model and after each reduction, in order;
-    ``seconds`` are those of one idle core, to a factor of two or so.
+    ``seconds`` are those of one idle core, to a factor of two or so; ``methods`` those of the other
+    methods, to a factor of five or so.
     """
 
     scene: str
@@ -224,6 +238,7 @@ class Explanation:
     solver: str
     reason: str
     seconds: float
+    methods: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
@@ -238,10 +253,16 @@ class Explanation:
             lines.append(f"{name:<10}" + "".join(f"{number:>11}" for number in numbers))
         lines += [f"{name}: {MEANING[name]}" for name in self.sizes if name in MEANING]
         lines.append(f"solver: {self.solver}, because {self.reason}")
-        about = f"about {float(f'{self.seconds:.1g}'):g} s"
-        expected = "less than 0.1 s" if self.seconds < 0.1 else about
-        lines.append(f"expected time: {expected} to solve, on one idle core")
+        lines.append(f"expected time: {_said(self.seconds)} to solve, on one idle core")
+        others = [f"{name} {_said(seconds)}" for name, seconds in self.methods.items()]
+        lines += [f"other methods, roughly: {', '.join(others)}"] * bool(others)
         return "\n".join(lines)
+
+
+def _said(seconds: float) -> str:
+    if seconds < 0.1:
+        return "less than 0.1 s"
+    return f"about {float(f'{seconds:.1g}'):g} s" if seconds < 90 else f"{seconds / 60:.0f} min"
 
 
 def explain(
@@ -251,7 +272,8 @@ def explain(
     tolerance: float = 1e-5,
     model: ModelName = "auto",
 ) -> Explanation:
-    """How much model ``solve`` gives a scene without interaction, and why; nothing is solved.
+    """How much model ``solve`` gives a scene without interaction, and why, and how long it and the
+    other methods will take; nothing is solved.
 
     Raises
     ------
@@ -288,7 +310,9 @@ def explain(
         str(first),
         _reason(first.name, last.shape),
         float(pace * last.shape.variables**growth),
-    )
+        {name: rate * len(scene.contacts) ** power / (1 if found.plane is None else 3)
+         for name, (rate, power) in PACES.items()},
+    )  # fmt: skip
 
 
 def _reason(solver: str, shape: Shape) -> str:
