@@ -170,7 +170,7 @@ class _Proof:
         else:
             yield from self._bound_from_below(outer)
             self._stand()
-            yield from self._branch()
+            yield from self._branch(outer)
             prove(run)
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
@@ -240,7 +240,7 @@ class _Proof:
     def _is_within(self, width: float) -> bool:
         return self.rule.tolerance is None and self.run.best.bracket.width <= width
 
-    def _branch(self) -> Iterator[None]:
+    def _branch(self, outer: UpperBound) -> Iterator[None]:
         run, before = self.run, self.run.best.bracket.width
         is_small = len(run.contacts) <= BRACKET.few
         asked = self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
@@ -252,7 +252,7 @@ class _Proof:
             return
         own = self.rule.executor
         with nullcontext(own) if own else processes(self.rule.workers) as executor:
-            search = BranchAndBound(run, asked, executor, self.rule.workers)
+            search = BranchAndBound(run, asked, executor, self.rule.workers, outer, seconds)
             seen, gained = np.inf, 0.0  # the gap that was last a hundredth less, and when
             widths: list[tuple[float, float]] = []
             while True:

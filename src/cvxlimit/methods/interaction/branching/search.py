@@ -17,6 +17,7 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.branching.tightening import tightened_root
 from cvxlimit.methods.interaction.branching.workers import Task
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import BRANCH
@@ -33,7 +34,8 @@ class BranchAndBound:
 
     Bounds go to ``run.best``; the bracket is valid whenever the search stops. Nodes are closed at a
     ``tolerance`` relative to the upper bound. An ``executor`` explores as many nodes at a time as
-    it has ``workers``, None is this process.
+    it has ``workers``, None is this process. The root is the relaxation of ``outer``, where that is
+    known, and its tightening ends ``seconds`` from now.
     """
 
     def __init__(
@@ -42,10 +44,14 @@ class BranchAndBound:
         tolerance: float = 1e-4,
         executor: Executor | None = None,
         workers: int = 1,
+        outer: UpperBound | None = None,
+        seconds: float = np.inf,
     ) -> None:
         self.run, self.tolerance = run, tolerance
+        self._until = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
-            self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder)
+            opening = None if outer is None else outer.certifier.witnesses.opening_field
+            self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening)
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.price: float | None = None
@@ -58,7 +64,7 @@ class BranchAndBound:
         self._executor, self._workers = executor, max(workers, 1)
         self._task: Task | None = None
         self._running: dict[Future[Explored], Node] = {}
-        self._start()
+        self._start(outer)
 
     @property
     def upper(self) -> float:
@@ -78,10 +84,16 @@ class BranchAndBound:
         tried = BRANCH.tried if self.nodes < BRANCH.tried_nodes else 1
         return Goal(self.lower, self.width, self.price, tried)
 
-    def _start(self) -> None:
-        root = Node(np.inf, whole_boxes(self.run.contacts), Copies.none())
-        with self.run.clock.phase("solve"):
-            root = self.relaxer.evaluated(root, Goal(self.lower, self.tolerance))
+    def _start(self, outer: UpperBound | None) -> None:
+        boxes, best = whole_boxes(self.run.contacts), self.run.best
+        state = None if outer is None else outer.state
+        if outer is not None and state is not None and state.load_factor is not None:
+            known = state.forces, state.load_factor, best.mechanism
+            root = Node(best.bracket.upper, boxes, Copies.none(), *known)
+        else:
+            root = Node(np.inf, boxes, Copies.none())
+            with self.run.clock.phase("solve"):
+                root = self.relaxer.evaluated(root, Goal(self.lower, self.tolerance))
         self.solves += self.relaxer.solves
         self.run.solvers.update(self.relaxer.solvers)
         if np.isfinite(root.bound):
@@ -100,11 +112,14 @@ class BranchAndBound:
         if self._executor is not None and self._is_tightened:
             self._step_elsewhere(self._executor)
         else:
-            (_, _, node), explored = heapq.heappop(self.open), explore
-            if not self._is_tightened:
-                self._is_tightened, explored = True, tightened_root
-            with self.run.clock.phase("solve"):
-                self._take(node, explored(self.relaxer, node, self._goal()))
+            (_, _, node), clock = heapq.heappop(self.open), self.run.clock
+            with clock.phase("solve"):
+                if self._is_tightened:
+                    found = explore(self.relaxer, node, self._goal())
+                else:
+                    self._is_tightened, has_time = True, lambda: clock.elapsed < self._until
+                    found = tightened_root(self.relaxer, node, self._goal(), has_time)
+                self._take(node, found)
         self._book()
 
     def _step_elsewhere(self, executor: Executor) -> None:

@@ -4,6 +4,7 @@ after a certified bound has shown the same.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -22,12 +23,15 @@ from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 
 
-def tightened_root(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
-    """The root after tightening as long as that gains; without a lower bound nothing is cut."""
+def tightened_root(
+    relaxer: Relaxer, node: Node, goal: Goal, has_time: Callable[[], bool] = lambda: True
+) -> Explored:
+    """The root after tightening as long as that gains and there is time for it; without a lower
+    bound nothing is cut."""
     relaxer.begun()
-    while node.bound > goal.cut > -np.inf:
+    while node.bound > goal.cut > -np.inf and has_time():
         gap = node.bound - goal.cut
-        node = _Tightening(relaxer, node, goal).tightened()
+        node = _Tightening(relaxer, node, goal).tightened(has_time)
         if gap - (node.bound - goal.cut) < BRANCH.gain * gap:
             break
     return relaxer.explored([node], goal)
@@ -40,7 +44,7 @@ class _Tightening:
         self.relaxer, self.node, self.goal = relaxer, node, goal
         self.boxes, self._is_missing = node.boxes.copy(), False
 
-    def tightened(self) -> Node:
+    def tightened(self, has_time: Callable[[], bool]) -> Node:
         relaxer, node = self.relaxer, self.node
         if node.forces is None or node.mechanism is None:
             return node
@@ -52,6 +56,8 @@ class _Tightening:
         before = np.cumsum(score[rows]) - score[rows]
         rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()
         for j, axis, side in product(rows, (0, 1), (0, 1)):
+            if not has_time():
+                break
             low, high = self.boxes[j, axis]
             sign = 2.0 * side - 1.0
             if sign * (self.boxes[j, axis, side] - centre[j, axis]) >= BRANCH.cut * (high - low):
