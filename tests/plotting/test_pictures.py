@@ -198,6 +198,26 @@ class TestPage:
         assert len(np.unique(widths.round(3))) > 20  # not all alike
         assert "largest displacement drawn" in page
 
+    def test_thrust_and_strength_in_use(self, tuff: Solution) -> None:
+        data = json.loads(
+            tuff.plot("page").split('type="application/json">')[1].split("</script>")[0]
+        )
+        share = np.array(data["thrust"]["share"])
+        assert share.max() == 1.0
+        assert share.min() > 0.0
+        ends = np.array(data["thrust"]["ends"]).reshape(-1, 2, 3)
+        blocks = tuff.drawn_scene.blocks
+        for line, block in zip(ends, data["thrust"]["block"], strict=True):
+            corners = blocks[block].vertices
+            # A joint's pressure centre lies on its block, to the digits of the page.
+            assert (line >= corners.min(axis=0) - 1e-4).all()
+            assert (line <= corners.max(axis=0) + 1e-4).all()
+        used = [u for u in data["used"] if u is not None]
+        assert len(data["used"]) == tuff.contacts
+        assert min(used) >= 0.0
+        assert max(used) == 1.0
+        assert "in the state that uses joints least" in data["useText"]
+
 
 class TestAnimation:
     @pytest.mark.exhaustive

@@ -15,10 +15,13 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
-from cvxlimit.plotting.camera import default_camera, upright
+from cvxlimit.plotting.camera import default_camera, thin_axis, upright
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.movement import Motion, contact_forces, free_size, motion, still
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
+from cvxlimit.plotting.pictures.forces import thrust_of_blocks
+from cvxlimit.plotting.pictures.utilisation import used_shares
+from cvxlimit.plotting.strength import least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -28,6 +31,10 @@ size, however far away the origin is: finer than a pixel at any useful zoom."""
 
 PLACE = "/*DATA*/"
 """Where the template takes the data."""
+
+
+_MOST_SOLVED = 400
+"""Contacts up to which a page shows the state that uses joints least; finding it takes a second."""
 
 
 class Page(str, Saved):
@@ -49,8 +56,10 @@ class Page(str, Saved):
 def page(scene: Scene, solution: Solution) -> Page:
     """The mechanism as a self-contained interactive page.
 
-    Orbit, zoom, scale the movement, animate it; hover to read the rates of a block or the
-    forces and rates of a contact. Texts from the scene are data to the page, never markup.
+    Orbit, zoom, scale the movement, animate it; look inside at contacts, their forces, thrust
+    lines and strength in use; point at something to read its numbers. The view turns by the
+    keyboard too, and is saved as a picture. Texts from the scene are data to the page, never
+    markup.
     """
     moving = motion(scene, solution)
     marking = look.moving_joints(scene, moving)
@@ -62,7 +71,9 @@ def page(scene: Scene, solution: Solution) -> Page:
         "twist": _short(what.twist),
         "forces": None if forces is None else _short(forces),
     }
-    said = f"{solution.status}: {solution.status.advice}", solution.note
+    if forces is not None:
+        data |= _strength_data(scene, solution, forces)
+    said = f"{solution.standing}: {solution.status.advice}", solution.note
     data |= {
         "shapes": [
             {
@@ -79,6 +90,28 @@ def page(scene: Scene, solution: Solution) -> Page:
         "speedText": look.SPEED_TEXT,
     }
     return _filled(data)
+
+
+def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict[str, Any]:
+    """Thrust lines, and strength in use as :func:`cvxlimit.plotting.utilisation` shows it."""
+    shown, said = solution, "in the state of forces that was found"
+    try:
+        if len(forces) <= _MOST_SOLVED:
+            shown, said = least_used_state(solution, scene)
+        used = used_shares(shown, scene)
+    except InputError:  # of a surface of one's own only the name is left
+        said, used = "", np.full(len(scene.contacts), np.nan)
+    ends, share, block = thrust_of_blocks(scene, forces)
+    return {
+        "useStops": look.USE_STOPS,
+        "useText": f"{look.USE_TEXT} {said}",
+        "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
+        "thrust": {
+            "ends": _coordinates(scene, ends.reshape(-1, 3)),
+            "share": _short(share),
+            "block": block.tolist(),
+        },
+    }
 
 
 def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
@@ -120,6 +153,9 @@ def _page_data(
         "size": free_size(scene),
         "up": upright(scene).tolist(),
         "viewer": default_camera(scene, moving).axes[2].tolist(),
+        "front": thin_axis(scene).tolist(),
+        "used": None,
+        "thrust": None,
         "scale": moving.scale,
         "moves": moving.moves,
         "largest": moving.largest,

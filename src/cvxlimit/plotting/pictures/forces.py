@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import annotated
 from cvxlimit.plotting.camera import thin_axis, upright
@@ -105,6 +105,17 @@ def _with_forces(
 
 
 def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return _thrust(scene, found)[:2]
+
+
+def thrust_of_blocks(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Thrust lines above 2 % of the largest: ends (k, 2, 3), shares of the largest, blocks (k,)."""
+    ends, size, block = _thrust(scene, found)
+    largest = float(size.max(initial=0.0)) or 1.0
+    return ends, size / largest, block
+
+
+def _thrust(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
     contacts = scene.contacts
     _, place = pressure_centres(contacts, found)
     normal = found[:, 2]
@@ -113,6 +124,7 @@ def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArra
     )
     ends: list[FloatArray] = []
     size: list[float] = []
+    inside: list[int] = []
     for block in scene.free.tolist():
         own = loaded[(contacts.a[loaded] == block) | (contacts.b[loaded] == block)]
         if len(own) == 2:
@@ -122,7 +134,8 @@ def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArra
             hub = normal[own] @ place[own] / normal[own].sum()
             ends += [np.stack([place[j], hub]) for j in own.tolist()]
             size += normal[own].tolist()
-    return np.array(ends).reshape(-1, 2, 3), np.array(size)
+        inside += [block] * (len(ends) - len(inside))
+    return np.array(ends).reshape(-1, 2, 3), np.array(size), np.array(inside, dtype=np.int64)
 
 
 def _is_planar(scene: Scene) -> bool:
