@@ -46,7 +46,7 @@ class RotatedCones(YieldSurface):
 
 @dataclass(frozen=True)
 class Gilbert(Method):
-    """Gilbert's scheme, with what its answer is worth.
+    """Gilbert's scheme, with a check of its answer.
 
     It stops when the load factor does not change any more, as published, which says nothing about
     Coulomb's law at the normal forces found: that is checked outside the solver, and an answer
@@ -75,7 +75,7 @@ class Gilbert(Method):
     """
 
     name = "gilbert"
-    answers = "Gilbert's scheme for one solution without dilatancy, and what it is worth"
+    answers = "Gilbert's scheme for one solution without dilatancy, with a check of its friction"
     axis = "flow"
 
     tolerance: float = 1e-3
