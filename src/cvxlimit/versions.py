@@ -2,7 +2,7 @@
 
 from functools import cache
 
-__version__ = "0.2.0.dev0"
+__version__ = "0.2.0"
 
 
 @cache  # reading it takes 1 ms, and a sweep asks for every row
