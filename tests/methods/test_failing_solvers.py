@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from cvxlimit import FixedPoint, Load, Scene, Solution, Status, builtin_scene, settlement, solve
 from cvxlimit.cli.main import run as command
 from cvxlimit.masonry import single_block
+from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.table import TABLE
 from cvxlimit.solvers import Outcome, SolverSettings
 
@@ -98,3 +100,19 @@ def test_a_dead_load_that_cannot_stand(name: str, push: tuple[float, float, floa
     assert solution.mechanism is not None
     rates = solution.mechanism["b1"]
     assert np.dot(rates[:3], [1.0, 0.0, -1.0]) > 0.0
+
+
+def test_a_slow_rung_beyond_the_budget_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With solvers a thousand times as slow as they are, nobody is asked after the first bracket,
+    which comes back."""
+    row = SolverSettings.row.fget
+    assert row is not None
+    slow = property(lambda settings: replace(row(settings), pace=(1.0, 1.0)))
+    monkeypatch.setattr(SolverSettings, "row", slow)
+    scene, lines = builtin_scene("tuff-wall"), list[str]()
+    short = solve(scene, method=Convex(tolerance=1e-15, budget=10.0), progress=lines.append)
+    assert short.status is Status.NOT_CERTIFIED
+    assert short.gap is not None
+    assert short.gap < 1e-5
+    assert "budget" in short.note
+    assert any("left out" in line for line in lines)

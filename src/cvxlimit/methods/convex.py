@@ -11,7 +11,7 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import known
-from cvxlimit.checks import ratio
+from cvxlimit.checks import not_negative, ratio
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.model.direct import DirectProblem
@@ -57,6 +57,9 @@ class Convex(Method):
     ----------
     tolerance : float
         Relative width of the bracket.
+    budget : float
+        Seconds. Where a bracket is in hand, a further solver that is expected to take longer than
+        all before it is only tried if it would end within them.
 
     Example
     -------
@@ -71,13 +74,16 @@ class Convex(Method):
     axis = ""
 
     tolerance: float = TOLERANCE
+    budget: float = 120.0
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
+        not_negative(self.budget, "budget")
 
     def steps(self, run: Run) -> Steps:
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
-        return (yield from Inquiry(run, run.model, self.tolerance).ladder_climbed())
+        inquiry = Inquiry(run, run.model, self.tolerance, self.budget)
+        return (yield from inquiry.ladder_climbed())
 
 
 def dead_load_falls(run: Run) -> bool:
@@ -105,8 +111,10 @@ class Inquiry:
     certificate is that of the full scene however much ``model`` there is.
     """
 
-    def __init__(self, run: Run, model: str, tolerance: float = TOLERANCE) -> None:
-        self.run, self.tolerance = run, tolerance
+    def __init__(
+        self, run: Run, model: str, tolerance: float = TOLERANCE, budget: float = np.inf
+    ) -> None:
+        self.run, self.tolerance, self.budget = run, tolerance, budget
         self.surfaces = needed_surfaces(run.surfaces)
         self.asked: set[str] = set()
         self.ladder: Sequence[SolverSettings] = run.ladder or ()
@@ -145,6 +153,8 @@ class Inquiry:
 
     def _climbed(self) -> _Ends:
         for settings in self.ladder:
+            if self._is_too_long(settings):
+                continue
             state = self._attempt(settings)
             bracket = self.run.best.bracket
             if bracket.is_below_zero and self._falls(*self._late_fall()):
@@ -156,6 +166,18 @@ class Inquiry:
                 return Status.LIVE_LOAD_HARMLESS
             yield
         return None
+
+    def _is_too_long(self, settings: SolverSettings) -> bool:
+        run, spent = self.run, self.run.clock.elapsed
+        if run.ladder or not run.best.bracket.has_both:
+            return False
+        pace, growth = settings.row.pace
+        takes = pace * self.problem.shape.variables**growth
+        if takes < spent or spent + takes < self.budget:
+            return False
+        run.tell(f"{settings} is left out: about {takes:.0f} s, beyond the budget")
+        run.remarks = [f"more than the budget of {self.budget:g} s may narrow the bracket"]
+        return True
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         run = self.run

@@ -32,7 +32,8 @@ class Numbers:
     around the target, ``gain`` the share of the aim that makes another one worth it, beyond a
     ``long_step`` none is. The iteration stops, near the end, after ``patience`` iterations without
     a gain of a factor 2, and where steps are below the ``shortest``. ``solved`` and ``almost`` are
-    the worst gap and residual called so; ``no_answer`` is the residual of a proof that there is no
+    the worst gap and residual called so (where a wide gap is asked for, residuals may be the share
+    ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
     start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
     less than ``floor`` times the mean of the other unknowns of its side.
@@ -48,6 +49,7 @@ class Numbers:
     shortest: float = 1e-6
     solved: float = 1e-8
     almost: float = 1e-4
+    balance: float = 1e-5
     no_answer: float = 1e-9
     middle: float = 1e-2
     floor: float = 0.1
@@ -99,7 +101,8 @@ class _Measure:
     score: float
 
     def is_within(self, tolerance: float) -> bool:
-        return self.gap < tolerance and self.infeasibility < NUMBERS.solved
+        enough = max(NUMBERS.solved, NUMBERS.balance * tolerance)
+        return self.gap < tolerance and self.infeasibility < enough
 
 
 class InteriorPoint:
