@@ -19,17 +19,21 @@ def progress_bar(
 ) -> Iterator[Callable[[str], None]]:
     """Inside ``with``, a function that is told what is finished, once per step.
 
-    ``progress`` shows a bar on stderr or nothing, or is called with a line of text, which is
-    otherwise one of the log.
+    ``progress`` shows a bar on stderr or nothing, or is called with a line of text; the log
+    has all lines.
     """
-    say = progress if callable(progress) else LOG.info
     numbers = count(done + 1)
-    if done:
-        say(f"{title}: {done} of {steps} found")
+
+    def say(text: str) -> None:
+        LOG.info(text)
+        if callable(progress):
+            progress(text)
 
     def line(what: str) -> None:
         say(f"{title}: {next(numbers)} of {steps}, {what:.60}")
 
+    if done:
+        say(f"{title}: {done} of {steps} found")
     if progress is not True:
         yield line
         return

@@ -339,6 +339,8 @@ def test_verbose_tells_every_solve_once(run: Run) -> None:
         assert out.startswith("scene        stack")
         assert len(re.findall(r"^[\d:]+ solve 1, \w+: load factor in ", err, re.MULTILINE)) == 1
     assert run("solve", "stack")[2] == ""
+    rows = run("sweep", "stack", "--vary", "friction=0.5,0.6", "-v")[2]
+    assert re.findall(r"sweep: (\d of \d), ", rows) == ["1 of 2", "2 of 2"]
 
 
 def test_compare(run: Run) -> None:

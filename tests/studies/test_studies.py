@@ -564,6 +564,7 @@ class TestCommand:
         assert stored["load_factor"].to_numpy() == pytest.approx(here["load_factor"].to_numpy())
         before = sorted(folder.glob("*.parquet"))
         assert run([*given, "--output", str(folder)]) == 0
+        assert f"all rows in {folder}, where 6 of 6 were found" in capsys.readouterr().out
         assert sorted(folder.glob("*.parquet")) == before  # nothing was added
 
     def test_failures_are_rows_and_the_code_says_so(self, capsys) -> None:

@@ -133,6 +133,8 @@ def _counted(table: DataFrame, output: Path | None) -> str:
     kinds = table["status"].where(table["error"] == "", "failed").value_counts()
     said = ", ".join(f"{number} {kind}" for kind, number in kinds.items())
     where = "" if output is None else f"; all rows in {one_line(str(output))}"
+    if table.attrs["found"]:
+        where += f", where {table.attrs['found']} of {len(table)} were found"
     if BASIS in table.columns:
         said += f", {int((table[BASIS] == 'bounded').sum())} of them bounded by others, not solved"
     return f"{counted(len(table), 'variation')}: {said}{where}"

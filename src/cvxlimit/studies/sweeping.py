@@ -191,8 +191,9 @@ def sweep(
         In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``;
         ``status``, ``note``, ``solver``; ``error``, empty where all went well; ``seconds``. With
         ``transfer`` also ``basis``: ``"solved"``, or ``"bounded"`` by the rows that the note names,
-        with the middle of the bracket as the load factor. After Ctrl-C those rows that were done,
-        and ``table.attrs["is_interrupted"]``.
+        with the middle of the bracket as the load factor. ``table.attrs["found"]`` counts the rows
+        that were stored already. After Ctrl-C those rows that were done, and
+        ``table.attrs["is_interrupted"]``.
 
     Raises
     ------
@@ -224,6 +225,7 @@ def sweep(
     about = _about(study, transfer)
     store = None if path is None else Store(path, about)  # nothing is refused once it is there
     done = {} if store is None else store.known(set(names))
+    stored = len(done)
     with progress_bar("sweep", len(variations), progress, len(done)) as advance:
         is_interrupted = _fill(done, study, variations, plan, executor, store, advance)
     kept = [i for i, name in enumerate(names) if name in done]
@@ -233,6 +235,7 @@ def sweep(
         **about,
         "version": __version__,
         "variations": len(variations),
+        "found": stored,
         "is_interrupted": is_interrupted,
     }
     return result
