@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import cvxpy as cp
 import numpy as np
@@ -11,15 +12,26 @@ import pytest
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.results import result_to_dict
+from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.driver import cycles
 from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.model.problem import LeastForces
+from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.formulations import own_unknowns
+from cvxlimit.model.problem import LeastForces, Reduction
 from cvxlimit.plotting.look import title
 from cvxlimit.solution import Status
-from cvxlimit.solvers import SolverSettings, default_ladder, iterate_ladder, leading_ladder
-from cvxlimit.surfaces import Conic, Facets
+from cvxlimit.solvers import (
+    SolverSettings,
+    default_ladder,
+    iterate_ladder,
+    leading_ladder,
+    settings_for,
+)
+from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.surfaces import Cone, Conic, Facets, Rocking
 
 
 @pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
@@ -216,3 +228,56 @@ def test_least_forces_and_epsilon_bring_the_tuff_walls_ends_together() -> None:
 def test_refused_negative_settings(setting: str) -> None:
     with pytest.raises(InputError, match=f"{setting} must be finite and not negative"):
         FixedPoint(**{setting: -1e-3})
+
+
+@pytest.mark.parametrize("moments", ["independent", "signed", "paper"])
+@pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
+def test_changed_entries_are_those_of_a_problem_written_afresh(moments: str, cone: Cone) -> None:
+    """Affine in a contact's coefficients: to rounding of sums of two numbers of order one. And the
+    answer is that of CVXPY with Parameters: 1e-6 where a solver ends near 1e-7."""
+    scene = random_wall(1)
+    forces = solve(scene).forces
+    frozen = FrozenProblem(scene, cone, parse_moments(moments))
+    for share in (0.0, 0.5, 1.0):  # the last pressed at edges and corners
+        pressure = Pressure.of(forces * [1, 1, 1, share, share, 1], scene.contacts)
+        _, program = frozen._entries.at(frozen._surface(pressure))
+        surface = frozen._surface(pressure)
+        reduction = Reduction.none(frozen.assemblage.statics, partial(own_unknowns, surface))
+        afresh = DirectProblem(frozen.assemblage, (Rocking(), surface), reduction).program
+        np.testing.assert_allclose(
+            program.matrix.toarray(), afresh.matrix.toarray(), atol=1e-13 * abs(afresh.matrix).max()
+        )
+        found = [
+            frozen.solve(pressure, settings_for(name, 1e-8)).load_factor
+            for name in ("BLOCKWISE", "CLARABEL")
+        ]
+        assert found[0] == pytest.approx(found[1], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("start", ["another scene's", "noise", "NaN", "far off", "on the boundary"])
+def test_a_wrong_start_costs_time_only(start: str) -> None:
+    """The answer is that of a cold start: both gaps are below 1e-8 of it."""
+    scene = builtin_scene("tuff-wall")
+    frozen, other = (FrozenProblem(s, Conic(), SIGNED) for s in (scene, random_wall(1)))
+    settings = settings_for("BLOCKWISE", 1e-8)
+    centred = Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts)
+    first = frozen.solve(centred, settings)
+    pressure = Pressure.of(first.forces, scene.contacts)
+    cold = FrozenProblem(scene, Conic(), SIGNED).solve(pressure, settings)
+    (kept,) = frozen.kept.values()
+    rng = np.random.default_rng(0)
+    changed = {
+        "noise": lambda v: rng.normal(size=v.shape),
+        "NaN": lambda v: np.where(rng.random(v.shape) < 0.01, np.nan, v),
+        "far off": lambda v: 1e12 * v,
+        "on the boundary": np.zeros_like,
+    }
+    if start in changed:
+        point = Point(*map(changed[start], vars(kept.start).values()))
+    else:
+        other.solve(Pressure.of(np.zeros((len(other.contacts), 6)), other.contacts), settings)
+        (point,) = (known.start for known in other.kept.values())
+    frozen.kept = {name: replace(known, start=point) for name, known in frozen.kept.items()}
+    again = frozen.solve(pressure, settings)
+    assert again.outcome.status == "optimal"
+    assert again.load_factor == pytest.approx(cold.load_factor, rel=3e-8)

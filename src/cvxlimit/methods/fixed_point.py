@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
+import scipy.sparse as sp
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
@@ -17,12 +22,16 @@ from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LeastForces, LimitProblem, Objective
+from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.formulations import own_unknowns
+from cvxlimit.model.problem import LeastForces, LimitProblem, Objective, Reduction
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
+from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.base import number as number_of
+from cvxlimit.surfaces.cones import Cone, Conic, Facets
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.frozen import TorsionShearBending
 
@@ -30,12 +39,23 @@ DPP_LIMIT = 3_000
 """Parameter entries (three per contact) up to which the compiled problem is kept for re-solves. The
 first compile with them grows with their square; beyond, every solve is compiled afresh."""
 
+_LOOSE = 1e-4
+"""Relative gap of iterates on the way: ends are those of exact ones, where 1e-3 moves them by 1 %
+(docs/evidence/speed.md)."""
+
+_STILL = 1.0
+"""Change over the tolerance up to which iterates are solved exactly."""
+
 _BEFORE = 100.0
 """The change before the last one may be so many times the tolerance."""
 
 
 class FrozenProblem:
-    """The limit problem with eccentricities frozen at Parameters, re-solved as they change."""
+    """The limit problem with eccentricities frozen, solved again as they change.
+
+    CVXPY has them as Parameters. The solver of our own, which starts from the solve before, gets
+    the same matrices with the entries changed that depend on them.
+    """
 
     def __init__(
         self,
@@ -44,32 +64,92 @@ class FrozenProblem:
         moments: Moments,
         objective: Objective | None = None,
     ) -> None:
+        self.assemblage, self.objective = Assemblage.of(scene), objective
         self.contacts, self.cone, self.moments = scene.contacts, cone, moments
         self.ignore_dpp = 3 * len(self.contacts) > DPP_LIMIT
-        nothing = np.zeros((len(self.contacts), len(COLUMN)))
-        surface = self._surface(Pressure.of(nothing, self.contacts))
-        self.parameters = {
-            name: cp.Parameter(len(self.contacts), value=value)
-            for name, value in surface.shares.items()
-        }
-        surface.shares = {**self.parameters}
-        self.problem = LimitProblem(scene, (Rocking(), surface), objective=objective)
+        self.kept: dict[str, Any] = {}
 
     def solve(self, pressure: Pressure, settings: SolverSettings) -> LimitState:
-        self.press(pressure)
+        """One run of one solver; never raises for what the solver does."""
+        surface = self._surface(pressure)
+        entries = self._entries if settings.row.starts_warm else None
+        if entries is not None:
+            problem, program = entries.at(surface)
+            return problem.state(*program.solve(settings, self.kept))
+        for name, value in surface.shares.items():
+            self.parameters[name].value = value
         return self.problem.solve(settings, ignore_dpp=self.ignore_dpp)
 
-    def press(self, pressure: Pressure) -> None:
-        """Give Parameters their values."""
-        for name, value in self._surface(pressure).shares.items():
-            self.parameters[name].value = value
-
     def surfaces(self, pressure: Pressure) -> tuple[YieldSurface, ...]:
-        """The same surfaces with numbers in place of Parameters, for certificates."""
+        """Those of the problem, for certificates."""
         return Rocking(), self._surface(pressure)
+
+    @cached_property
+    def parameters(self) -> dict[str, cp.Parameter]:
+        """Coefficients of the surface, by name."""
+        count = len(self.contacts)
+        return {name: cp.Parameter(count) for name in self._centred.shares}
+
+    @cached_property
+    def problem(self) -> LimitProblem:
+        """In CVXPY."""
+        surface = self._centred
+        surface.shares = {**self.parameters}
+        return LimitProblem(self.assemblage, (Rocking(), surface), objective=self.objective)
+
+    @cached_property
+    def _entries(self) -> _Entries | None:
+        is_known = self.objective is None and isinstance(self.cone, (Conic, Facets))
+        return _Entries(self.assemblage, self._centred) if is_known else None
+
+    @property
+    def _centred(self) -> TorsionShearBending:
+        nothing = np.zeros((len(self.contacts), len(COLUMN)))
+        return self._surface(Pressure.of(nothing, self.contacts))
 
     def _surface(self, pressure: Pressure) -> TorsionShearBending:
         return self.moments.frozen(self.moments.eccentricity(pressure, self.contacts), self.cone)
+
+
+class _Entries:
+    """The frozen problem's matrix as a function of its coefficients, in which it is affine: each
+    entry depends on those of one contact, that of its column."""
+
+    def __init__(self, assemblage: Assemblage, surface: TorsionShearBending) -> None:
+        self.assemblage, self._kind = assemblage, surface
+        rng, count = np.random.default_rng(0), len(assemblage.contacts)
+        names = list(surface.shares)
+        self.middle = {name: rng.uniform(0.25, 0.5, count) for name in names}  # no entry vanishes
+        self.problem, self.program = self._written(self.middle)
+        pointer = self.program.matrix.indptr
+        columns = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
+        contact = self.problem.model.contact  # of the first columns; others never change
+        self.slopes = {}
+        for name in names:
+            moved = self._written(self.middle | {name: self.middle[name] + 0.25})[1]
+            change = 4.0 * (moved.matrix.data - self.program.matrix.data)
+            at = np.flatnonzero(change)
+            self.slopes[name] = at, contact[columns[at]], change[at]
+
+    def _written(self, shares: Mapping[str, FloatArray]) -> tuple[DirectProblem, ConeProgram]:
+        surface = copy(self._kind)
+        surface.shares = {**shares}
+        reduction = Reduction.none(self.assemblage.statics, partial(own_unknowns, surface))
+        problem = DirectProblem(self.assemblage, (Rocking(), surface), reduction)
+        assert problem.program is not None
+        return problem, problem.program
+
+    def at(self, surface: TorsionShearBending) -> tuple[DirectProblem, ConeProgram]:
+        """The problem with other coefficients."""
+        entries = self.program.matrix.data.copy()
+        for name, (at, contact, slope) in self.slopes.items():
+            value = np.asarray(number_of(surface.shares[name]))
+            entries[at] += slope * (value - self.middle[name])[contact]
+        matrix = self.program.matrix
+        other = sp.csc_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
+        problem = copy(self.problem)
+        problem.model = own_unknowns(surface, self.assemblage.contacts)
+        return problem, replace(self.program, matrix=other)
 
 
 @dataclass(frozen=True)
@@ -139,11 +219,17 @@ class FixedPoint(Method):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
+        loose, exact = min(_LOOSE, self.tolerance), 0  # exact iterates in a row
+        is_exact = always = run.ladder is not None or objective is not None
         for number in range(self.max_iterations):
             pressure = Pressure.of(blended, run.contacts, epsilon)
             solver = partial(frozen.solve, pressure)
-            state, rung = run.try_solvers(solver, run.ladder or iterate_ladder())
-            run.note(state, rung, change=run.change(state))
+            is_exact = is_exact or number == self.max_iterations - 1
+            ladder = run.ladder or iterate_ladder(None if is_exact else loose, objective is None)
+            state, rung = run.try_solvers(solver, ladder)
+            exact = exact + 1 if is_exact else 0
+            change = run.change(state)
+            run.note(state, rung, change=change)
             if state.forces is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.DIVERGED if claims else Status.SOLVER_FAILED
@@ -151,10 +237,14 @@ class FixedPoint(Method):
             beta = self.old_value_weight if number else 0.0
             blended = beta * blended + (1.0 - beta) * state.forces
             yield
-            if self._has_settled(run):
+            if self._has_settled(run) and exact > 1:
                 return Status.CONVERGED
-            if cycles(run.load_factors, self.tolerance):
+            is_cycle = cycles(run.load_factors, self.tolerance)
+            if is_cycle and exact:
                 return Status.CYCLING
+            # what was solved loosely may only seem to settle, or to come back
+            is_still = change is not None and change <= _STILL * self.tolerance
+            is_exact = always or is_cycle or is_still
         return Status.NOT_CONVERGED
 
     def _has_settled(self, run: Run) -> bool:

@@ -20,7 +20,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceModel, model_of
 from cvxlimit.model.problem import LargestFactor, LimitProblem, Reduction, kept_rows, mechanism_of
 from cvxlimit.model.statics import DOF
-from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder
+from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import Coefficient, Condition, LinearForm, YieldSurface, number
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
@@ -80,7 +80,10 @@ class DirectProblem:
         """One run of one solver; never raises for what the solver does."""
         if self.program is None or settings.name not in _WANT_MATRICES:
             return self.modelled.solve(settings)
-        outcome, x, y = self.program.solve(settings)
+        return self.state(*self.program.solve(settings))
+
+    def state(self, outcome: Outcome, x: FloatArray | None, y: FloatArray | None) -> LimitState:
+        """What a solution of the program says, with duals y of its equations."""
         if x is None or y is None:
             return LimitState(outcome, None, None, None)
         scaling, reduction = self.assemblage.scaling, self.reduction

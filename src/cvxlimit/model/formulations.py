@@ -56,17 +56,20 @@ class Part:
     contact : (k,) int array
     nonneg : bool
         True for compressions.
+    is_force : bool
+        True for a force that gives a moment by an arm of its own.
     """
 
     name: str
     gives: Mapping[str, float | FloatArray]
     contact: IntArray
     nonneg: bool = False
+    is_force: bool = False
 
     @property
     def is_moment(self) -> bool:
         """True if it gives moments only, and hence is one; what gives nothing counts as a force."""
-        return bool(self.gives) and self.gives.keys().isdisjoint(_FORCES)
+        return bool(self.gives) and self.gives.keys().isdisjoint(_FORCES) and not self.is_force
 
     def meaning(self, contacts: int) -> sp.csr_array:
         """Contact forces (6 n, k) per unit."""
@@ -256,6 +259,22 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
     parts = [Part(c, {c: 1}, each) for c in ("V1", "V2", "MT")]
     n = compressions_at(contacts.corner_contact, contacts.corner_xy)
     return ForceModel(contacts, [n, *parts])
+
+
+def own_unknowns(surface: YieldSurface, contacts: Contacts) -> ForceModel:
+    """Corner compressions, and the unknowns of a surface's own with numbers for coefficients."""
+    own, plain = surface.unknowns(contacts), corner_compressions(contacts)
+    if own is None:
+        return plain
+    each, gives = np.arange(len(contacts)), dict[str, dict[str, FloatArray]]()
+    for component, form in own.gives.items():
+        for name, coefficient in form.items():
+            gives.setdefault(name, {})[component] = np.asarray(number(coefficient))
+    kept = [part for part in plain.parts if part.name not in own.gives]
+    parts = [replace(p, gives={**p.gives, **gives.pop(p.name, {})}) for p in kept]
+    parts += [Part(name, given, each, is_force=True) for name, given in gives.items()]
+    holds = plain.holds | {surface.name}
+    return ForceModel(contacts, parts, own.conditions, holds, surface.cone)
 
 
 def compressions_at(contact: IntArray, at: FloatArray, name: str = "n") -> Part:

@@ -33,6 +33,7 @@ class LadderNumbers:
     leading: float = 1e-6  # of problems that only lead the way:
     leading_iterations: int = 60  # those not solved in 60 were never solved later
     iterate: float = 1e-9  # of fixed-point iterates,
+    last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
@@ -107,11 +108,15 @@ def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
     )
 
 
-def iterate_ladder() -> Ladder:
-    """The ladder for iterations that feed on the forces of their last solve: Clarabel first,
-    whatever else is installed, for which of many possible forces are picked depends on the solver.
+def iterate_ladder(tolerance: float | None = None, is_linear: bool = True) -> Ladder:
+    """The ladder for iterations that feed on the forces of their last solve: always the same solver
+    first, whatever else is installed, for which of many possible forces are picked depends on it.
+    Our own starts from the solve before; it takes linear objectives only.
     """
-    return (settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
+    asked, most = tolerance or NUMBERS.last, NUMBERS.tight_iterations
+    own = settings_for("BLOCKWISE", asked, iterations=most)
+    first = (own,) if is_linear else ()
+    return (*first, settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
 
 
 def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:

@@ -6,7 +6,7 @@ Eliminating them leaves a Schur complement with six rows per masonry block.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,10 @@ class Limits:
 LIMITS = Limits()
 
 
+def _nothing() -> FloatArray:
+    return np.zeros((0, 0, 0))
+
+
 @dataclass(frozen=True, eq=False)
 class _Group:
     """k blocks of one shape, in slabs: c variables, r cone rows (linear first), e equations."""
@@ -58,9 +62,11 @@ class _Group:
     columns: slice
     orthant: slice
     slabs: tuple[int, ...]
-    cone_part: FloatArray  # (r, c, k)
+    given: IntArray  # (c, k), the variables as they were given
+    rows: IntArray  # (r, k)
     equations: IntArray  # (e, k), padded with the number of equations
-    equation_part: FloatArray  # (e, c, k)
+    cone_part: FloatArray = field(default_factory=_nothing)  # (r, c, k)
+    equation_part: FloatArray = field(default_factory=_nothing)  # (e, c, k)
 
     def scaled_rows(self, scaling: NesterovTodd) -> FloatArray:
         """W^-1 G of each block, (r, c, k)."""
@@ -109,18 +115,46 @@ class NewtonSystem:
             raise SolverError("blockwise: there are no equations; use another solver")
         found = _Blocks(E.tocsr(), G.tocsr(), orthant, soc)
         self.columns, self.rows, self.cones = found.columns, found.rows, found.cones
-        self.E, self.G = E.tocsr()[:, self.columns], G.tocsr()[self.rows][:, self.columns]
-        self.Et, self.Gt = self.E.T.tocsr(), self.G.T.tocsr()
-        self.A = sp.vstack([self.E, self.G], format="csr")
-        self.At = self.A.T.tocsr()
-        self.groups = found.groups
-        self.border = slice(found.inner, self.variables)
-        self._edge = self.E[:, self.border].toarray()
-        self._edge_rows = self.G[:, self.border].toarray()
+        self.border, self.groups = slice(found.inner, self.variables), found.groups
+        self._given, self._places = A, list[IntArray]()
+        self._name(*self._laid_out(A))
         self.target = LIMITS.target
         self._set_order()
         self._set_pattern()
         self.factorisation = BACKENDS[backend](self._indices, self._indptr)
+
+    def _laid_out(self, A: sp.csr_array) -> tuple[list[sp.csr_array], list[FloatArray]]:
+        """A in the order of the groups, in all forms in which it is needed."""
+        E, G = A[: self.equations], A[self.equations :]
+        padded = sp.vstack([E, sp.csr_array((1, self.variables))], format="csr")
+        arrays = []
+        for group in self.groups:
+            arrays.append(_dense_parts(G, group.rows, group.given))
+            arrays.append(_dense_parts(padded, group.equations, group.given))
+        E, G = E[:, self.columns], G[self.rows][:, self.columns]
+        arrays += [E[:, self.border].toarray(), G[:, self.border].toarray()]
+        whole = sp.vstack([E, G], format="csr")
+        return [E, G, E.T.tocsr(), G.T.tocsr(), whole, whole.T.tocsr()], arrays
+
+    def _name(self, matrices: list[sp.csr_array], arrays: list[FloatArray]) -> None:
+        self._matrices = matrices
+        self.E, self.G, self.Et, self.Gt, self.A, self.At = matrices
+        *parts, self._edge, self._edge_rows = arrays
+        pairs = zip(self.groups, parts[::2], parts[1::2], strict=True)
+        self.groups = [replace(g, cone_part=G, equation_part=E) for g, G, E in pairs]
+
+    def renew(self, data: FloatArray) -> None:
+        """Other numbers for the entries of A, in its order: their places are looked up once."""
+        if not self._places:
+            numbered = sp.csr_array(self._given, copy=True)
+            numbered.data = np.arange(1.0, len(data) + 1.0)
+            matrices, arrays = self._laid_out(numbered)
+            self._places = [np.rint(m.data).astype(np.int64) for m in matrices]
+            self._places += [np.rint(array).astype(np.int64) for array in arrays]
+        parts = [np.append(0.0, data)[at] for at in self._places]
+        for matrix, part in zip(self._matrices, parts, strict=False):
+            matrix.data = part
+        self._name(self._matrices, parts[len(self._matrices) :])
 
     def _set_order(self) -> None:
         """Elimination order: equations with the same blocks form one node of the graph."""
@@ -312,8 +346,6 @@ class _Blocks:
         is_border = (self.width == 1) & ((self.height == 0) | (self.reach > LIMITS.densest))
         border, edge = np.flatnonzero(is_border[of_column]), np.flatnonzero(is_border[of_row])
         self._check(~is_border, len(border), bool(np.any(edge >= orthant)))
-        self._E = sp.vstack([E, sp.csr_array((1, n))], format="csr")  # a row for what is padded
-        self._G = G
         self._by_column = np.argsort(of_column, kind="stable")
         self._by_row = np.argsort(of_row, kind="stable")
         kind = np.where(np.arange(m) < orthant, 1, -sizes[unit])
@@ -374,9 +406,9 @@ class _Blocks:
                 slice(self.inner, self.inner + c * k),
                 slice(row_at, row_at + plain * k),
                 tuple(range(first, len(slabs))),
-                _dense_parts(self._G, rows, own),
+                own,
+                rows,
                 equations,
-                _dense_parts(self._E, equations, own),
             )
             self.groups.append(group)
             self.inner, row_at = group.columns.stop, group.orthant.stop

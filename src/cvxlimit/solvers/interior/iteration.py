@@ -36,7 +36,8 @@ class Numbers:
     ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
     start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
-    less than ``floor`` times the mean of the other unknowns of its side.
+    less than ``floor`` times the mean of the other unknowns of its side. Down to the tolerance
+    ``unrefined`` directions need no refinement: the next one takes their errors out.
     """
 
     reach: float = 0.99
@@ -53,6 +54,7 @@ class Numbers:
     no_answer: float = 1e-9
     middle: float = 1e-2
     floor: float = 0.1
+    unrefined: float = 1e-5
     shift: float = 0.1
 
 
@@ -125,6 +127,15 @@ class InteriorPoint:
     ) -> None:
         self.system = NewtonSystem(sp.csr_array(A), zero, orthant, soc, backend)
         self.cones = self.system.cones
+        self._state(c, b)
+
+    def renew(self, c: FloatArray, data: FloatArray, b: FloatArray) -> None:
+        """Another program of the same pattern, whose entries of A are ``data``."""
+        self.system.renew(data)
+        self._state(c, b)
+
+    def _state(self, c: FloatArray, b: FloatArray) -> None:
+        zero = self.system.equations
         self.c, self.f, self.h = c[self.system.columns], b[:zero], b[zero:][self.system.rows]
         self._empty = np.flatnonzero((np.diff(self.system.E.indptr) == 0) & (self.f != 0.0))
         entries = np.abs(self.f[self.f != 0.0])
@@ -140,6 +151,7 @@ class InteriorPoint:
         at = self._warm(start) or self._cold()
         best, scores, worst, count = at, [np.inf], np.inf, 0
         rank, enough = (True, np.inf), max(NUMBERS.solved, tolerance)
+        rounds = 0 if tolerance >= NUMBERS.unrefined else LIMITS.rounds
         middle: Point | None = None
         outcome: tuple[str, Point] | None = None
         while True:
@@ -153,7 +165,7 @@ class InteriorPoint:
             outcome = self._no_answer(at)
             if outcome is not None or self._is_done(found, tolerance, scores, worst):
                 break
-            moved = self._moved(at, found) if count < max_iter else None
+            moved = self._moved(at, found, rounds) if count < max_iter else None
             if moved is None:
                 break
             at, count = moved, count + 1
@@ -251,10 +263,10 @@ class InteriorPoint:
         p = NUMBERS.patience
         return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
 
-    def _moved(self, at: Point, found: _Measure) -> Point | None:
+    def _moved(self, at: Point, found: _Measure, rounds: int) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            best = _Newton(self, at, found).best()
+            best = _Newton(self, at, found, rounds).best()
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
         if not best.change.is_finite:
@@ -286,13 +298,14 @@ class _Direction:
 class _Newton:
     """Search directions from one iterate."""
 
-    def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
+    def __init__(self, program: InteriorPoint, at: Point, found: _Measure, rounds: int) -> None:
+        self.rounds = rounds
         self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
         self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
 
-    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> _Direction:
+    def direction(self, aim: FloatArray, rounds: int = 0) -> _Direction:
         """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim."""
         times, own = self.scaling.times, self.cones.quotient(aim, self.lam)
         right = self.found.missing.copy()
@@ -306,11 +319,11 @@ class _Newton:
     def best(self) -> _Direction:
         cones, lam, mu = self.cones, self.lam, self.found.mu
         squares = cones.product(lam, lam)
-        best = self.direction(-squares, 0)
+        best = self.direction(-squares)
         ahead = float((lam + best.primal * best.ds) @ (lam + best.dual * best.dz)) / cones.degree
         goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, 1e-8) * mu
         aim = goal * cones.identity - squares - cones.product(best.ds, best.dz)
-        best = self.direction(aim)
+        best = self.direction(aim, self.rounds)
         for _ in range(NUMBERS.correctors):
             if best.step > NUMBERS.long_step:
                 break
@@ -318,7 +331,7 @@ class _Newton:
             products = cones.product(lam + wider * best.ds, lam + wider * best.dz)
             inside = cones.clipped(products, NUMBERS.band * goal, goal / NUMBERS.band)
             aim = aim + np.maximum(inside - products, -goal / NUMBERS.band)
-            new = self.direction(aim)
+            new = self.direction(aim, self.rounds)
             pays = new.step >= best.step + NUMBERS.gain * NUMBERS.widen
             best = new if new.step > best.step else best
             if not pays:
