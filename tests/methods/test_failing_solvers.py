@@ -82,7 +82,8 @@ def test_a_failure_on_the_way_keeps_its_name(monkeypatch: pytest.MonkeyPatch) ->
         return real(*arguments, **options) if len(runs) < 5 else Outcome(NOWHERE, 0.0, 0.0)  # type: ignore[arg-type]
 
     monkeypatch.setattr(problem, "run", failing_later)
-    solution = solve(builtin_scene("tuff-wall"), method=FixedPoint(moments="signed"))
+    rule = FixedPoint(moments="signed")
+    solution = solve(builtin_scene("tuff-wall"), method=rule, ladder=["CLARABEL"])
     assert solution.status is Status.SOLVER_FAILED
     assert f"solver CLARABEL: {NOWHERE}" in solution.note
     assert any(iterate.load_factor is not None for iterate in solution.history)

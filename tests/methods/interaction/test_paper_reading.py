@@ -428,7 +428,7 @@ class TestIteration:
 
     def test_a_huge_epsilon_takes_bending_out(self) -> None:
         """Then all contacts count as pressed at their centres, in every iterate; in block weights,
-        whatever the unit of force."""
+        whatever the unit of force. Iterates on the way are solved to 1e-4."""
         scene = random_wall(2)
         plain = solve(scene).load_factor
         for other in (scene, _heavier(scene, 1e3)):
@@ -436,7 +436,9 @@ class TestIteration:
                 other, interaction=FixedPoint(max_iterations=4, epsilon=1e9), moments="paper"
             )
             assert run.status is Status.CONVERGED
-            assert [h.load_factor for h in run.history] == pytest.approx([plain] * 2, rel=1e-5)
+            factors = [h.load_factor for h in run.history]
+            assert factors == pytest.approx([plain] * len(factors), rel=1e-4)
+            assert factors[-2:] == pytest.approx([plain] * 2, rel=1e-5)
         with pytest.raises(InputError, match="epsilon must be finite and not negative"):
             FixedPoint(epsilon=-1.0)
 
