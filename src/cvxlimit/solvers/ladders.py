@@ -42,8 +42,8 @@ class LadderNumbers:
 NUMBERS = LadderNumbers()
 
 BLOCKWISE_FROM = {
-    "conic": {"superlu": 1e8, "cholmod": 5e7, "beside QOCO": 5e7},
-    "facets": {"superlu": 4e6, "cholmod": 4e6, "beside QOCO": 1.5e7},
+    "conic": {"superlu": 1.2e7, "cholmod": 4e6, "beside QOCO": 8e6},
+    "facets": {"superlu": 2.5e6, "cholmod": 2.5e6, "beside QOCO": 3e6},
     "lean": {"superlu": 4e8, "cholmod": 1.5e8, "beside QOCO": 9e8},
 }
 """From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
