@@ -107,7 +107,7 @@ class BranchSettings:
     tried: int = 3  # contacts tried for a split,
     tried_nodes: int = 60  # for so many nodes; then the one that carries most of the gap
     due: float = 0.3  # share of the best split's gain from which others are due in its parts
-    climbs: tuple[int, ...] = (1, 5, 15, 30, 60, 120, 240, 480, 960)  # nodes before safe steps
+    climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps
     climb_solves: int = 16  # of each
     rarely: int = 64  # longest wait for another search for better forces, in nodes
     told: float = 0.98  # the history has a line when the gap is this share of the last one told
