@@ -77,8 +77,12 @@ class DirectProblem:
         return Shape.of(self._equilibrium[0], variables, cones, program.nonneg)
 
     def solve(self, settings: SolverSettings) -> LimitState:
-        """One run of one solver; never raises for what the solver does."""
-        if self.program is None or settings.name not in _WANT_MATRICES:
+        """One run of one solver; never raises for what the solver does.
+
+        Where rounding decides, Clarabel's last rungs see the rows in CVXPY's order.
+        """
+        is_last = settings.name == "CLARABEL" and settings.label != ""
+        if self.program is None or settings.name not in _WANT_MATRICES or is_last:
             return self.modelled.solve(settings)
         return self.state(*self.program.solve(settings))
 
