@@ -150,18 +150,12 @@ def import_geometry(
     ('ground-tower',)
     """
     with refusals():
-        if up not in AXES:
-            raise InputError(f"up must be x, y or z, got {up!r}")
-        if joint_tolerance is not None:
-            positive(joint_tolerance, "joint_tolerance")
+        _check_asked(up, joint_tolerance)
         files = _files([paths] if isinstance(paths, str | os.PathLike) else list(paths))
         notes: list[str] = []
         bodies = _named(files, notes)
         _check_coordinates(bodies)
-        if to_unit is not None:
-            times = _metres(length_unit) / _metres(to_unit)
-            bodies = [replace(body, vertices=times * body.vertices) for body in bodies]
-            length_unit = to_unit
+        bodies, unit = _converted(bodies, length_unit, to_unit)
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         fixed = _supports(bodies, supports, axis, notes)
@@ -173,12 +167,26 @@ def import_geometry(
             live=live if isinstance(live, Load) else Load(acceleration=live),  # type: ignore[arg-type]
             dead=Load(gravity=down),
             friction=friction,
-            units=Units(length_unit, force_unit),
+            units=Units(unit, force_unit),
             name=files[0].stem if name is None else name,
             joint_tolerance=joint_tolerance,
         )
         notes += _strange_density(scene)
         return Imported(scene, tuple(map(str, files)), tuple(notes))
+
+
+def _check_asked(up: str, joint_tolerance: float | None) -> None:
+    if up not in AXES:
+        raise InputError(f"up must be x, y or z, got {up!r}")
+    if joint_tolerance is not None:
+        positive(joint_tolerance, "joint_tolerance")
+
+
+def _converted(bodies: list[Body], given: str, asked: str | None) -> tuple[list[Body], str]:
+    if asked is None:
+        return bodies, given
+    times = _metres(given) / _metres(asked)
+    return [replace(body, vertices=times * body.vertices) for body in bodies], asked
 
 
 def _metres(unit: str) -> float:
