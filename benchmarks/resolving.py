@@ -8,17 +8,27 @@ Per scene, in seconds of CPU of one solve each (medians of three):
   and its first solve, which pays for DPP; up to ``--dpp`` contacts, since its memory grows with
   their square.
 
-Beside it the same with one iteration of the solver: compiling, and its setup. Interior-point
-solvers take no starting point, so solving in place saves compiling and no more.
+Beside it the same with one iteration of the solver: compiling, and its setup.
+
+``python -m benchmarks.resolving --sequences [--before CHECKOUT]``: the paper's fixed point
+(``--moments signed independent``), in seconds of CPU: the first eight re-solves, cold and warm, by
+tolerance and solver, and whole fixed points beside the first plain solve; medians of five
+(``--repeat``). ``--before`` measures whole fixed points and first solves of another checkout beside
+them, with the Python of its ``.venv``. ``--out FILE`` keeps all records as JSON lines.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from statistics import median
 from time import process_time
+from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from cvxlimit import Scene, builtin_scene
@@ -36,8 +46,8 @@ from cvxlimit.surfaces import Conic
 
 console = Console(highlight=False, soft_wrap=True)
 
-QUICK, TIGHT = "QOCO", "CLARABEL"
-"""Solvers of what leads the way, at 1e-6, and of frozen problems, at 1e-9."""
+QUICK, TIGHT, OWN = "QOCO", "CLARABEL", "BLOCKWISE"
+"""Solvers of what leads the way, at 1e-6, of frozen problems by CVXPY, at 1e-9, and warm ones."""
 
 Solve = Callable[[SolverSettings], LimitState]
 
@@ -48,15 +58,116 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure and print a table of Markdown."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.resolving", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=SCENES, help="built-in scenes")
+    add = parser.add_argument
+    add("--sequences", action="store_true", help="fixed points instead")
+    add("--moments", nargs="+", default=["signed"], help="readings of sequences")
+    add("--repeat", type=int, default=5)
+    add("--before", help="another checkout, for its whole fixed points")
+    add("--out", type=argparse.FileType("w"), help="records as JSON lines")
     parser.add_argument("--dpp", type=int, default=1000, help="most contacts kept compiled")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.scenes if name not in BUILTIN]
     if unknown:
         parser.error(f"there is no scene {unknown[0]!r}")
+    if options.sequences:
+        for record in records(options):
+            console.print(" ".join(f"{key}={value}" for key, value in record.items()))
+            if options.out:
+                options.out.write(json.dumps(record) + "\n")
+        return
     console.print("| scene | problem | seconds | with one iteration |\n|---|---|---|---|")
     for name in options.scenes:
         for problem, (whole, least) in timed(builtin_scene(name), options.dpp).items():
             console.print(f"| {name} | {problem} | {whole:.3f} | {least:.3f} |")
+
+
+def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A record per measurement: what, and median seconds of CPU."""
+    for name in options.scenes:
+        scene = builtin_scene(name)
+        for moments in options.moments:
+            about = {"scene": name, "moments": moments}
+            for record in resolved(scene, moments, options.repeat):
+                yield about | record
+            yield about | {"what": "whole", **whole(name, moments, sys.executable, ".", options)}
+            if options.before is not None:
+                python = f"{options.before}/.venv/bin/python"
+                found = whole(name, moments, python, options.before, options)
+                yield about | {"what": "whole, before", **found}
+
+
+def resolved(scene: Scene, moments: str, repeat: int) -> Iterator[dict[str, Any]]:
+    """Mean seconds of the first eight re-solves, on the path of warm iterates at 1e-4."""
+    contacts, reading = scene.contacts, parse_moments(moments)
+    path, forces = FrozenProblem(scene, Conic(), reading), np.zeros((len(contacts), 6))
+    centres = []
+    for i in range(9):
+        centres.append(Pressure.of(forces, contacts))
+        found = path.solve(centres[-1], settings_for(OWN, 1e-4)).forces
+        assert found is not None
+        forces = 0.8 * forces + 0.2 * found if i else found
+    exact = FrozenProblem(scene, Conic(), reading).solve(centres[-1], settings_for(OWN, 1e-9))
+    rungs = [(OWN, t, warm) for t in (1e-4, 1e-6, 1e-8) for warm in (True, False)]
+    rungs += [(solver, t, False) for solver in (QUICK, TIGHT) for t in (1e-4, 1e-6, 1e-8)]
+    for solver, tolerance, is_warm in rungs:
+        seconds = []
+        for _ in range(repeat):
+            frozen, settings = (
+                FrozenProblem(scene, Conic(), reading),
+                settings_for(solver, tolerance),
+            )
+            frozen.ignore_dpp = True
+            frozen.solve(centres[0], settings)
+            start = process_time()
+            for centre in centres[1:]:
+                if not is_warm:
+                    frozen.kept.clear()
+                state = frozen.solve(centre, settings)
+            seconds.append((process_time() - start) / (len(centres) - 1))
+        factor = state.load_factor
+        known = exact.load_factor
+        off = None if factor is None or not known else abs(factor / known - 1.0)
+        yield {
+            "what": "re-solve", "solver": solver, "tolerance": tolerance,
+            "start": "warm" if is_warm else "cold", "seconds": round(median(seconds), 5),
+            "error": off,
+        }  # fmt: skip
+
+
+_WHOLE = """
+import json, sys
+from statistics import median
+from time import process_time
+from cvxlimit import builtin_scene, solve
+from cvxlimit.model.problem import LimitProblem
+scene, moments, repeat = builtin_scene(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+def timed(run):
+    start = process_time()
+    return run(), process_time() - start
+problem = LimitProblem(scene)
+rung = problem.ladder()[0]
+problem.solve(rung)
+def first():
+    start, state = process_time(), problem.solve(rung)
+    return process_time() - start - state.outcome.compile_seconds
+def iterated():
+    return solve(scene, interaction="fixed-point", moments=moments)
+found = [timed(iterated) for _ in range(repeat)]
+answer = found[-1][0]
+print(json.dumps({
+    "first": median(first() for _ in range(max(repeat, 5))), "seconds": median(t for _, t in found),
+    "solves": len(answer.history), "load_factor": answer.load_factor, "status": str(answer.status),
+}))
+"""
+
+
+def whole(
+    name: str, moments: str, python: str, folder: str, options: argparse.Namespace
+) -> dict[str, Any]:
+    """A whole fixed point by some checkout, and its first plain solve, without compiling."""
+    command = [python, "-c", _WHOLE, name, moments, str(options.repeat)]
+    found: dict[str, Any] = json.loads(subprocess.check_output(command, cwd=folder, text=True))
+    return found | {"in first solves": round(found["seconds"] / found["first"], 1)}
 
 
 def timed(scene: Scene, most: int) -> dict[str, tuple[float, float]]:

@@ -43,9 +43,6 @@ _LOOSE = 1e-4
 """Relative gap of iterates on the way: ends are those of exact ones, where 1e-3 moves them by 1 %
 (docs/evidence/speed.md)."""
 
-_STILL = 1.0
-"""Change over the tolerance up to which iterates are solved exactly."""
-
 _BEFORE = 100.0
 """The change before the last one may be so many times the tolerance."""
 
@@ -220,7 +217,7 @@ class FixedPoint(Method):
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
         loose, exact = min(_LOOSE, self.tolerance), 0  # exact iterates in a row
-        is_exact = always = run.ladder is not None or objective is not None
+        is_exact = run.ladder is not None or objective is not None
         for number in range(self.max_iterations):
             pressure = Pressure.of(blended, run.contacts, epsilon)
             solver = partial(frozen.solve, pressure)
@@ -243,8 +240,8 @@ class FixedPoint(Method):
             if is_cycle and exact:
                 return Status.CYCLING
             # what was solved loosely may only seem to settle, or to come back
-            is_still = change is not None and change <= _STILL * self.tolerance
-            is_exact = always or is_cycle or is_still
+            is_still = change is not None and change <= self.tolerance
+            is_exact = is_exact or is_cycle or is_still
         return Status.NOT_CONVERGED
 
     def _has_settled(self, run: Run) -> bool:
