@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter
 
 from benchmarks.results import Record, fitted_exponent
-from cvxlimit.compare.chart import (
-    draw_time_against_error,
-    sparse,
-    style,
-)
+from cvxlimit.compare.chart import draw_time_against_error, few_ticks, label_lines, style
 from cvxlimit.compare.models import PHASES
+
+WIDTH, DPI, LETTERS = 7.7, 190, 9.0
+"""Inches in which a page shows a chart, pixels of each, and points of its smallest letters."""
 
 FIT_FROM = 400
 """Contacts from which growth is fitted: below, fixed costs hide it."""
@@ -40,7 +40,7 @@ def draw_all(records: Sequence[Record], about: dict[str, Any], folder: Path) -> 
         for kind, figure in _figures(family, members):
             _sign(figure, about)
             path = folder / f"{kind}-{_slug(family)}.png"
-            FigureCanvasAgg(figure).print_figure(path, dpi=120)
+            FigureCanvasAgg(figure).print_figure(path, dpi=DPI)
             written.append(path)
     return written
 
@@ -66,7 +66,8 @@ def _sign(figure: Figure, about: dict[str, Any]) -> None:
     )
     repeat = about.get("options", {}).get("repeat", 1)
     runs = f"medians of {repeat} runs, in turns" if repeat > 1 else "one run each"
-    figure.supxlabel(f"{text}; {runs}", fontsize=7, color="#555")
+    said = "\n".join(wrap(f"{text}; {runs}", 105))
+    figure.supxlabel(said, fontsize=LETTERS, color="#555")
 
 
 def _studied(records: Sequence[Record]) -> dict[str, list[Record]]:
@@ -84,33 +85,37 @@ def _scene_label(record: Record) -> str:
 
 
 def time_against_error(family: str, studied: dict[str, list[Record]]) -> Figure:
-    """One plot per studied scene, one legend for all of them, one entry per line."""
-    columns = len(studied)
-    figure = Figure(figsize=(5.6 * columns + 3.4, 6.4), layout="constrained")
-    plots = figure.subplots(1, columns, squeeze=False)[0]
+    """One plot per studied scene, one above the other, every line named beside it."""
     labels = dict.fromkeys(r.row.line for group in studied.values() for r in group)
     styles = {label: number for number, label in enumerate(labels)}
+    high = max(3.6, 0.175 * len(labels))
+    figure = Figure(figsize=(WIDTH, high * len(studied) + 0.7), layout="constrained")
+    plots = figure.subplots(len(studied), 1, squeeze=False)[:, 0]
     for axes, (scene, group) in zip(plots, studied.items(), strict=True):
         rows = [record.row for record in group]
         failed = sum(row.failed for row in rows)
-        note = f"\n{failed} of {len(rows)} methods failed: see results.csv" if failed else ""
-        draw_time_against_error(axes, rows, f"{scene}{note}", styles)
-    handles = {label: h for axes in plots for h, label in zip(*_legend(axes), strict=True)}
-    figure.legend(
-        handles.values(), handles.keys(), loc="outside right center", fontsize=7.5, frameon=False
-    )
+        note = f"; {failed} of {len(rows)} methods failed" if failed else ""
+        draw_time_against_error(axes, rows, "", styles)
+        axes.set_title(f"{scene}{note}", fontsize=LETTERS + 1, loc="left")
+    _name_lines(figure, plots)
     _headline(figure, f"{family}: time against true error")
     return figure
 
 
+def _name_lines(figure: Figure, plots: Iterable[Axes]) -> None:
+    """Names on the right of all plots; the layout then makes room for them."""
+    for axes in plots:
+        axes.tick_params(labelsize=LETTERS)
+        axes.xaxis.label.set_size(LETTERS)
+        axes.yaxis.label.set_size(LETTERS)
+    figure.draw_without_rendering()
+    for axes in plots:
+        label_lines(axes, LETTERS)
+
+
 def _headline(figure: Figure, text: str) -> None:
-    """Left, where no legend is."""
-    figure.suptitle(text, x=0.01, ha="left", fontsize=12)
-
-
-def _legend(axes: Axes) -> tuple[list[Any], list[Any]]:
-    handles, labels = axes.get_legend_handles_labels()
-    return handles, labels
+    """Left, where no names are."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=11)
 
 
 def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
@@ -124,24 +129,22 @@ def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
 
 
 def growth(family: str, grown: dict[str, list[Record]]) -> Figure:
-    """Total time and peak memory against contacts, fitted exponents in the legends."""
-    figure = Figure(figsize=(13.0, 6.8), layout="constrained")
-    plots = figure.subplots(1, 2)
+    """Total time and peak memory against contacts, with fitted exponents."""
+    figure = Figure(figsize=(WIDTH, 7.4), layout="constrained")
+    plots = figure.subplots(2, 1)
     for axes, column, label in (
-        (plots[0], "total", "total time, seconds"),
-        (plots[1], "memory", "peak memory of the process, MB"),
+        (plots[0], "total", "total time (s)"),
+        (plots[1], "memory", "peak memory (MB)"),
     ):
         for number, (name, records) in enumerate(grown.items()):
             _grow(axes, number, name, records, column)
         axes.set(xscale="log", yscale="log", ylabel=label, xlabel="contacts")
         axes.grid(True, color="#d9d9d9", linewidth=0.6)
-        _plain_ticks(axes)
-        axes.legend(
-            fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, frameon=False
-        )
-    _headline(
-        figure, f"{family}: growth with size (p: value ~ contacts^p from {FIT_FROM} contacts on)"
-    )
+        if axes.lines:
+            few_ticks(axes.xaxis)
+            few_ticks(axes.yaxis)
+    _name_lines(figure, plots)
+    _headline(figure, f"{family}: growth as contacts^p, fitted from {FIT_FROM} contacts on")
     return figure
 
 
@@ -150,14 +153,22 @@ def _grow(axes: Axes, number: int, name: str, records: Sequence[Record], column:
     points = [(size, value) for size, value in points if value is not None]
     if not points:
         return
-    p = exponent(points)
+    p, own = exponent(points), name.startswith("cvxlimit")
+    label = _plain(records[0])
     axes.plot(
         *zip(*points, strict=True),
         **style(number, name),
         markersize=5,
-        linewidth=2.4 if name.startswith("cvxlimit") else 1.2,
-        label=name if p is None else f"{name}, p = {p:.2f}",
+        linewidth=2.4 if own else 1.2,
+        label=label if p is None else f"{label}, p = {p:.2f}",
     )
+
+
+def _plain(record: Record) -> str:
+    """What a reader calls a method: its line, and the tolerance that was asked for."""
+    asked = re.search(r"/(1e-\d+)$", record.row.method)
+    line = record.row.line.replace("cvxlimit, default settings (auto)", "cvxlimit")
+    return f"{line} to {asked[1]}" if asked else line
 
 
 def exponent(points: Sequence[tuple[float, float]]) -> float | None:
@@ -169,29 +180,27 @@ def exponent(points: Sequence[tuple[float, float]]) -> float | None:
     return fitted_exponent(sizes, values)
 
 
-def _plain_ticks(axes: Axes) -> None:
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    low, high = axes.get_ylim()
-    few = high < 5.0 * low  # a range that 1, 2 and 5 may miss altogether
-    axes.yaxis.set_minor_formatter(FuncFormatter(lambda v, _: f"{v:g}" if few else sparse(v)))
-
-
 def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
-    """Left: shares of the package's own time by size; right: seconds by method at one size."""
-    figure = Figure(figsize=(13.0, 5.6), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
+    """Above: shares of the package's own time by size; below: seconds by method at one size."""
     own = grown.get(DEFAULT) or next(iter(grown.values()))
-    _bars(left, [f"{r.row.contacts:,}" for r in own], [_shares(r) for r in own])
-    left.set(xlabel="share of the total time", ylabel="contacts", title=own[0].row.method)
-    left.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0%}"))
-    left.set_xlim(0.0, 1.0)
     size = _common_size(grown)
-    there = [(n, r) for n, g in grown.items() for r in g if r.row.contacts == size]
-    _bars(right, [name for name, _ in there], [_seconds(r) for _, r in there])
-    right.set(xlabel="seconds", title=f"methods with an answer at {size:,} contacts")
-    figure.legend(*_legend(right), loc="outside upper right", ncols=len(PHASES) + 1, frameon=False)
+    there = [r for g in grown.values() for r in g if r.row.contacts == size]
+    counts = len(own), len(there)
+    figure = Figure(figsize=(WIDTH, 2.6 + 0.3 * sum(counts)), layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=[n + 1 for n in counts])
+    _bars(above, [f"{r.row.contacts:,}" for r in own], [_shares(r) for r in own])
+    above.set(xlabel="share of the total time", ylabel="contacts")
+    above.set_title(_plain(own[0]), fontsize=LETTERS + 1, loc="left")
+    above.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0%}"))
+    above.set_xlim(0.0, 1.0)
+    _bars(below, [_plain(r) for r in there], [_seconds(r) for r in there])
+    below.set(xlabel="total time (s)")
+    below.set_title(f"methods with an answer, {size:,} contacts", fontsize=LETTERS + 1, loc="left")
+    handles, labels = below.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper right", ncols=len(labels), frameon=False,
+        fontsize=LETTERS, handlelength=1.0, columnspacing=1.0,
+    )  # fmt: skip
     _headline(figure, f"{family}: where the time goes")
     return figure
 
@@ -205,7 +214,10 @@ def _bars(axes: Axes, names: Sequence[str], parts: Sequence[dict[str, float]]) -
             color=PHASE_COLOURS.get(phase, "#bbbbbb"), label=phase,
         )  # fmt: skip
         start = [s + w for s, w in zip(start, widths, strict=True)]
-    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.set_yticks(range(len(names)), names)
+    axes.tick_params(labelsize=LETTERS)
+    axes.xaxis.label.set_size(LETTERS)
+    axes.yaxis.label.set_size(LETTERS)
     axes.invert_yaxis()
 
 

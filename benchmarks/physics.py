@@ -94,13 +94,13 @@ def draw_curves(axes: Axes, l1: float, l2: float, direction: int) -> None:
 
 def curves(path: Path) -> None:
     """Limit curves of three rectangles."""
-    figure, rows = plt.subplots(1, 3, figsize=(12, 4.2), sharey=True)
+    figure, rows = plt.subplots(1, 3, figsize=(7.7, 3.1), sharey=True)
     for axes, (l1, l2, direction) in zip(rows, ((1, 1, 0), (2, 1, 0), (2, 1, 1)), strict=True):
         draw_curves(axes, l1, l2, direction)
     rows[0].set_ylabel("|MT| / (µ N c_T)")
     rows[0].legend(loc="lower left", fontsize=9)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=190)
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _cell(found: Row) -> str:
 def speed(path: Path) -> None:
     """Time in units of the line's against the distance from the exact limit, in space."""
     scenes = [name for name in by_size(500) if name not in PLANE]
-    figure, axes = plt.subplots(figsize=(9, 5.5))
+    figure, axes = plt.subplots(figsize=(7.7, 5.5))
     sys.stdout.write(
         "| scene | torsion with shear | load factor | max. error | time (s) | over the line's |\n"
     )
@@ -175,9 +175,9 @@ def speed(path: Path) -> None:
             sys.stdout.write(f"| {' | '.join(cells)} |\n")
             sys.stdout.flush()
         axes.loglog(*np.transpose(points), "-", color="0.75", lw=0.8)
-        _finish_speed(axes, scenes)
+        _finish_speed(axes, scenes[: scenes.index(name) + 1])
         figure.tight_layout()
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=190)
 
 
 def _finish_speed(axes: Axes, scenes: Sequence[str]) -> None:
@@ -186,7 +186,7 @@ def _finish_speed(axes: Axes, scenes: Sequence[str]) -> None:
               for n, m in zip(scenes, MARKERS, strict=False)]  # fmt: skip
     colours = [Line2D([], [], ls="", marker="o", color=c, label=n)
                for n, c in zip(TORSION, COLOURS, strict=False)]  # fmt: skip
-    axes.legend(handles=[*shapes, *colours], fontsize=8, ncols=2)
+    axes.legend(handles=[*shapes, *colours], fontsize=9, ncols=2)
     axes.set_xlabel("processor time / that of the line")
     axes.set_ylabel("at most below the exact limit, relative")
     axes.set_title("Torsion with shear: speed against accuracy, scenes in space", fontsize=10)
@@ -204,36 +204,38 @@ def _timed(name: str, tolerance: float | None, form: str) -> tuple[Solution, flo
 
 
 def chart(path: Path, found: dict[str, dict[str, Row]]) -> None:
-    """Load factors over the paper's, and seconds, one group of bars per scene."""
-    scenes = list(found)
-    figure, (above, below) = plt.subplots(2, 1, figsize=(14, 8), sharex=True)
-    width = 0.84 / len(CHARTED)
+    """Load factors over the straight line's, from 0, and seconds: a row of dots for every scene."""
+    scenes, good = list(found), ("certified", "converged")
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(7.7, 1.6 + 0.34 * len(scenes)), sharey=True, layout="constrained"
+    )
     for k, (model, colour) in enumerate(zip(CHARTED, COLOURS, strict=True)):
-        at = np.arange(len(scenes)) + (k - (len(CHARTED) - 1) / 2.0) * width
-        rows = [found[s][model] for s in scenes]
-        base = [found[s]["linear"].load_factor for s in scenes]
-        ratio = [
-            row.load_factor / b if row.load_factor and b else np.nan
-            for row, b in zip(rows, base, strict=True)
-        ]
-        good = ["certified", "converged"]
-        hatch = ["" if row.status in good else "///" for row in rows]
-        above.bar(at, ratio, width, color=colour, label=model, hatch=hatch)
-        below.bar(at, [row.total for row in rows], width, color=colour)
-    above.set_ylabel("load factor / that of the line")
-    above.set_ylim(0.3, 1.75)
-    above.axhline(1.0, color="0.4", lw=0.8)
-    above.legend(ncol=len(CHARTED), fontsize=8, loc="upper left")
+        for place, scene in enumerate(scenes):
+            row, base = found[scene][model], found[scene]["linear"].load_factor
+            face = colour if row.status in good else "white"
+            style = {"color": colour, "mfc": face, "ms": 5.5, "ls": ""}
+            if row.load_factor and base:
+                left.plot(row.load_factor / base, place, MARKERS[k], **style)
+            if row.total:
+                right.plot(row.total, place, MARKERS[k], **style)
+        left.plot([], [], MARKERS[k], color=colour, ms=5.5, label=model)
+    for axes in (left, right):
+        axes.grid(axis="y", color="#e4e6e9", lw=0.8)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=9)
+    left.set_xlim(0.0, None)
+    left.set_xlabel("load factor / that of the line", fontsize=9)
+    right.set(xscale="log")
+    right.set_xlabel("processor time (s)", fontsize=9)
+    left.set_yticks(range(len(scenes)), scenes)
+    left.invert_yaxis()
+    figure.legend(loc="outside upper center", ncols=4, fontsize=9, frameon=False, handlelength=1.0)
     note = (
         "crushing: 100 times the mean pressure on supports; mortar: cohesion 0.2, tension 0.1 of "
-        "that;\nexact: to 0.005; zero dilatancy: lowest member to 1e-4; hatched: not converged"
+        "that;\nexact: to 0.005; zero dilatancy: lowest member to 1e-4; hollow: not converged"
     )
-    above.set_title(note, fontsize=10)
-    below.set_yscale("log")
-    below.set_ylabel("seconds of the processor")
-    below.set_xticks(np.arange(len(scenes)), scenes, rotation=30, ha="right")
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.supxlabel(note, fontsize=9, color="#555")
+    figure.savefig(path, dpi=190)
     plt.close(figure)
 
 

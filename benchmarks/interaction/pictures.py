@@ -14,6 +14,7 @@ from benchmarks.interaction.experiments import AXES, DEFAULTS, FIRST, Experiment
 matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 Pair = tuple[Experiment, Result]
@@ -31,6 +32,10 @@ PANELS = {"s12-panel": (0.137, 0.129), "s10-panel": (0.215, 0.213), "tuff-wall":
 """The paper's last figure, and the experiment's."""
 
 
+_WIDTH = 7.7
+"""Inches in which a page shows a picture."""
+
+
 def draw(docs: Path, pairs: Sequence[Pair]) -> None:
     """Write all pictures."""
     histories(docs / "interaction.png", pairs)
@@ -40,7 +45,7 @@ def draw(docs: Path, pairs: Sequence[Pair]) -> None:
 
 def histories(path: Path, pairs: Sequence[Pair]) -> None:
     """Iterates under the readings, beside certified brackets."""
-    figure = Figure(figsize=(12, 9.5), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 8.0), layout="constrained")
     axes = figure.subplots(len(PANELS), 3, sharey="row")
     columns = (("independent",), ("signed", "signed-torsion-bending"), tuple(a.name for a in AXES))
     for row, (scene, (last, experiment)) in enumerate(PANELS.items()):
@@ -50,7 +55,6 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
             ax.set_title(
                 f"{scene}, {'paper, all axes' if len(names) == 4 else names[0]}", fontsize=10
             )
-            _legend(ax, fontsize=7, loc="lower right", ncols=2)
         top = 1.35 * max((r.factors[0] or 0.0 for r in _tables(pairs, scene)), default=0.5)
         axes[row][0].set_ylim(0.0, top)
         for ax, names in zip(axes[row], columns, strict=True):
@@ -59,8 +63,17 @@ def histories(path: Path, pairs: Sequence[Pair]) -> None:
     for ax in axes.ravel():
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     for ax in axes[-1]:
-        ax.set_xlabel("iteration (octagon, old-value weight 0.8)")
-    figure.savefig(path, dpi=100)
+        ax.set_xlabel("iteration", fontsize=9)
+    pairs_of = [pair for ax in axes.ravel() for pair in zip(*_handles(ax), strict=True)]
+    keys = {label: handle for handle, label in pairs_of[::-1]}
+    figure.legend(
+        keys.values(), keys.keys(), loc="outside lower center", ncols=3, frameon=False, fontsize=9
+    )
+    figure.savefig(path, dpi=190)
+
+
+def _handles(ax: Axes) -> tuple[list[Any], list[Any]]:
+    return ax.get_legend_handles_labels()
 
 
 def _tables(pairs: Sequence[Pair], scene: str, names: Sequence[str] | None = None) -> list[Result]:
@@ -114,7 +127,7 @@ def widths(path: Path, pairs: Sequence[Pair]) -> None:
     """Width of the bracket against time, and the iteration's distance from it at its end."""
     chosen = [(e, r) for e, r in pairs if e.part == "brackets"]
     first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
-    figure = Figure(figsize=(15, 8), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 6.0), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     for column, moments in enumerate(("independent", "signed", "paper")):
         for row, what in enumerate(("built-in scenes", "random walls")):
@@ -129,13 +142,15 @@ def widths(path: Path, pairs: Sequence[Pair]) -> None:
             ax.set_xscale("log")
             ax.set_yscale("log")
             ax.axhline(1.0, color="0.8", lw=1, zorder=0)
-            ax.set_ylim(bottom=_LEAST / 30.0)  # room for the legend
-            _legend(ax, fontsize=6, ncols=3, loc="lower left")
-    for ax in axes[-1]:
-        ax.set_xlabel("CPU time, in whole analyses without interaction")
+    axes[-1, 1].set_xlabel("CPU time / analysis without interaction", fontsize=9)
     for ax in axes[:, 0]:
-        ax.set_ylabel("width of the bracket, %\n(crosses: iteration's distance from it)")
-    figure.savefig(path, dpi=100)
+        ax.set_ylabel("width of the bracket (%)", fontsize=9)
+    keys = [
+        Line2D([], [], color="#134b73", marker="o", ms=3.5, label="bracket, a line a scene"),
+        Line2D([], [], color="#d62246", marker="x", ls="", label="iteration's distance from it"),
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    figure.savefig(path, dpi=190)
 
 
 _LEAST = 1e-3
@@ -143,22 +158,18 @@ _LEAST = 1e-3
 
 
 def _widths(ax: Axes, pairs: Sequence[Pair], first: dict[str, float]) -> None:
-    colours = {
-        scene: matplotlib.colormaps["tab20"](k % 20)
-        for k, scene in enumerate(dict.fromkeys(e.scene for e, _ in pairs))
-    }
     brackets = {e.scene: r for e, r in pairs if e.kind == "certified"}
     for e, r in pairs:
-        unit, colour = first.get(e.scene, 0.0), colours[e.scene]
+        unit = first.get(e.scene, 0.0)
         if not unit > 0.0:
             continue
         if e.kind == "certified":
             time, width = _narrowing(r)
             if len(time):
-                ax.step(time / unit, width, where="post", c=colour, lw=1, label=e.scene)
-                ax.plot(time[-1:] / unit, width[-1:], "o", ms=3, c=colour)
+                ax.step(time / unit, width, where="post", c="#134b73", lw=0.9, alpha=0.6)
+                ax.plot(time[-1:] / unit, width[-1:], "o", ms=3.5, c="#134b73")
         elif (gap := _distance(r, brackets.get(e.scene))) is not None:
-            ax.plot(r.seconds / unit, max(gap, _LEAST), "x", ms=5, c=colour)
+            ax.plot(r.seconds / unit, max(gap, _LEAST), "x", ms=5, c="#d62246")
 
 
 def _narrowing(r: Result) -> tuple[np.ndarray, np.ndarray]:
@@ -185,8 +196,8 @@ def _distance(iteration: Result, bracket: Result | None) -> float | None:
 
 def spread(path: Path, pairs: Sequence[Pair]) -> None:
     """The paper's reading over axes, block orders and settings, beside the paper's figure."""
-    figure = Figure(figsize=(12, 5.6), layout="constrained")
-    axes = figure.subplots(1, len(PANELS))
+    figure = Figure(figsize=(_WIDTH, 9.0), layout="constrained")
+    axes = figure.subplots(len(PANELS), 1)
     for ax, (scene, (last, experiment)) in zip(axes, PANELS.items(), strict=True):
         labels = []
         for e, r in sorted(pairs, key=lambda pair: list(KINDS).index(_kind(pair[0]))):
@@ -198,13 +209,13 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
             ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
             ax.plot(later[-1], y, "o", ms=4, c=colour)
             labels.append(_label(e, kind))
-        ax.set_yticks(range(len(labels)), labels, fontsize=7)
+        ax.set_yticks(range(len(labels)), labels, fontsize=9)
         ax.invert_yaxis()
         _lines(ax.axvline, last, experiment)
-        ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=9)
+        ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=10)
         ax.set_xlabel("load factor (octagon)")
-        _legend(ax, fontsize=8)
-    figure.savefig(path, dpi=100)
+        _legend(ax, fontsize=9)
+    figure.savefig(path, dpi=190)
 
 
 KINDS = {"axes": "tab:green", "order": "tab:grey", "setting": "tab:purple", "": ""}

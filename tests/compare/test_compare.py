@@ -15,7 +15,7 @@ import pytest
 from cvxlimit import Tie, builtin_scene, settlement, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
-from cvxlimit.compare.chart import pareto_front
+from cvxlimit.compare.chart import pareto_front, spread
 from cvxlimit.compare.comparison import side_by_side
 from cvxlimit.compare.models import PHASES, WIDTH, Method, Model, Reference, Row
 from cvxlimit.compare.physics import Settlement
@@ -126,6 +126,7 @@ def test_plot_draws_every_line_and_the_front(tuff):
     labels = figure.axes[0].get_legend_handles_labels()[1]
     expected = {row.line for row in tuff.rows if not row.failed}
     assert expected | {"Pareto front", "resolution of the reference"} == set(labels)
+    assert {text.get_text() for text in figure.axes[0].texts} == set(labels)  # beside the lines
     assert figure._repr_png_().startswith(b"\x89PNG")
     own = Figure()
     assert tuff.plot(own.add_subplot()) is own
@@ -439,3 +440,11 @@ class TestPhysics:
         assert solve(scene).load_factor > 0.45
         model = physics_registry()["without-ties"]
         assert model.measure(scene).load_factor == pytest.approx(0.4, rel=1e-5)
+
+
+@pytest.mark.parametrize("wanted", [[0.5, 0.5, 0.5, 0.51], [0.0, 0.0, 1.0], [1.2, -0.3, 0.4], []])
+def test_names_beside_lines_keep_apart_and_in_order(wanted):
+    place = spread(np.array(wanted), 0.1)
+    order = np.argsort(wanted, kind="stable")
+    assert (np.diff(place[order]) >= 0.1 - 1e-12).all()
+    assert all(0.0 <= at <= 1.0 for at in place)

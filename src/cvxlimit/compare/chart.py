@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
+from itertools import cycle, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.compare.models import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 OWN = "cvxlimit"
 """Lines whose names begin like this are drawn larger: the package's default."""
@@ -90,23 +92,72 @@ def draw_time_against_error(
                 zorder=1, label=f"resolution of the reference{of_which}",
             )  # fmt: skip
     axes.set(xscale="log", yscale="log", title=title)
-    axes.set_xlabel("total time, seconds (detection, compile, solve, certificate)")
+    axes.set_xlabel("total time (s)")
     axes.set_ylabel("true relative error of the load factor")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(sparse)
+    few_ticks(axes.xaxis)
     axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
     axes.set_axisbelow(True)
 
 
+def few_ticks(axis: Axis) -> None:
+    """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or closer where these are
+    less than three."""
+    low, high = axis.get_view_interval()
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    steps = (1, 2, 5) if last - first <= 3 else (1,)
+    found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
+    inside = [value for value in found if low <= value <= high]
+    if len(inside) < 3:
+        from matplotlib.ticker import MaxNLocator
+
+        inside = [v for v in MaxNLocator(5).tick_values(low, high) if low <= v <= high]
+    axis.set_ticks(inside, [f"{value:,.6g}" for value in inside])
+    axis.set_ticks([], minor=True)
+
+
+def label_lines(axes: Axes, size: float | None = None, most: float = 1.0) -> None:
+    """Every line's name beside it in its colour, in place of a legend: in a column on the right, no
+    two over each other, with a hairline to the line's last point. ``most`` is the share of the
+    axes' height that names may take; call it when all is drawn and the limits are final."""
+    figure: Any = axes.get_figure(root=True)
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    seen = [line.get_transform().transform(line.get_xydata())[-1] for line in named]
+    ends = axes.transData.inverted().transform(np.array(seen).reshape(-1, 2))
+    shown = axes.transAxes.inverted().transform(np.array(seen).reshape(-1, 2))
+    letters = float(figure.get_axes()[0].xaxis.label.get_fontsize()) if size is None else size
+    each = 1.25 * letters / 72.0 / (axes.get_position().height * figure.get_figheight())
+    each = min(each, most / max(len(named), 1))
+    place = spread(shown[:, 1], each, most)
+    for line, (x, y), at in zip(named, ends.tolist(), place.tolist(), strict=True):
+        axes.annotate(
+            str(line.get_label()), (x, y), (1.02, at), textcoords="axes fraction",
+            color=line.get_color(), fontsize=letters, va="center", annotation_clip=False,
+            parse_math=False, arrowprops={
+                "arrowstyle": "-", "color": line.get_color(), "lw": 0.5, "alpha": 0.6,
+                "shrinkA": 1, "shrinkB": 3, "relpos": (0, 0.5),
+            },
+        )  # fmt: skip
+
+
+def spread(wanted: FloatArray, each: float, most: float = 1.0) -> FloatArray:
+    """Heights near those wanted, at least ``each`` apart, in their order and from 0 to ``most``."""
+    order = np.argsort(wanted, kind="stable")
+    result = np.clip(wanted, 0.0, most)
+    for one, other in pairwise(order):
+        result[other] = max(result[other], result[one] + each)
+    over = most
+    for k in order[::-1]:
+        result[k] = min(result[k], over)
+        over = result[k] - each
+    return np.asarray(result)
+
+
 def style(number: int, label: str) -> dict[str, Any]:
     others = (
-        "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4", "#7a5230", "#e36fb0", "#6b7280",
-        "#9aad00", "#3b5bdb", "#b45309",
+        "#d62246", "#2a9d5c", "#c77f00", "#8b2fc9", "#0f8a97", "#7a5230", "#d04c96", "#7f8f00",
+        "#3b5bdb", "#b45309",
     )  # fmt: skip
-    colour = "#134b73" if label.startswith(OWN) else others[number % len(others)]
+    colour = "#134b73" if label.startswith(OWN) else "#767d88"
+    if number < len(others) and not label.startswith(OWN):
+        colour = others[number]  # no colour twice: further ones are grey, with their names beside
     return {"marker": "os^Dv<>phXPd8"[number % 13], "color": colour}
-
-
-def sparse(value: float, position: float | None = None) -> str:
-    digit = round(value / 10.0 ** np.floor(np.log10(value)))
-    return f"{value:g}" if digit in (2, 5) else ""

@@ -15,7 +15,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvxlimit.checks import count
-from cvxlimit.compare.chart import draw_time_against_error, on_front
+from cvxlimit.compare.chart import draw_time_against_error, label_lines, on_front
 from cvxlimit.compare.models import PHASES, Method, Reference, Row
 from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
 from cvxlimit.errors import CvxlimitError, ModelError
@@ -127,6 +127,7 @@ class Comparison:
             raise ModelError("there is nothing to draw: no model has a time and a true error")
         if ax is not None:
             draw_time_against_error(ax, self.rows)
+            label_lines(ax)
             return ax.get_figure(root=True)  # type: ignore[return-value]
         needed("matplotlib", "plot", "charts")
         from cvxlimit.plotting.drawing import SceneFigure
@@ -135,7 +136,8 @@ class Comparison:
         axes = result.add_subplot()
         note = f"\n{left_out} of {len(self.rows)} models have no figure" if left_out else ""
         draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error{note}")
-        result.legend(*axes.get_legend_handles_labels(), loc="outside right upper", fontsize=8)
+        result.draw_without_rendering()  # names stand where the layout leaves the lines
+        label_lines(axes, 9.0)
         return result
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
