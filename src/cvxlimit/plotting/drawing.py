@@ -330,15 +330,7 @@ class _Parts:
         foot += 0.0 if letters.is_wide else bar_room
         tallest = given[1] if given else top + foot + _TALLEST
         room = np.array([inner - side, max(tallest - top - foot - 2.0 * _PAD, 0.3 * tallest)])
-        fit = fitted(points, (), 0.85 * room)
-        coordinates = None
-        if drawing.has_axes:
-            for _ in range(2):  # ticks depend on the scale, and it on them
-                coordinates = Coordinates.of(drawing.scene, drawing.camera, fit.scale, letters)
-                spots = np.concatenate([points, *coordinates.lines])
-                fit = fitted(spots, coordinates.words, room)
-        else:
-            fit = fitted(points, (), room)
+        fit, coordinates = _in_view(drawing, points, letters, room)
         height = given[1] if given else top + foot + 2.0 * _PAD + float(fit.taken[1])
         room[1] = height - top - foot - 2.0 * _PAD
         place = np.array([_PAD, foot + _PAD]) + 0.5 * np.maximum(room - fit.taken, 0.0)
@@ -423,6 +415,19 @@ def _points(drawing: Drawing, picture: Seen) -> FloatArray:
         spots.append(drawing.lines.ends.reshape(-1, 3))
     over = drawing.camera.project(np.concatenate(spots))[:, :2]
     return np.concatenate([picture.bounds, over])
+
+
+def _in_view(
+    drawing: Drawing, points: FloatArray, letters: Letters, room: FloatArray
+) -> tuple[Fit, Coordinates | None]:
+    """How the scene and its axes lie in ``room`` (2,) inches."""
+    if not drawing.has_axes:
+        return fitted(points, (), room), None
+    fit = fitted(points, (), 0.85 * room)
+    for _ in range(2):  # ticks depend on the scale, and it on them
+        coordinates = Coordinates.of(drawing.scene, drawing.camera, fit.scale, letters)
+        fit = fitted(np.concatenate([points, *coordinates.lines]), coordinates.words, room)
+    return fit, coordinates
 
 
 def _automatic(points: FloatArray) -> float:

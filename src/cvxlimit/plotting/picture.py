@@ -141,13 +141,7 @@ def seen(drawing: Drawing) -> Seen:
     mesh = drawn_mesh(scene)
     still = camera.project(mesh.points)
     moved = camera.project(displaced(scene, moving, mesh.points, mesh.point_block))
-    ghost, ghost_lines = Fill((), np.array([0.92, 0.925, 0.936])), list[FloatArray]()
-    if moving.moves:
-        front, faces = _facing(mesh, still)
-        gone = (moving.speed > VISIBLE)[mesh.face_block[front]]
-        regions = faces.visible()[gone]
-        ghost = Fill(rings(shapely.union_all(regions)), ghost.colour)
-        ghost_lines = outlines(regions, mesh.patch[front][gone])
+    ghost, ghost_lines = _ghost(drawing, mesh, still)
     colours = drawing.colours
     if colours is None:
         colours = block_colours(scene, moving, drawing.notes.culprits)
@@ -179,6 +173,19 @@ def seen(drawing: Drawing) -> Seen:
         ghost, ghost_lines, fills, lines, segments, marks.widths[number], marks.colours[number],
         bounds,
     )  # fmt: skip
+
+
+def _ghost(drawing: Drawing, mesh: Mesh, still: FloatArray) -> tuple[Fill, list[FloatArray]]:
+    """Blocks that move, at rest: the region they take, and their outlines."""
+    paper = np.array([0.92, 0.925, 0.936])
+    if not drawing.moving.moves:
+        return Fill((), paper), []
+    front, faces = _facing(mesh, still)
+    gone = (drawing.moving.speed > VISIBLE)[mesh.face_block[front]]
+    regions = faces.visible()[gone]
+    return Fill(rings(shapely.union_all(regions)), paper), outlines(
+        regions, mesh.patch[front][gone]
+    )
 
 
 def _facing(mesh: Mesh, points: FloatArray) -> tuple[IntArray, Faces]:
