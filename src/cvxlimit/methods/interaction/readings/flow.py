@@ -48,9 +48,8 @@ class InteractionFlow:
         return Shortfall(self.worst(rates)[0], np.zeros(0))
 
     def opened(self, rates: FloatArray) -> Shortfall:
-        """The same, exact everywhere; kept, for one field opens every mechanism."""
-        if self.whole is not None:
-            return self.whole.opened(rates)
+        """The same, exact everywhere; kept, for one field opens every mechanism. In boxes it opens
+        much more than of the whole, which decides how good bounds are."""
         if not np.array_equal(rates, self._given):
             found = self._support(-rates, SUPPORT.halvings)[0]
             self._given, self._opened = rates, Shortfall(found, np.zeros(0))
@@ -66,7 +65,7 @@ class InteractionFlow:
 
     def within(self, boxes: FloatArray) -> InteractionFlow:
         """The rule in boxes, for one of many mechanisms: shortfalls are exact only where something
-        is missing, and fields open what they open of the whole."""
+        is missing."""
         return InteractionFlow(self.contacts, self.moments, boxes, self)
 
     def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> Support:
