@@ -94,7 +94,7 @@ class BranchSettings:
     far: float = 3.0  # while what is left collapses at less than this times the node's bound
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
-    carried: float = 0.9  # share of the gap carried by contacts whose ranges it tries
+    carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
     attempts: int = 3  # its solves per end of a range
     gain: float = 0.05  # share of the gap that a round of it must close for another one
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
