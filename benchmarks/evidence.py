@@ -60,7 +60,12 @@ OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e
 PARTS = (
     Part("small", "benchmarks.small", 1),
     Part("headline", "benchmarks headline --repeat 3 --limit 60", 12),
-    Part("resolving", "benchmarks.resolving", 6),
+    Part("methods", "benchmarks.methods", 5),
+    Part(
+        "resolving",
+        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 3",
+        10,
+    ),
     Part("engine", "benchmarks.engine", 3),
     Part("sweep", "benchmarks.sweep", 2),
     Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 5000", 8),
