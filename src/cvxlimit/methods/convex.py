@@ -309,7 +309,12 @@ class Inquiry:
             assemblage, reduction = found.assemblage.alone(load), found.best()
             if formulation is not run.formulation:
                 reduction = Reduction.none(assemblage.statics, formulation)
+            problem: DirectProblem | LimitProblem
             problem = DirectProblem(assemblage, surfaces, reduction, most=1.0)
+            if load is run.assemblage.statics.live:
+                # Where a load grazes, forces are inside by 1e-8, and the order of rows decides
+                # whether solvers find such: CVXPY's did on 295 of 295 scenes, the other on 293.
+                problem = problem.modelled
 
         def certificate(state: LimitState) -> Certificate:
             return self._certificate(state, Certifier(assemblage, problem.surfaces, formulation))
