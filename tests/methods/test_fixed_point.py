@@ -18,9 +18,10 @@ from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
+from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import own_unknowns
-from cvxlimit.model.problem import LeastForces, Reduction
+from cvxlimit.model.problem import LeastForces
 from cvxlimit.plotting.look import title
 from cvxlimit.solution import Status
 from cvxlimit.solvers import (

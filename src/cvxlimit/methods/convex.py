@@ -14,9 +14,10 @@ from cvxlimit.bracket import known
 from cvxlimit.checks import not_negative, ratio
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LargestSelfStress, LimitProblem, Reduction
+from cvxlimit.model.problem import LargestSelfStress, LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions

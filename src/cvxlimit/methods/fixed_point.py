@@ -21,10 +21,10 @@ from cvxlimit.methods.driver import Answer, Method, Run, Steps, cycles
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import own_unknowns
-from cvxlimit.model.problem import LeastForces, LimitProblem, Objective, Reduction
+from cvxlimit.model.problem import LeastForces, LimitProblem, Objective
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
@@ -39,12 +39,18 @@ DPP_LIMIT = 3_000
 """Parameter entries (three per contact) up to which the compiled problem is kept for re-solves. The
 first compile with them grows with their square; beyond, every solve is compiled afresh."""
 
-_LOOSE = 1e-4
-"""Relative gap of iterates on the way: ends are those of exact ones, where 1e-3 moves them by 1 %
-(docs/evidence/speed.md)."""
 
-_BEFORE = 100.0
-"""The change before the last one may be so many times the tolerance."""
+@dataclass(frozen=True)
+class _Numbers:
+    """Iterates on the way have the relative gap ``loose``: ends are those of exact ones, where 1e-3
+    moves them by 1 % (docs/evidence/speed.md). The change ``before`` the last one may be so many
+    times the tolerance."""
+
+    loose: float = 1e-4
+    before: float = 100.0
+
+
+_N = _Numbers()
 
 
 class FrozenProblem:
@@ -216,7 +222,7 @@ class FixedPoint(Method):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
-        loose, exact = min(_LOOSE, self.tolerance), 0  # exact iterates in a row
+        loose, exact = min(_N.loose, self.tolerance), 0  # exact iterates in a row
         is_exact = run.ladder is not None or objective is not None
         for number in range(self.max_iterations):
             pressure = Pressure.of(blended, run.contacts, epsilon)
@@ -248,4 +254,4 @@ class FixedPoint(Method):
         changes = [iterate.change for iterate in run.history[-2:]]
         if not changes or changes[-1] is None or changes[-1] > self.tolerance:
             return False
-        return changes[0] is None or changes[0] <= _BEFORE * self.tolerance
+        return changes[0] is None or changes[0] <= _N.before * self.tolerance

@@ -11,12 +11,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.model.formulations import ForceModel, Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.sparse import Solve, factorised
+
+_NOTHING = 1e-13
+"""Entries of equilibrium below this share of the largest are rounding: a row of them is empty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +147,50 @@ class Balance:
             change = self.change(statics.residual(forces, load_factor).ravel())
             forces = forces + self.model.forces(change)
         return forces
+
+
+def kept_rows(matrix: sp.csr_array, loads: FloatArray) -> IntArray:
+    """Rows of equilibrium with forces or loads."""
+    size = np.asarray(abs(matrix).sum(axis=1)).ravel()
+    return np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
+
+
+def mechanism_of(
+    duals: FloatArray, assemblage: Assemblage, rows: IntArray, along: sp.csr_array | None
+) -> FloatArray:
+    """Block rates (free, 6) from the duals of those rows of equilibrium that were kept."""
+    rates = np.zeros(len(assemblage.statics.dead) if along is None else along.shape[0])
+    rates[rows] = duals
+    full = rates if along is None else np.asarray(along.T @ rates)
+    return assemblage.scaling.mechanism(full.reshape(-1, DOF))
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A transformation of the limit problem into a smaller one, and the way back.
+
+    Forces and mechanism come back as those of the full scene, and the certificate is computed from
+    these alone, so a reduction that is not valid shows as a bracket that stays open. ``names`` say
+    what was reduced: ``"parts"``, ``"symmetry"``, ``"planar"``. Unknown are the forces of
+    ``contacts``, k of them, described by ``formulation``; ``forces`` (6 n, 6 k) is what they make
+    of the forces of all, None where they are all. ``rates`` are the ways in which ``blocks`` free
+    blocks move. Contacts that are left out have the forces ``still`` (n, 6) at every load factor.
+    """
+
+    names: tuple[str, ...]
+    contacts: Contacts
+    blocks: int
+    forces: sp.csr_array | None = None
+    rates: sp.csr_array | None = None
+    formulation: Formulation = corner_compressions
+    still: FloatArray | None = None
+
+    @classmethod
+    def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:
+        """The full model."""
+        return cls((), statics.contacts, len(statics.dead) // DOF, formulation=formulation)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Ways in which blocks move."""
+        return DOF * self.blocks if self.rates is None else int(self.rates.shape[0])

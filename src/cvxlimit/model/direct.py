@@ -16,9 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction, kept_rows, mechanism_of
 from cvxlimit.model.formulations import ForceModel, model_of
-from cvxlimit.model.problem import LargestFactor, LimitProblem, Reduction, kept_rows, mechanism_of
+from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder
 from cvxlimit.solvers.program import ConeProgram

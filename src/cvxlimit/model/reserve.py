@@ -15,12 +15,19 @@ from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.base import YieldSurface, admissible, stated
 
-_BELOW = 1e-6
-"""The load factor is less by this share, so that rounding of it leaves forces to choose from; a
-contact at its strength then shows 1 to about as many digits as are printed."""
 
-_ADMISSIBLE = 1e-5
-"""Excess and imbalance, over the largest compression, of forces that are good for a picture."""
+@dataclass(frozen=True)
+class _Numbers:
+    """The load factor is less by the share ``below``, so that rounding of it leaves forces to
+    choose from; a contact at its strength then shows 1 to about as many digits as are printed.
+    ``admissible`` is the excess and imbalance, over the largest compression, of forces that are
+    good for a picture."""
+
+    below: float = 1e-6
+    admissible: float = 1e-5
+
+
+_N = _Numbers()
 
 
 @dataclass(frozen=True)
@@ -62,9 +69,9 @@ def least_used(
     compression.
     """
     most = 2.0 * float(forces[:, 2].max(initial=0.0))
-    if scene.ties or (forces[:, 2] < -_ADMISSIBLE * most).any():
+    if scene.ties or (forces[:, 2] < -_N.admissible * most).any():
         return None  # what pulls has no share of a compression
-    assemblage, below = Assemblage.of(scene), (1.0 - _BELOW) * factor
+    assemblage, below = Assemblage.of(scene), (1.0 - _N.below) * factor
     problem = LimitProblem(assemblage, surfaces, objective=LeastUse(surfaces, below, most))
     for settings in problem.ladder():
         found = problem.solve(settings).forces
@@ -80,4 +87,4 @@ def _is_good(
     rest = np.abs(assemblage.statics.residual(forces, factor)).max(initial=0.0)
     parts = [part for surface in surfaces for part in surface.excess(forces, assemblage.contacts)]
     excess = max(float(part.max(initial=0.0)) for part in parts)
-    return bool(np.isfinite(forces).all() and max(float(rest), excess) <= _ADMISSIBLE * most)
+    return bool(np.isfinite(forces).all() and max(float(rest), excess) <= _N.admissible * most)

@@ -11,11 +11,8 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.plotting.camera import Camera, upright
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.picture import SURROUNDINGS, shown_bounds
-from cvxlimit.plotting.sheet import POINT, Letters, Word, measured
+from cvxlimit.plotting.sheet import PAPER, Letters, Word, measured
 from cvxlimit.scene import Scene
-
-_TICK = 3.5 * POINT
-"""Length of a tick mark in inches."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +66,12 @@ class Axes:
         for value, text in zip(values, texts, strict=True):
             share = (value - span[0]) / (span[1] - span[0])
             at = base[0] + share * (base[1] - base[0])
-            self.ticks.append(np.stack([at, _TICK * aside]))
-            away = (1.6 * _TICK * aside).tolist()
+            self.ticks.append(np.stack([at, PAPER.tick * aside]))
+            away = (1.6 * PAPER.tick * aside).tolist()
             self.words.append(Word(tuple(at), tuple(away), text, letters.tick, *align))
         wide = max((measured(text, letters.tick) for text in texts), default=0.0)
-        tall = 1.25 * letters.tick * POINT if texts else 0.0
-        reach = 1.6 * _TICK + float(np.abs(aside) @ [wide, tall]) + 0.03
+        tall = 1.25 * letters.tick * PAPER.point if texts else 0.0
+        reach = 1.6 * PAPER.tick + float(np.abs(aside) @ [wide, tall]) + 0.03
         if not texts:
             name += f" {span[0]:.4g} to {span[1]:.4g}"
         middle = base.mean(axis=0)
@@ -86,7 +83,7 @@ class Axes:
 def _ticks(low: float, high: float, room: float, size: float, level: bool) -> FloatArray:
     """Values that are labelled on ``room`` inches: beside each other, or above each other."""
     widest = max(measured(f"{v:.4g}", size) for v in (low, high, 0.5 * (low + high)))
-    each = 1.9 * max(widest, 2.0 * size * POINT) if level else 2.6 * size * POINT
+    each = 1.9 * max(widest, 2.0 * size * PAPER.point) if level else 2.6 * size * PAPER.point
     most = int(room / each)
     if most < 1:
         return np.empty(0)

@@ -35,7 +35,7 @@ from cvxlimit.plotting.look import IMAGES, Saved
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import (
-    POINT,
+    PAPER,
     Fit,
     Letters,
     Sheet,
@@ -47,22 +47,6 @@ from cvxlimit.scene import Scene
 
 INK = "#4a4f57"
 _FACE_LINE, _GLASS_LINE, _GHOST_LINE = "#4b4e53", "#a9adb4", "#b4b7bd"
-
-_WIDEST, _TALLEST = 7.6, 6.4
-"""Inches that the scene may take where nobody says how large a figure is."""
-
-_NARROWEST = 6.7
-"""Inches of such a figure, for title and legend."""
-
-_DPI = 150
-_PAD = 0.08
-"""Inches between parts of a figure and at its edge."""
-
-_SCALE_ROOM = 0.2
-"""Inches above the scene for a bar that states the scale of forces."""
-
-_FINE = 5.5
-"""Inches of a scene from which on lines are as wide as they say; in smaller pictures finer."""
 
 
 class SceneFigure(Figure, Saved):
@@ -80,7 +64,7 @@ class SceneFigure(Figure, Saved):
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
             warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            self.savefig(buffer, format=kind, dpi=max(_DPI, self.dpi), metadata=dated)
+            self.savefig(buffer, format=kind, dpi=max(PAPER.dpi, self.dpi), metadata=dated)
         return buffer.getvalue()
 
     def pixels(self) -> NDArray[np.uint8]:
@@ -106,7 +90,7 @@ def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigur
     """A figure around a scene, and the artists of what moves in it."""
     parts = _Parts.of(drawing, picture, sheet)
     if sheet.ax is None:
-        figure: Any = SceneFigure(parts.size, dpi=_DPI, facecolor="white")
+        figure: Any = SceneFigure(parts.size, dpi=PAPER.dpi, facecolor="white")
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     else:
         axes = sheet.ax
@@ -115,7 +99,7 @@ def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigur
     axes.set_xlim(parts.low[0], parts.low[0] + parts.size[0] / parts.fit.scale)
     axes.set_ylim(parts.low[1], parts.low[1] + parts.size[1] / parts.fit.scale)
     axes.set_aspect("equal")
-    weight = min(1.0, max(0.5, float(parts.fit.taken.max()) / _FINE))
+    weight = min(1.0, max(0.5, float(parts.fit.taken.max()) / PAPER.fine))
     moved = draw_seen(axes, picture, weight, drawing.glass)
     _draw_notes(axes, drawing, weight)
     if drawing.lines is not None:
@@ -142,15 +126,15 @@ def thumbnail(
     low, high = picture.bounds
     pad = 0.01 * (high - low).max()
     extent = high - low + 2.0 * pad
-    size = pixels / _DPI * extent / extent.max()
-    figure = SceneFigure(tuple(size), dpi=_DPI, facecolor="none")
+    size = pixels / PAPER.dpi * extent / extent.max()
+    figure = SceneFigure(tuple(size), dpi=PAPER.dpi, facecolor="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     axes.set_xlim(low[0] - pad, high[0] + pad)
     axes.set_ylim(low[1] - pad, high[1] + pad)
     draw_seen(axes, picture, 0.5)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI)
+    figure.savefig(buffer, format="png", dpi=PAPER.dpi)
     return buffer.getvalue()
 
 
@@ -279,7 +263,7 @@ def _draw_axes(axes: Axes, coordinates: Coordinates, scale: float) -> None:
     for word in coordinates.words:
         x, y = word.away
         axes.annotate(
-            word.text, word.at, (x / POINT, y / POINT), textcoords="offset points",
+            word.text, word.at, (x / PAPER.point, y / PAPER.point), textcoords="offset points",
             ha=word.level, va=word.upright, fontsize=word.size, color=INK, annotation_clip=False,
             parse_math=False,
         )  # fmt: skip
@@ -309,7 +293,7 @@ class _Parts:
         points, given = _points(drawing, picture), sheet.size
         width = given[0] if given else _automatic(points)
         letters = Letters(width)
-        inner = width - 2.0 * _PAD
+        inner = width - 2.0 * PAPER.pad
         refusal = drawing.notes.refusal
         title = drawing.heading if sheet.title is None else sheet.title
         said = f"refused: {refusal}" if refusal else drawing.caption
@@ -319,24 +303,24 @@ class _Parts:
         texts = [str(key.get_label()) for key in keys]
         columns = columns_of(texts, letters.key, inner) if keys else 1
         rows = -(-len(keys) // columns)
-        top = _PAD + POINT * (
+        top = PAPER.pad + PAPER.point * (
             1.3 * letters.heading * len(heading) + 1.35 * letters.caption * len(below)
         )
-        foot = _PAD + POINT * 1.5 * letters.key * rows
+        foot = PAPER.pad + PAPER.point * 1.5 * letters.key * rows
         bar_label, bar_room = _bar_room(drawing.bar, letters, inner, given and given[1])
         if drawing.lines is not None and drawing.lines.each is not None:
-            top += _SCALE_ROOM
+            top += PAPER.scale_room
         side = bar_room if letters.is_wide else 0.0
         foot += 0.0 if letters.is_wide else bar_room
-        tallest = given[1] if given else top + foot + _TALLEST
-        room = np.array([inner - side, max(tallest - top - foot - 2.0 * _PAD, 0.3 * tallest)])
+        tallest = given[1] if given else top + foot + PAPER.tallest
+        room = np.array([inner - side, max(tallest - top - foot - 2.0 * PAPER.pad, 0.3 * tallest)])
         fit, coordinates = _in_view(drawing, points, letters, room)
-        height = given[1] if given else top + foot + 2.0 * _PAD + float(fit.taken[1])
-        room[1] = height - top - foot - 2.0 * _PAD
-        place = np.array([_PAD, foot + _PAD]) + 0.5 * np.maximum(room - fit.taken, 0.0)
+        height = given[1] if given else top + foot + 2.0 * PAPER.pad + float(fit.taken[1])
+        room[1] = height - top - foot - 2.0 * PAPER.pad
+        place = np.array([PAPER.pad, foot + PAPER.pad]) + 0.5 * np.maximum(room - fit.taken, 0.0)
         bar = None
         if drawing.bar is not None:
-            bar = (width - side + 0.05, foot + _PAD + 0.22 * room[1], 0.15, 0.7 * room[1])
+            bar = (width - side + 0.05, foot + PAPER.pad + 0.22 * room[1], 0.15, 0.7 * room[1])
             if not letters.is_wide:
                 bar = (0.18 * width, foot - 0.02 - 0.13, 0.64 * width, 0.09)
         return cls(
@@ -349,7 +333,7 @@ class _Parts:
         width, height = self.size
         across = host.transFigure if isinstance(host, Figure) else host.transAxes
         colour = look.MARK_COLOUR if drawing.notes.refusal else INK
-        top = height - _PAD
+        top = height - PAPER.pad
         for lines, size, ink in (
             (self.heading, self.letters.heading, "black"), (self.said, self.letters.caption, colour)
         ):  # fmt: skip
@@ -358,11 +342,11 @@ class _Parts:
                     0.5, top / height, "\n".join(lines), transform=across, ha="center", va="top",
                     fontsize=size, color=ink, parse_math=False, linespacing=1.15,
                 )  # fmt: skip
-            top -= 1.3 * size * POINT * len(lines)
+            top -= 1.3 * size * PAPER.point * len(lines)
         if self.keys:
             host.legend(
                 handles=self.keys, loc="lower center", ncols=self.columns, frameon=False,
-                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * _PAD / height),
+                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * PAPER.pad / height),
                 handlelength=1.1, handleheight=0.9, columnspacing=1.3, handletextpad=0.6,
                 borderpad=0.0, borderaxespad=0.0, labelspacing=0.3,
             )  # fmt: skip
@@ -386,11 +370,14 @@ class _Parts:
             return
         longest = float(np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1).max())
         force = _round_below(longest / lines.each)
-        y = self.size[1] - _PAD - POINT * (
+        y = self.size[1] - PAPER.pad - PAPER.point * (
             1.3 * self.letters.heading * len(self.heading)
             + 1.35 * self.letters.caption * len(self.said)
         )  # fmt: skip
-        end = self.low + np.array([self.size[0] - 3 * _PAD, y - 0.5 * _SCALE_ROOM]) / self.fit.scale
+        end = (
+            self.low
+            + np.array([self.size[0] - 3 * PAPER.pad, y - 0.5 * PAPER.scale_room]) / self.fit.scale
+        )
         start = end - np.array([force * lines.each, 0.0])
         _draw_arrow(axes, np.stack([start, end]), lines.colour, 2.0 * weight, 7.0, halo=False)
         axes.annotate(
@@ -433,8 +420,8 @@ def _in_view(
 def _automatic(points: FloatArray) -> float:
     """Width in inches of a figure that nobody gave a size."""
     width, height = np.ptp(points, axis=0)
-    scale = min(_WIDEST / width, _TALLEST / height)
-    return float(max(scale * width + 1.7, _NARROWEST))
+    scale = min(PAPER.widest / width, PAPER.tallest / height)
+    return float(max(scale * width + 1.7, PAPER.narrowest))
 
 
 def _bar_room(
@@ -445,7 +432,7 @@ def _bar_room(
         return "", 0.0
     length = 0.6 * (height or 0.6 * inner) if letters.is_wide else inner
     lines = lines_of(bar.label, letters.key, length)
-    each = POINT * (1.3 * letters.key * len(lines) + 1.3 * letters.tick)
+    each = PAPER.point * (1.3 * letters.key * len(lines) + 1.3 * letters.tick)
     return "\n".join(lines), each + (0.5 if letters.is_wide else 0.2)
 
 

@@ -17,14 +17,35 @@ from matplotlib.textpath import text_to_path
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 
-POINT = 1.0 / 72.0
-"""Inches."""
 
-_LEAST = 7.0
-"""Points of the smallest letters, unless ``font.size`` itself is smaller."""
+@dataclass(frozen=True)
+class Paper:
+    """Measures of figures.
 
-_WIDE = 5.0
-"""Inches from which on a colour bar stands at the side; below, it lies under the scene."""
+    In inches: a ``point``; ``widest`` and ``tallest``, what the scene may take where nobody says
+    how large a figure is, and ``narrowest``, the least width of such a figure, for title and
+    legend; ``pad`` between parts and at the edge; ``scale_room`` above the scene for a bar that
+    states the scale of forces; ``fine``, the scene from which on lines are as wide as they say (in
+    smaller pictures finer); ``wide``, from which on a colour bar stands at the side, not below;
+    ``tick`` marks. ``least`` points have the smallest letters, unless ``font.size`` is smaller;
+    ``key_room`` is a legend's handle with the spaces beside it, in sizes of letters.
+    """
+
+    point: float = 1.0 / 72.0
+    widest: float = 7.6
+    tallest: float = 6.4
+    narrowest: float = 6.7
+    pad: float = 0.08
+    scale_room: float = 0.2
+    fine: float = 5.5
+    wide: float = 5.0
+    tick: float = 3.5 / 72.0
+    least: float = 7.0
+    key_room: float = 3.2
+    dpi: int = 150
+
+
+PAPER = Paper()
 
 
 @dataclass(frozen=True)
@@ -69,7 +90,7 @@ class Letters:
         """``usual`` is that of a wide figure with letters of 10 points."""
         given = float(rcParams["font.size"])
         narrow = min(1.0, max(0.8, self.width / 6.5))
-        return float(max(usual * narrow * given / 10.0, min(_LEAST, given)))
+        return float(max(usual * narrow * given / 10.0, min(PAPER.least, given)))
 
     @property
     def heading(self) -> float:
@@ -89,7 +110,7 @@ class Letters:
 
     @property
     def is_wide(self) -> bool:
-        return self.width >= _WIDE
+        return self.width >= PAPER.wide
 
 
 def measured(text: str, size: float) -> float:
@@ -97,7 +118,7 @@ def measured(text: str, size: float) -> float:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         found = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
-    return float(found[0]) * POINT
+    return float(found[0]) * PAPER.point
 
 
 def lines_of(text: str, size: float, width: float) -> list[str]:
@@ -114,17 +135,13 @@ def lines_of(text: str, size: float, width: float) -> list[str]:
 
 def columns_of(texts: Sequence[str], size: float, width: float) -> int:
     """Columns of a legend, filled from above, that fit into ``width`` inches."""
-    em = size * POINT
-    wide = [measured(text, size) + KEY_ROOM * em for text in texts]
+    em = size * PAPER.point
+    wide = [measured(text, size) + PAPER.key_room * em for text in texts]
     for columns in range(len(texts), 1, -1):
         bounds = np.cumsum([0, *(len(part) for part in np.array_split(wide, columns))])
         if sum(max(wide[a:b]) for a, b in pairwise(bounds)) <= width:
             return columns
     return 1
-
-
-KEY_ROOM = 3.2
-"""Handle of a legend's key and the spaces beside it, in letters' sizes."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +159,7 @@ class Word:
     @property
     def box(self) -> tuple[float, float, float, float]:
         """Left, bottom, right and top beside the point, in inches."""
-        width, height = measured(self.text, self.size), 1.25 * self.size * POINT
+        width, height = measured(self.text, self.size), 1.25 * self.size * PAPER.point
         left = self.away[0] - {"left": 0.0, "center": 0.5, "right": 1.0}[self.level] * width
         foot = self.away[1] - {"bottom": 0.0, "center": 0.5, "top": 1.0}[self.upright] * height
         return left, foot, left + width, foot + height

@@ -21,15 +21,20 @@ from cvxlimit.geometry.mesh import cross
 Regions = np.ndarray[Any, np.dtype[np.object_]]
 """Polygons of shapely, one for each face."""
 
-_EDGE_ON = 1e-6
-"""Sine of the angle to the line of sight below which a face is a line."""
 
-_GRID = 2e-5
-"""Regions lie on a grid of so many sizes of the picture: a hundredth of a line's width."""
+@dataclass(frozen=True)
+class _Rounding:
+    """``edge_on`` is the sine of the angle to the line of sight below which a face is a line.
+    Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width. Areas
+    below the share ``sliver`` of the picture's, and differences of distance below its root of its
+    size, are rounding."""
 
-_SLIVER = 1e-9
-"""Areas below this share of the picture's, and differences of distance below its root of its size,
-are rounding."""
+    edge_on: float = 1e-6
+    grid: float = 2e-5
+    sliver: float = 1e-9
+
+
+_ROUNDING = _Rounding()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +56,7 @@ class Faces:
         for i, polygon in enumerate(self.corners):
             spokes = polygon[1:] - polygon[0]
             normal = cross(spokes[:-1], spokes[1:]).sum(axis=0)
-            if abs(normal[2]) > _EDGE_ON * np.linalg.norm(normal):
+            if abs(normal[2]) > _ROUNDING.edge_on * np.linalg.norm(normal):
                 slope = -normal[:2] / normal[2]
                 middle = polygon.mean(axis=0)
                 result[i] = *slope, middle[2] - slope @ middle[:2]
@@ -63,7 +68,9 @@ class Faces:
         points = np.concatenate(self.corners)[:, :2]
         owner = np.repeat(np.arange(len(counts)), counts)
         hulls = shapely.convex_hull(shapely.multipoints(points, indices=owner))
-        hidden = np.isnan(self.planes[:, 0]) | (shapely.area(hulls) < _SLIVER * self.size**2)
+        hidden = np.isnan(self.planes[:, 0]) | (
+            shapely.area(hulls) < _ROUNDING.sliver * self.size**2
+        )
         hulls[hidden] = shapely.Polygon()
         return np.asarray(hulls)
 
@@ -86,21 +93,21 @@ class Faces:
             for own, parts in zip(self.flat, hiding, strict=True)
         ]
         # Rounding leaves slivers and spikes without width, whose outlines would be seen.
-        return np.asarray(shapely.set_precision(left, _GRID * self.size))
+        return np.asarray(shapely.set_precision(left, _ROUNDING.grid * self.size))
 
     def _hidden(self) -> tuple[IntArray, Regions]:
         """Faces and parts of them that another one hides."""
         one, other = self.tree.query(self.flat, predicate="intersects")
         one, other = one[one < other], other[one < other]
         shared = shapely.intersection(self.flat[one], self.flat[other])
-        kept = shapely.area(shared) > _SLIVER * self.size**2
+        kept = shapely.area(shared) > _ROUNDING.sliver * self.size**2
         one, other, shared = one[kept], other[kept], shared[kept]
         points, owner = shapely.get_coordinates(shared, return_index=True)
         ahead = self.nearness(other[owner], points) - self.nearness(one[owner], points)
         most, least = np.full(len(one), -np.inf), np.full(len(one), np.inf)
         np.maximum.at(most, owner, ahead)
         np.minimum.at(least, owner, ahead)
-        tie = _SLIVER**0.5 * self.size
+        tie = _ROUNDING.sliver**0.5 * self.size
         first, second = most <= tie, (least >= -tie) & (most > tie)
         behind = [other[first], one[second]]
         parts = [shared[first], shared[second]]

@@ -19,9 +19,9 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LimitProblem, Reduction
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror

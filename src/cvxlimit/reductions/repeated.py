@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceVariables, corner_compressions
-from cvxlimit.model.problem import LimitProblem, Reduction, Terms
+from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.solvers import Ladder, limit_ladder
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,18 +19,23 @@ from cvxlimit.solution import Solution
 
 FORCE_COLOUR, THRUST_COLOUR = "#1b5e9c", "#123f6b"
 
-LONGEST_FORCE = 0.16
-"""Length of the largest resultant, relative to the free blocks' size."""
-
 FAINTEST = 0.02
 """Forces below this share of the largest are not drawn: in a wall in space most joints carry a
 hundredth of it, and their lines hide the others."""
 
-_FAR = 0.35
-"""Opacity of the force farthest from the viewer, over that of the nearest."""
 
-_UPRIGHT = 0.1
-"""A structure whose joints all lie within this (sine) of being across one plane is planar."""
+@dataclass(frozen=True)
+class _Numbers:
+    """``longest`` is the largest resultant's length over the free blocks' size; ``far`` the opacity
+    of the force farthest from the viewer over the nearest's. A structure is planar whose joints all
+    lie within ``upright`` (sine) of being across one plane."""
+
+    longest: float = 0.16
+    far: float = 0.35
+    upright: float = 0.1
+
+
+_N = _Numbers()
 
 
 @picture
@@ -54,7 +59,7 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     shown = np.flatnonzero((size > FAINTEST * largest) & np.isfinite(place).all(axis=1))
-    each = LONGEST_FORCE * free_size(scene) / largest
+    each = _N.longest * free_size(scene) / largest
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
     return _with_forces(
@@ -100,7 +105,9 @@ def _with_forces(
     drawing = at_rest(solution, viewer or front, caption, notes=annotated(scene), glass=not is_flat)
     if not is_flat and len(ends):
         depth = ends.mean(axis=1) @ drawing.camera.axes[2]
-        opacity = opacity * (_FAR + (1.0 - _FAR) * (depth - depth.min()) / (np.ptp(depth) or 1.0))
+        opacity = opacity * (
+            _N.far + (1.0 - _N.far) * (depth - depth.min()) / (np.ptp(depth) or 1.0)
+        )
     return replace(drawing, lines=replace(lines, opacity=opacity))
 
 
@@ -142,4 +149,4 @@ def _is_planar(scene: Scene) -> bool:
     thin = thin_axis(scene)
     across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
     push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)
-    return bool(across < _UPRIGHT and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0))
+    return bool(across < _N.upright and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0))

@@ -17,7 +17,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
 IDLE_COLOUR = "#dfe1e4"
-IDLE_TEXT = f"joint with less than {100 * LITTLE:g} % of the largest compression"
 
 
 @picture
@@ -85,7 +84,8 @@ def used_shares(solution: Solution, scene: Scene, surface: str | None = None) ->
 
 
 def idle_keys(used: FloatArray) -> list[tuple[str, str]]:
-    return [(IDLE_COLOUR, IDLE_TEXT)] if np.isnan(used).any() else []
+    text = f"joint with less than {100 * LITTLE:g} % of the largest compression"
+    return [(IDLE_COLOUR, text)] if np.isnan(used).any() else []
 
 
 def joint_areas(scene: Scene, used: FloatArray, both: bool) -> Iterator[Decal]:

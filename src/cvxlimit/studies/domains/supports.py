@@ -19,15 +19,9 @@ from cvxlimit.loads import Load, combined
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceVariables
-from cvxlimit.model.problem import (
-    LargestFactor,
-    LargestSelfStress,
-    LimitProblem,
-    Reduction,
-    Terms,
-)
+from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Terms
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength
