@@ -25,7 +25,7 @@ AGREE = 1e-6
 def test_static_is_kinematic_on_builtin_scenes(name: str, surface: str) -> None:
     scene = builtin_scene(name)
     surfaces, _ = surfaces_of(surface)
-    static = LimitProblem(scene, surfaces).solve()
+    static = LimitProblem(scene, surfaces).solve(default_ladder()[0])
     kinematic = KinematicProblem(scene, surfaces).solve()
     assert kinematic.forces is None
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
