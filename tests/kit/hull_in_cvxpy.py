@@ -15,8 +15,8 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LargestFactor, StaticProblem, Terms
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.solvers import LimitState, SolverSettings
 
 FloatArray = NDArray[np.float64]

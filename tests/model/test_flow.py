@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
 from cvxlimit.model.flow import FlowRule, corner_openings
-from cvxlimit.model.formulations import ForceVariables, resultants
+from cvxlimit.model.formulations import resultants
 from cvxlimit.model.statics import Statics
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
 from cvxlimit.surfaces.base import admissible, stated
 from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations

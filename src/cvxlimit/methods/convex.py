@@ -153,8 +153,10 @@ class Inquiry:
         return status or Status.NOT_CERTIFIED
 
     def _climbed(self) -> _Ends:
+        is_cut = False
         for settings in self.ladder:
             if self._is_too_long(settings):
+                is_cut = True
                 continue
             state = self._attempt(settings)
             bracket = self.run.best.bracket
@@ -166,6 +168,9 @@ class Inquiry:
             if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
                 return Status.LIVE_LOAD_HARMLESS
             yield
+        if is_cut:
+            more = f"more than the budget of {self.budget:g} s may narrow the bracket"
+            self.run.remarks = [more]
         return None
 
     def _is_too_long(self, settings: SolverSettings) -> bool:
@@ -177,7 +182,6 @@ class Inquiry:
         if takes < spent or spent + takes < self.budget:
             return False
         run.tell(f"{settings} is left out: about {takes:.0f} s, beyond the budget")
-        run.remarks = [f"more than the budget of {self.budget:g} s may narrow the bracket"]
         return True
 
     def _attempt(self, settings: SolverSettings) -> LimitState:

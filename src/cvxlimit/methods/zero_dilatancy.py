@@ -24,9 +24,9 @@ from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import FlowRule, corner_openings
-from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
 from cvxlimit.model.statics import DOF
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at

@@ -15,7 +15,8 @@ from cvxpy.constraints import Inequality, NonNeg, NonPos
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage, Reduction, kept_rows, mechanism_of
-from cvxlimit.model.formulations import ForceVariables, Formulation, corner_compressions, model_of
+from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, admissible

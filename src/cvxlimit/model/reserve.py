@@ -10,8 +10,8 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.base import YieldSurface, admissible, stated
 

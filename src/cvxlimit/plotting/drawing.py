@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,8 +17,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -31,6 +28,7 @@ from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import Axes as Coordinates
 from cvxlimit.plotting.camera import Camera, default_camera
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
+from cvxlimit.plotting.keys import GLASS_LINE, contents_keys, notes_keys
 from cvxlimit.plotting.look import IMAGES, Saved
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Fill, Seen, seen
@@ -46,7 +44,7 @@ from cvxlimit.plotting.sheet import (
 from cvxlimit.scene import Scene
 
 INK = "#4a4f57"
-_FACE_LINE, _GLASS_LINE, _GHOST_LINE = "#4b4e53", "#a9adb4", "#b4b7bd"
+_FACE_LINE, _GHOST_LINE = "#4b4e53", "#b4b7bd"
 
 
 class SceneFigure(Figure, Saved):
@@ -149,10 +147,10 @@ def draw_seen(axes: Axes, picture: Seen, weight: float, glass: bool = False) -> 
         added.append(_fills(axes, [picture.ghost], 0.0))
         added.append(_lines(axes, picture.ghost_lines, _GHOST_LINE, line, 2.1))
     if glass:
-        added.append(_lines(axes, picture.lines, _GLASS_LINE, line, 2.15))
+        added.append(_lines(axes, picture.lines, GLASS_LINE, line, 2.15))
     if picture.fills:
         added.append(_fills(axes, picture.fills, 0.35 * line))
-    colour, strength = (_GLASS_LINE, 0.45) if glass else (_FACE_LINE, 1.0)
+    colour, strength = (GLASS_LINE, 0.45) if glass else (_FACE_LINE, 1.0)
     added.append(_lines(axes, picture.lines, colour, line, 2.4, strength))
     if picture.ghost.rings:
         added.append(_lines(axes, picture.ghost_lines, "#26263a", line, 2.5, 0.13))
@@ -299,7 +297,7 @@ class _Parts:
         said = f"refused: {refusal}" if refusal else drawing.caption
         heading = lines_of(title, letters.heading, inner)
         below = lines_of(look.printable(said) if title else "", letters.caption, inner)
-        keys = [*_contents_keys(drawing), *_notes_keys(drawing.notes)] if sheet.legend else []
+        keys = [*contents_keys(drawing), *notes_keys(drawing.notes)] if sheet.legend else []
         texts = [str(key.get_label()) for key in keys]
         columns = columns_of(texts, letters.key, inner) if keys else 1
         rows = -(-len(keys) // columns)
@@ -434,44 +432,3 @@ def _bar_room(
     lines = lines_of(bar.label, letters.key, length)
     each = PAPER.point * (1.3 * letters.key * len(lines) + 1.3 * letters.tick)
     return "\n".join(lines), each + (0.5 if letters.is_wide else 0.2)
-
-
-def _contents_keys(drawing: Drawing) -> Iterator[Artist]:
-    marking, moves = drawing.marking, drawing.moving.moves
-    if marking is not None:
-        for kind in (kind for kind in marking.colours if kind in marking.texts):
-            count = int((marking.kind == kind).sum())
-            if count or moves:
-                label = f"{marking.texts[kind]} ({count})"
-                yield Patch(color=marking.colours[kind], label=label)
-    if drawing.lines is not None:
-        yield Line2D([], [], color=drawing.lines.colour, lw=2.2, label=drawing.lines.label)
-    if drawing.dots is not None:
-        yield _ring("pressure centre", ms=4.5, mfc=look.CENTRE_COLOUR, mec="white")
-    for colour, label in drawing.keys:
-        yield Patch(color=colour, label=label)
-    kinds = Counter((shape.label, shape.colour) for shape in drawing.shapes)
-    for (label, colour), count in kinds.items():
-        yield Patch(color=colour, label=f"{label} ({count})")
-    if moves:
-        yield Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed")
-    elif drawing.glass:
-        yield Patch(facecolor="white", edgecolor=_GLASS_LINE, label=drawing.blocks)
-    else:
-        stone = look.STONE_COLOUR if drawing.colours is None else look.PALE
-        yield Patch(facecolor=stone, edgecolor=_GLASS_LINE, lw=0.5, label=drawing.blocks)
-    yield Patch(color=look.SUPPORT_COLOUR, label="support")
-
-
-def _notes_keys(notes: Annotations) -> Iterator[Artist]:
-    if notes.culprits:
-        yield Patch(color=look.CULPRIT_COLOUR, label="refused")
-    for case in sorted({arrow.case for arrow in notes.arrows}):
-        yield Line2D([], [], color=look.CASE_COLOURS[case], lw=2.2, label=f"{case} load")
-    if notes.marks:
-        label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
-        yield _ring(label, ms=6, mfc="none", mec=look.MARK_COLOUR, mew=1.4)
-
-
-def _ring(label: str, **look: Any) -> Line2D:
-    return Line2D([], [], ls="none", marker="o", label=label, **look)

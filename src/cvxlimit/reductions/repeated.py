@@ -16,8 +16,9 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.solvers import Ladder, limit_ladder
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces import Rocking, TorsionShear, YieldSurface

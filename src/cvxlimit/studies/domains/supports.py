@@ -20,9 +20,9 @@ from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import ForceVariables
 from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Terms
 from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions

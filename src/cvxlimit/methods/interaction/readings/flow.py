@@ -23,7 +23,8 @@ class InteractionFlow:
 
     The shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear, and forces do at
     least -s N of work on rates q. ``boxes`` (n, 2, 2) are the pressure centres considered: lowest
-    and highest e1 and e2 as fractions of :func:`half_extent`, None is all.
+    and highest e1 and e2 as fractions of :func:`half_extent`, None is all. Where it ``is_coarse``
+    shortfalls are enclosed closely only if something is missing.
     """
 
     def __init__(
@@ -31,9 +32,9 @@ class InteractionFlow:
         contacts: Contacts,
         moments: Moments,
         boxes: FloatArray | None = None,
-        whole: InteractionFlow | None = None,
+        is_coarse: bool = False,
     ) -> None:
-        self.contacts, self.moments, self.whole = contacts, moments, whole
+        self.contacts, self.moments, self.is_coarse = contacts, moments, is_coarse
         self._given, self._opened = np.zeros(0), Shortfall(np.zeros(0), np.zeros(0))
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
@@ -52,7 +53,7 @@ class InteractionFlow:
         much more than of the whole, which decides how good bounds are."""
         if not np.array_equal(rates, self._given):
             found = self._support(-rates, SUPPORT.halvings)[0]
-            self._given, self._opened = rates, Shortfall(found, np.zeros(0))
+            self._given, self._opened = rates.copy(), Shortfall(found, np.zeros(0))
         return self._opened
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
@@ -60,13 +61,12 @@ class InteractionFlow:
 
     def worst(self, rates: FloatArray) -> Support:
         """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known."""
-        floor = None if self.whole is None else rates[:, COLUMN["N"]]
+        floor = rates[:, COLUMN["N"]] if self.is_coarse else None
         return self._support(-rates, SUPPORT.halvings, floor)
 
     def within(self, boxes: FloatArray) -> InteractionFlow:
-        """The rule in boxes, for one of many mechanisms: shortfalls are exact only where something
-        is missing."""
-        return InteractionFlow(self.contacts, self.moments, boxes, self)
+        """The rule in boxes, for one of many mechanisms: coarse."""
+        return InteractionFlow(self.contacts, self.moments, boxes, is_coarse=True)
 
     def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> Support:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)

@@ -67,8 +67,7 @@ class UpperBound:
     def __init__(self, run: Run, half: Half | None = None) -> None:
         self.run = run
         with run.clock.phase("compile"):
-            whole = InteractionFlow(run.contacts, run.moments)
-            self.flow = whole.within(whole.boxes)
+            self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
             self.first = run.moments.box_copies(run.contacts)

@@ -28,8 +28,9 @@ from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point, StepRows, force_fields
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import ForceVariables, corner_compressions
+from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LargestFactor, StaticProblem
+from cvxlimit.model.variables import ForceVariables
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at, leading_ladder, tight_ladder
