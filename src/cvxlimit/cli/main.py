@@ -11,6 +11,7 @@ import io
 import json
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
@@ -93,9 +94,14 @@ for _name, _command, _epilog in (
 
 def main() -> NoReturn:
     code = run(sys.argv[1:])
-    for process in active_children():  # workers of what was interrupted
-        process.kill()
-    if code == ExitCode.INTERRUPTED:
+    workers = active_children()
+    if workers:  # of what was interrupted: their pool's thread would report an accident
+        threading.excepthook = lambda _: None
+        for process in workers:
+            process.kill()
+            process.join()
+        sys.stdout.flush()
+    if workers or code == ExitCode.INTERRUPTED:
         # The solver's thread may still be in native code, which aborts when Python is shut down.
         os._exit(code)
     sys.exit(code)
