@@ -36,10 +36,10 @@ GROWING: dict[int, Callable[[], Scene]] = {
     888: lambda: builtin_scene("s12-panel"),
     1906: lambda: builtin_scene("s10-panel"),
     5000: lambda: panel_of(5000),
-    6868: lambda: wall(running_bond(34, 68), name="wall-34"),
+    6868: lambda: wall(running_bond(34, 68), friction=0.65, name="wall-34"),
     16452: lambda: panel_of(16452),
-    41000: lambda: wall(running_bond(83, 166), name="wall-83"),
-    99588: lambda: wall(running_bond(129, 258), name="wall-129"),
+    41000: lambda: wall(running_bond(83, 166), friction=0.65, name="wall-83"),
+    99588: lambda: wall(running_bond(129, 258), friction=0.65, name="wall-129"),
 }
 """Scenes by about how many contacts they have."""
 

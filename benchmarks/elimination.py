@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def row(units: int) -> str:
     """A wall so many units long and twice as many courses high."""
-    assemblage = Assemblage.of(wall(running_bond(units, 2 * units)))
+    assemblage = Assemblage.of(wall(running_bond(units, 2 * units), friction=0.65))
     surfaces = surfaces_of("conic")[0]
     found = Reductions.of(assemblage, surfaces)
     full, planar = (

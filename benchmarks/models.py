@@ -44,7 +44,9 @@ HEAD = (
 def scene_of(name: str) -> Scene:
     """A built-in scene or one of the walls."""
     units = (WALLS | LARGE).get(name)
-    return builtin_scene(name) if units is None else wall(running_bond(units, 2 * units))
+    if units is None:
+        return builtin_scene(name)
+    return wall(running_bond(units, 2 * units), friction=0.65)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

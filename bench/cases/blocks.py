@@ -185,7 +185,7 @@ def prism_of(
 
 @case("stack-rocks", "stack of 8 blocks, rocks as one: b / (n h)", known(0.25))
 def stack_rocks() -> Scene:
-    return stack(8)
+    return stack(8, friction=0.6)
 
 
 @case(
@@ -193,7 +193,7 @@ def stack_rocks() -> Scene:
     known((0.5 - 5 * 0.04) / (6 * 0.25)),
 )  # fmt: skip
 def stack_leans() -> Scene:
-    return stack(6, shift=(0.04, 0.0))
+    return stack(6, shift=(0.04, 0.0), friction=0.6)
 
 
 @case("column-with-a-load", "column with three times its weight on top: (t/2)(W+P) / (W h/2 + P h)",

@@ -10,7 +10,8 @@ from cvxlimit.scene import Scene
 def build(contacts: int) -> Scene:
     """About ``contacts`` contacts: three per block."""
     units = max(2, round(sqrt(contacts / 6)))
-    return wall(running_bond(units, 2 * units), name=f"planar wall {units} x {2 * units}")
+    name = f"planar wall {units} x {2 * units}"
+    return wall(running_bond(units, 2 * units), friction=0.65, name=name)
 
 
 CASE = Case("planar-wall", "planar walls", build)

@@ -39,12 +39,12 @@ def _boulder(ratio: float) -> Scene:
 
 
 SCENES: dict[str, Callable[[], Scene]] = {
-    "stack": lambda: stack(3, (0.5, 0.5, 0.5)),
-    "leaning stack": lambda: stack(4, shift=(0.05, 0.0)),
+    "stack": lambda: stack(3, (0.5, 0.5, 0.5), friction=0.6),
+    "leaning stack": lambda: stack(4, shift=(0.05, 0.0), friction=0.6),
     "slippery stack": lambda: stack(3, friction=0.2),
     "arch": lambda: arch(10, 0.25),
     "slippery arch": lambda: arch(10, 0.25, friction=0.4),
-    "wall": lambda: wall(running_bond(2, 3)),
+    "wall": lambda: wall(running_bond(2, 3), friction=0.65),
     "slippery wall": lambda: wall(running_bond(2, 3), friction=0.3),
     "pebble, weights 1e3 apart": lambda: _boulder(10.0),
     "pebble, weights 1e6 apart": lambda: _boulder(100.0),

@@ -59,9 +59,9 @@ class Scene(RemadeFromFields, SceneJoints):
         Always there; own weight along -z unless given.
     friction, cohesion, compressive_strength, tensile_strength : float
         What all contacts have that are no exception: see
-        :class:`~cvxlimit.strengths.JointValues`. By default 0.6, 0, infinite and 0; scene files and
-        imports must state friction, and generators have that of their built-in scene (0.7; walls
-        0.65, stacks 0.6). ``repr(scene)`` and the command line's summary tell it.
+        :class:`~cvxlimit.strengths.JointValues`. By default 0.7 (tan 35 degrees, as in all
+        generators of :mod:`cvxlimit.masonry`), 0, infinite and 0. Scene files and imports must
+        state friction; ``repr(scene)`` and the command line's summary show it.
     contact_friction, contact_cohesion, ... : mapping of (id, id) to float
         Exceptions: that of the contacts between two blocks, in either order.
     units : Units

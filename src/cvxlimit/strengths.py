@@ -17,6 +17,9 @@ from cvxlimit.checks import not_negative, of_type, strength
 from cvxlimit.errors import InputError
 
 V = TypeVar("V")
+DEFAULT_FRICTION = 0.7
+"""Coulomb coefficient of joints for which none is stated: tan 35 degrees, usual for dry stone."""
+
 Pair = tuple[str, str]
 ByPair = Mapping[Pair, float]
 
@@ -45,7 +48,7 @@ class JointValues(Generic[V]):
         Largest tension (force per area) that mortar bears.
     """
 
-    friction: V = _property(0.6, not_negative)
+    friction: V = _property(DEFAULT_FRICTION, not_negative)
     cohesion: V = _property(0.0, not_negative, per_area=True)
     compressive_strength: V = _property(float("inf"), strength, per_area=True)
     tensile_strength: V = _property(0.0, not_negative, per_area=True)

@@ -96,8 +96,8 @@ def test_bricks_whose_hull_lost_corners(low, high, push) -> None:
     for shift in ((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (-3e3, 2e3, 1e3)):
         blocks = [shaped("L"), Block.box("b", (*low, 0.0), (*high, 1.0), 20.0)]
         moved = [block.moved(np.eye(3), shift) for block in blocks]
-        scene = Scene(moved, supports=["below"], live=Load(acceleration=(push, 0.0, 0.0)))
-        assert scene.friction == 0.6
+        live = Load(acceleration=(push, 0.0, 0.0))
+        scene = Scene(moved, supports=["below"], live=live, friction=0.6)
         solution = solve(scene)
         assert solution.lower == pytest.approx(truth, rel=1e-5)
         assert solution.upper == pytest.approx(truth, rel=1e-5)

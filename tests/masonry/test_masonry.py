@@ -6,12 +6,14 @@ of the package's solver.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+import cvxlimit.masonry as masonry
 from cvxlimit.errors import InputError
 from cvxlimit.masonry import (
     BUILTIN,
@@ -23,7 +25,8 @@ from cvxlimit.masonry import (
     stack,
     wall,
 )
-from cvxlimit.scene import Load
+from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 from planar import planar_load_factor
 
 COUNTS = {
@@ -282,3 +285,16 @@ NONSENSE: dict[str, tuple[Callable[[], Any], str]] = {
 def test_nonsense_is_refused(make: Callable[[], Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         make()
+
+
+def test_generators_and_scenes_have_one_friction_unless_it_is_stated() -> None:
+    """Published scenes state theirs: they are what they are whatever the default is."""
+    made = [getattr(masonry, name) for name in masonry.__all__]
+    signatures = [inspect.signature(each).parameters for each in made if inspect.isroutine(each)]
+    stated = [
+        parameters["friction"].default for parameters in signatures if "friction" in parameters
+    ]
+    scene = single_block()
+    assert {*stated, Scene(scene.blocks, scene.supports, scene.live).friction} == {DEFAULT_FRICTION}
+    published = {"ferris-tin-loi-1": 0.65, "tuff-wall": 0.51, "s12-panel": 0.7, "s10-panel": 0.7}
+    assert {name: builtin_scene(name).friction for name in published} == published

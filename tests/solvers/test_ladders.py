@@ -284,7 +284,7 @@ HARMLESS: dict[str, Callable[[], Scene]] = {
         between_supports().with_live(Load(acceleration=(0, 0.3, 0.2))).with_friction(1.2)
     ),
     "wall pressed down": lambda: wall(
-        running_bond(3, 4), live=Load(acceleration=(0.05, 0.0, -1.0))
+        running_bond(3, 4), friction=0.65, live=Load(acceleration=(0.05, 0.0, -1.0))
     ),
     "thick arch": lambda: arch(10, 0.4, live=Load(acceleration=(0, 0, -1.0))),
     "one of two boxes": side_by_side,

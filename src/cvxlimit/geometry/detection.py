@@ -20,6 +20,7 @@ from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.penetration import check_no_interpenetration
 from cvxlimit.geometry.polygons import Outlines, outlines
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 _STEEPEST = 0.1
 """Sine of the angle between two facets in contact, at most: beyond, a normal force could not be
@@ -41,7 +42,7 @@ class Detection:
 def detect(
     blocks: Sequence[Block],
     fixed: Collection[str] = (),
-    friction: float = 0.6,
+    friction: float = DEFAULT_FRICTION,
     joint_tolerance: float | None = None,
 ) -> Detection:
     """Contacts between ``blocks``, except those between two ``fixed`` ones, and near misses.

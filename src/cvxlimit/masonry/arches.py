@@ -13,6 +13,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import ALONG, Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 
 def arch(
@@ -23,7 +24,7 @@ def arch(
     embrace: float = 180.0,
     width: float = 0.3,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "arch",
 ) -> Scene:
@@ -86,7 +87,7 @@ def arch_on_piers(
     pier_courses: int = 4,
     width: float = 0.3,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "arch-on-piers",
 ) -> Scene:

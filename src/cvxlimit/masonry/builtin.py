@@ -69,18 +69,18 @@ _SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
         "one block pushed along x: rocks at length / height = 0.4 (closed form)",
         single_block,
     ),
-    "stack": ("five blocks piled up, pushed along x", stack),
+    "stack": ("five blocks piled up, pushed along x", lambda: stack(friction=0.6)),
     "ferris-tin-loi-1": (
         "Ferris & Tin-Loi 2001, wall 1: 6 courses, pushed in its plane, 0.642859",
-        lambda: wall(running_bond(5, 6, first="half")),
+        lambda: wall(running_bond(5, 6, first="half"), friction=0.65),
     ),
     "ferris-tin-loi-2": (
         "Ferris & Tin-Loi 2001, wall 2: 10 courses, pushed in its plane, 0.579999",
-        lambda: wall(running_bond(5, 10, first="half")),
+        lambda: wall(running_bond(5, 10, first="half"), friction=0.65),
     ),
     "ferris-tin-loi-3": (
         "Ferris & Tin-Loi 2001, wall 3: a window, pushed in its plane, 0.403694",
-        lambda: wall(WINDOW_WALL),
+        lambda: wall(WINDOW_WALL, friction=0.65),
     ),
     "arch": (
         "semicircular arch of 20 voussoirs, thickness 0.15 of the mean radius, pushed along x",
@@ -89,11 +89,11 @@ _SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
     "tuff-wall": ("tuff wall held at one end, pushed out of its plane", _tuff_wall),
     "s12-panel": (
         "panel S12 of Portioli et al. 2013, one return, layout inferred, pushed out of plane",
-        lambda: panel(0.76, 19, left_return=0.56),
+        lambda: panel(0.76, 19, left_return=0.56, friction=0.7),
     ),
     "s10-panel": (
         "panel S10 of Portioli et al. 2013, two returns, layout inferred, pushed out of plane",
-        lambda: panel(0.96, 27, left_return=0.52, right_return=0.52),
+        lambda: panel(0.96, 27, left_return=0.52, right_return=0.52, friction=0.7),
     ),
     "facade": ("front with a door, a window and two returns, pushed out of its plane", _facade),
     "house-corner": (

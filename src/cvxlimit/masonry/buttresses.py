@@ -14,6 +14,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.arches import between_all, radial_joints
 from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 _PRISM = (
     (0, 1, 2, 3, 4), (5, 6, 7, 8, 9),
@@ -36,7 +37,7 @@ def flying_buttress(
     course: float = 0.75,
     width: float = 0.6,
     density: float = 22.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "flying-buttress",
 ) -> Scene:

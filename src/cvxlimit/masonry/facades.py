@@ -14,6 +14,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import Size, Span, is_negligible
 from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 _SHORTEST = 0.25
 """A piece shorter than this share of a unit is not laid: its neighbour is cut longer instead.
@@ -66,7 +67,7 @@ def facade(
     bearing: float | None = None,
     lintel_courses: int = 1,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "facade",
 ) -> Scene:
@@ -149,7 +150,7 @@ def house_corner(
     sill: int = 2,
     unit: Size = (0.4, 0.2, 0.2),
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "house-corner",
 ) -> Scene:
@@ -208,7 +209,7 @@ def panel(
     right_return: float = 0.0,
     brick: Size = (0.08, 0.04, 0.03),
     density: float = 27.3,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "panel",
 ) -> Scene:

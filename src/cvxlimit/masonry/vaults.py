@@ -15,6 +15,7 @@ from cvxlimit.masonry.arches import Ring, between
 from cvxlimit.masonry.sizes import ALONG, Span, count, scene_of
 from cvxlimit.masonry.walls import running_bond
 from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 
 def barrel_vault(
@@ -26,7 +27,7 @@ def barrel_vault(
     length: float = 1.2,
     units: int = 3,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "barrel-vault",
 ) -> Scene:
@@ -84,7 +85,7 @@ def dome(
     springing: float = 0.0,
     oculus: float = 10.0,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "dome",
 ) -> Scene:

@@ -12,6 +12,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry.sizes import ALONG, Size, count, ground_below, laid, scene_of, size_of
 from cvxlimit.scene import Load, Scene
+from cvxlimit.strengths import DEFAULT_FRICTION
 
 Course = Sequence[float]
 
@@ -53,7 +54,7 @@ def wall(
     unit: Size = (0.4, 0.2, 0.175),
     *,
     density: float = 20.0,
-    friction: float = 0.65,
+    friction: float = DEFAULT_FRICTION,
     side_supports: Collection[str] = (),
     live: Load | None = None,
     name: str = "wall",
@@ -73,7 +74,7 @@ def wall(
     density : float
         Weight per volume, kN/m3.
     friction : float
-        Coulomb coefficient of all joints; a :class:`Scene` of one's own has 0.6.
+        Coulomb coefficient of all joints.
     side_supports : collection of "start", "end"
         Ends of the wall (x = 0; full length) that lean on a rigid support over the whole height.
     live : Load, optional
@@ -222,7 +223,7 @@ def stack(
     *,
     shift: tuple[float, float] = (0.0, 0.0),
     density: float = 20.0,
-    friction: float = 0.6,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "stack",
 ) -> Scene:
@@ -273,7 +274,7 @@ def single_block(
     size: Size = (0.4, 0.4, 1.0),
     *,
     density: float = 20.0,
-    friction: float = 0.7,
+    friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
     name: str = "single-block",
 ) -> Scene:

@@ -191,7 +191,7 @@ def test_dead_load_that_cannot_stand(moments: str) -> None:
     ground = Block.box("ground", (-2, -2, -1), (2, 2, 0))
     lower = Block.box("lower", (0, 0, 0), (1, 1, 1), 20.0)
     upper = Block.box("upper", (0.9, 0, 1), (3.0, 1, 2), 20.0)
-    scene = Scene([ground, lower, upper], ["ground"], Load(acceleration=(0, 1, 0)))
+    scene = Scene([ground, lower, upper], ["ground"], Load(acceleration=(0, 1, 0)), friction=0.6)
     solution = solve(scene, interaction="certified", moments=moments)
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert solution.load_factor is None

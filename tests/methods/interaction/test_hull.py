@@ -246,7 +246,7 @@ def test_signed_copies_are_the_exact_hull(shape: tuple[float, float] | int) -> N
 def pentagon() -> Contacts:
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     live = Load(acceleration=(1.0, 0.0, 0.0))
-    return Scene((ground, prism("b", 5, 0.0, 0.5)), ("ground",), live).contacts
+    return Scene((ground, prism("b", 5, 0.0, 0.5)), ("ground",), live, friction=0.6).contacts
 
 
 @pytest.mark.parametrize("box", [None, (-0.4, 0.4, 0.1, 0.7), (-0.8, -0.2, 0.3, 0.3)])
