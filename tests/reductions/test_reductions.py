@@ -15,11 +15,14 @@ from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_sce
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result, write_result
 from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_block, stack, wall
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions import choice, planar
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.reductions.repeated import RepeatedProblem
+from cvxlimit.reductions.repeated import Repeats
+from cvxlimit.solvers import settings_for
+from cvxlimit.studies import varied
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import assert_certified, hand_equilibrium, yield_excess
@@ -332,12 +335,17 @@ class TestExplain:
             assert found.seconds > 0.0
 
 
-def test_a_repeated_problem_has_its_internal_forces_in_the_present_units() -> None:
-    light = stack()
-    blocks = [replace(b, density=b.density and 10.0 * b.density) for b in light.blocks]
-    heavy = replace(light, blocks=tuple(blocks))
-    mechanics = Assemblage.of(light)
-    problem = RepeatedProblem(mechanics, surfaces_of("conic")[0])
-    state = problem.renew(mechanics.like(heavy)).solve()
-    assert state.internal is not None
-    np.testing.assert_allclose(problem.model.forces(state.internal), state.forces, atol=1e-9)
+@pytest.mark.parametrize("rung", ["BLOCKWISE", "CLARABEL"])
+def test_a_structure_that_is_shared_changes_no_answer(rung: str) -> None:
+    """Whoever was solved before, with other weights, friction and loads: to the last digit."""
+    mechanics, repeats = Assemblage.of(builtin_scene("tuff-wall")), Repeats()
+    found = []
+    for shared in (None, repeats, repeats):
+        for changes in ({"friction": 0.4, "direction": 20.0}, {"density": 3.0, "direction": 40.0}):
+            assemblage = mechanics.like(varied(mechanics.scene, **changes))
+            full = Reduction.none(assemblage.statics)
+            problem = DirectProblem(assemblage, surfaces_of("conic")[0], full, repeats=shared)
+            found.append(problem.solve(settings_for(rung, 1e-6)))
+    for i, state in enumerate(found):
+        assert state.load_factor == found[i % 2].load_factor
+        np.testing.assert_array_equal(state.forces, found[i % 2].forces)

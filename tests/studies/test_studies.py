@@ -108,7 +108,7 @@ class TestVaried:
 class TestTable:
     @pytest.mark.exhaustive
     def test_it_is_what_single_calls_give(self) -> None:
-        """Compiled once with Parameters, or anew for every call: the same problem, both proved."""
+        """With structures shared, or anew for every call: the same problem, both proved."""
         grid = {"friction": [0.35, 0.5, 0.65], "direction": [0.0, 30.0]}
         table = quiet(builtin_scene("tuff-wall"), grid)
         for row in table.itertuples():
@@ -129,21 +129,7 @@ class TestTable:
             alone = quiet(builtin_scene("tuff-wall"), grid[i : i + 1])
             assert without_times(alone).iloc[0].equals(without_times(together).iloc[i])
 
-    def test_problems_are_compiled_once(self, monkeypatch) -> None:
-        from cvxlimit.reductions import repeated
-
-        made = []
-        own = repeated.RepeatedProblem.__init__
-        monkeypatch.setattr(
-            repeated.RepeatedProblem,
-            "__init__",
-            lambda self, *given: made.append(1) or own(self, *given),
-        )
-        quiet(builtin_scene("tuff-wall"), {"friction": [0.4, 0.5, 0.6], "density": [1.0, 2.0]})
-        assert len(made) == 1
-
     def test_friction_of_their_own_and_cohesion_are_not_lost(self) -> None:
-        """Contacts with their own friction take vectors of Parameters, cohesion takes none."""
         rough = stone(height=0.5, contact_friction={("ground", "stone"): 0.35})
         found = quiet(rough, {"friction": [0.1, 0.2]})["load_factor"]
         assert found.to_list() == pytest.approx([0.35, 0.35], rel=1e-5)

@@ -132,8 +132,7 @@ class Inquiry:
         run, assemblage = self.run, self.reductions.assemblage
         run.reductions = reduction.names
         with run.clock.phase("compile"):
-            shared = run.repeats and run.repeats.problem(assemblage, run.surfaces, reduction)
-            self.problem = shared or DirectProblem(assemblage, run.surfaces, reduction)
+            self.problem = DirectProblem(assemblage, run.surfaces, reduction, repeats=run.repeats)
             self.ladder = run.ladder or self.problem.ladder(self.tolerance)
 
     def ladder_climbed(self) -> Steps:

@@ -132,7 +132,7 @@ class Run:
     given : Scene
         The scene as it was given; mortar may have become loads in :attr:`scene`.
     repeats : Repeats or None
-        Compiled problems that the run shares with others.
+        What the run shares with others of the same geometry.
     surfaces : tuple of YieldSurface, surface : str
         Asked for, and their name.
     moments : Moments

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cvxpy as cp
 import numpy as np
@@ -34,6 +34,8 @@ class DirectProblem:
     """:class:`LimitProblem` for the largest load factor, without CVXPY where it can do without.
 
     Solvers that want more than matrices, and conditions of other kinds, go the way through CVXPY.
+    ``repeats`` is what problems of scenes like this one share
+    (:class:`~cvxlimit.reductions.repeated.Repeats`), if there are any.
 
     Example
     -------
@@ -51,8 +53,10 @@ class DirectProblem:
         surfaces: Sequence[YieldSurface],
         reduction: Reduction,
         most: float | None = None,
+        repeats: Any = None,
     ) -> None:
         self.assemblage, self.reduction, self.most = assemblage, reduction, most
+        self.repeats = repeats
         self.surfaces = needed_surfaces(surfaces)
         self.model = model_of(reduction.formulation, reduction.contacts)
         self._unit = np.where(self.model.is_moment, assemblage.scaling.length, 1.0)
@@ -65,16 +69,24 @@ class DirectProblem:
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
-        return limit_ladder(self.shape, tolerance)
+        return limit_ladder(self.shape, tolerance, self.repeats is not None)
 
     @cached_property
     def shape(self) -> Shape:
         """Size and structure, which decide about solvers."""
-        program = self.program
+        program, kept = self.program, {} if self._kept is None else self._kept
         if program is None:
             return self.modelled.shape
-        variables, cones = program.matrix.shape[1], len(program.cones)
-        return Shape.of(self._equilibrium[0], variables, cones, program.nonneg)
+        if "shape" not in kept:
+            variables, cones = program.matrix.shape[1], len(program.cones)
+            kept["shape"] = Shape.of(self._equilibrium[0], variables, cones, program.nonneg)
+        found: Shape = kept["shape"]
+        return found
+
+    @cached_property
+    def _kept(self) -> dict[str, Any] | None:
+        is_shared = self.repeats is not None and self.program is not None
+        return self.repeats.structure(self.program) if is_shared else None
 
     def solve(self, settings: SolverSettings) -> LimitState:
         """One run of one solver; never raises for what the solver does.
@@ -84,7 +96,7 @@ class DirectProblem:
         is_last = settings.name == "CLARABEL" and settings.label != ""
         if self.program is None or settings.name not in _WANT_MATRICES or is_last:
             return self.modelled.solve(settings)
-        return self.state(*self.program.solve(settings))
+        return self.state(*self.program.solve(settings, self._kept, is_warm=False))
 
     def state(self, outcome: Outcome, x: FloatArray | None, y: FloatArray | None) -> LimitState:
         """What a solution of the program says, with duals y of its equations."""

@@ -75,10 +75,10 @@ class Blockwise(CLARABEL):
         # Small blocks gain nothing from threads of BLAS, which wait for each other on a busy
         # machine: with all cores taken, runs with four took 1.8 times as long as with one.
         with _threads().limit(limits=1, user_api="blas"):
-            before = kept.get(self.name()) if warm_start else None
-            own = _Kept.of(before, c, data, b, options.pop("backend"))
-            result = own.program.minimise(**options, start=own.start)
-            if own.start is not None and result.status != SOLVED:
+            own = _Kept.of(kept.get(self.name()), c, data, b, options.pop("backend"))
+            start = own.start if warm_start else None
+            result = own.program.minimise(**options, start=start)
+            if start is not None and result.status != SOLVED:
                 result = own.program.minimise(**options)
         kept[self.name()] = own.after(result)
         return SimpleNamespace(

@@ -51,10 +51,11 @@ class ConeProgram:
     cones: tuple[int, ...] = ()
 
     def solve(
-        self, settings: SolverSettings, cache: dict[str, Any] | None = None
+        self, settings: SolverSettings, cache: dict[str, Any] | None = None, is_warm: bool = True
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
         """One run of one solver: outcome, x, and the duals (zero,) of the equations. Solvers that
-        start from the program before leave what they need in ``cache``.
+        start from the program before leave what they need in ``cache``; where the start is not to
+        be warm they take the structure from there, which is that of any program of this pattern.
 
         Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
         """
@@ -63,9 +64,9 @@ class ConeProgram:
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
             data, inverse = self._data(row.splits_equations)
-            is_warm = row.starts_warm and cache is not None
-            kept = cache if is_warm else None
-            solve = partial(solver.solve_via_data, data, is_warm, False, options, kept)
+            kept = cache if row.starts_warm else None
+            starts = is_warm and kept is not None
+            solve = partial(solver.solve_via_data, data, starts, False, options, kept)
             return solve, lambda raw: solver.invert(raw, inverse)
 
         outcome, found = attempted(settings, bool(self.cones), compiled)
