@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.masonry import builtin_scene
-from cvxlimit.scene import GRAVITY, Load, Scene, Units
+from cvxlimit.scene import GRAVITY, Load, PointForce, Scene, Units
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
 LOWER = Block.box("lower", (0, 0, 0), (1, 1, 0.5), density=20.0)
@@ -96,10 +96,14 @@ class TestBlocksAndFriction:
         step = [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)]
         rest = [(0.5, 0.5), (1, 0.5), (1, 1.5), (0, 1.5), (0, 1), (0.5, 1)]
         lower, upper = (prism(name, side) for name, side in (("lower", step), ("upper", rest)))
-        own = scene(blocks=(GROUND, lower, upper), contact_friction={("lower", "upper"): 0.1})
+        own = scene(
+            blocks=(GROUND, lower, upper),
+            friction=0.5,
+            contact_friction={("lower", "upper"): 0.1},
+        )
         several = ("lower-upper", "lower-upper#2", "lower-upper#3")
         assert own.contacts.names == ("ground-lower", *several)
-        assert own.contacts.friction.tolist() == [0.6, 0.1, 0.1, 0.1]
+        assert own.contacts.friction.tolist() == [0.5, 0.1, 0.1, 0.1]
         assert own.contacts["lower-upper#2"].friction == 0.1
 
     def test_no_friction_at_all_is_allowed(self) -> None:
@@ -108,16 +112,16 @@ class TestBlocksAndFriction:
 
 class TestCopies:
     def test_contacts_are_kept_when_geometry_is(self) -> None:
-        base = scene()
+        base = scene(friction=0.5)
         found = base.contacts
         for copy in (base.with_live(Load(acceleration=(0, 1, 0))), base.with_dead(PUSH),
                      base.with_friction(0.2), base.with_name("other")):  # fmt: skip
             assert copy.contacts.origin is found.origin
-        assert base.contacts.friction.tolist() == [0.6, 0.6]
+        assert base.contacts.friction.tolist() == [0.5, 0.5]
 
     def test_with_friction_reaches_the_contacts(self) -> None:
-        base = scene(contact_friction={("lower", "upper"): 0.1})
-        assert base.contacts.friction.tolist() == [0.6, 0.1]
+        base = scene(friction=0.5, contact_friction={("lower", "upper"): 0.1})
+        assert base.contacts.friction.tolist() == [0.5, 0.1]
         assert base.with_friction(0.3).contacts.friction.tolist() == [0.3, 0.1]
         assert base.with_friction(0.3, {}).contacts.friction.tolist() == [0.3, 0.3]
 
@@ -288,3 +292,16 @@ def test_what_a_scene_has_shows_itself_in_one_line() -> None:
     )
     for each in (scene, scene.contacts, scene.explain()):
         assert len(repr(each)) < 160
+
+
+def test_what_a_scene_has_shows_itself_in_notebooks_as_a_table() -> None:
+    scene = builtin_scene("tuff-wall")
+    texts = [each._repr_html_() for each in (scene.contacts, scene.live, scene.explain())]
+    assert all(len(text) < 3000 for text in texts)
+    assert "146 contacts" in texts[0]
+    assert scene.contacts.names[0] in texts[0]
+    assert "(0.0, 1.0, 0.0)" in texts[1]
+    assert "other methods" in texts[2]
+    loaded = Load(points=[PointForce("<b>", (0, 0, 1), (1, 0, 0))], weights={"<i>": (0, 0, -1)})
+    assert "<b>" not in loaded._repr_html_()
+    assert "&lt;i&gt;" in loaded._repr_html_()

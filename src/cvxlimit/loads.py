@@ -16,6 +16,7 @@ from cvxlimit.checks import finite_vector, members, of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import area_vectors, fan, polygon_vectors
+from cvxlimit.markup import html_table
 
 Vector = tuple[float, ...]
 T = TypeVar("T")
@@ -190,6 +191,18 @@ class Load(RemadeFromFields):
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         plain = ((k, dict(v) if isinstance(v, Mapping) else v) for k, v in values.items() if v)
         return f"Load({', '.join(f'{name}={reprlib.repr(value)}' for name, value in plain)})"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, str]] = []
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, Mapping):
+                rows += [(f"{each.name} {block!r}", str(v)) for block, v in value.items()]
+            elif each.name in ("points", "pressures"):
+                rows += [(each.name, str(v)) for v in value]
+            elif value is not None:
+                rows.append((each.name, str(value)))
+        return html_table("Load", ("what", "how much"), rows)
 
     @property
     def named(self) -> Iterator[str]:

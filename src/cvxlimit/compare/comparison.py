@@ -111,6 +111,9 @@ class Comparison:
         result.attrs = {"scene": self.scene, "is_interrupted": self.is_interrupted}
         return result
 
+    def __repr__(self) -> str:
+        return f"Comparison({self.scene!r}: {', '.join(row.method for row in self.rows):.100})"
+
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.table())}</pre>"
 

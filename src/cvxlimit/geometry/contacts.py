@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cvxlimit.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.polygons import mean_distance_over, members_of, torsion_arm
+from cvxlimit.markup import html_table
 from cvxlimit.strengths import PROPERTIES, JointValues, Pair
 
 COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
@@ -108,6 +109,14 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
 
     def __repr__(self) -> str:
         return f"Contacts({len(self)}: {reprlib.repr([*self.names])[1:-1]})"
+
+    def _repr_html_(self) -> str:
+        rows = (
+            (x.name, _point(x.origin), _point(x.normal), f"{x.area:.4g}", f"{x.friction:g}")
+            for x in self
+        )
+        head = ("contact", "centre", "normal", "area", "friction")
+        return html_table(f"{len(self)} contacts", head, rows)
 
     def _check_hulls(self) -> None:
         """Refuse a contact whose hull leaves out a corner of its pieces: no bracket would see it,
@@ -276,6 +285,10 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             pieces=self.pieces
             and {j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )
+
+
+def _point(at: FloatArray) -> str:
+    return ", ".join(f"{x:.4g}" for x in np.round(at, 9) + 0.0)
 
 
 def least_carried(forces: FloatArray) -> float:

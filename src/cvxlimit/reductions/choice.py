@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -243,6 +244,9 @@ class Explanation:
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
         return f"Explanation({self.scene!r}: {sizes}, {self.solver}, {self.seconds:.1g} s)"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.blocks} free blocks x {self.contacts} contacts"]
