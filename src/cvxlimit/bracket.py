@@ -51,7 +51,8 @@ class Bracket:
         return replace(self, lower=float(lower), lower_is_proved=is_proved)
 
     def lowered(self, upper: float, is_proved: bool) -> Self:
-        """With a better upper bound; a higher one changes nothing, but a proof of the same."""
+        """With a better upper bound; a higher one changes nothing, unless it proves an equal
+        one."""
         proof = self.unit * ROUNDING if is_proved and not self.upper_is_proved else 0.0
         if not upper < self.upper + proof:
             return self

@@ -28,7 +28,7 @@ class GeometryError(InputError):
     blocks : tuple of str
         Ids of the blocks concerned.
     body : object or None
-        What a geometry file has in place of a block.
+        The refused body of a geometry file.
     """
 
     body: object = None

@@ -58,10 +58,10 @@ class Scene(RemadeFromFields, SceneJoints):
     dead : Load
         Always there; own weight along -z unless given.
     friction, cohesion, compressive_strength, tensile_strength : float
-        What all contacts have that are no exception: see
-        :class:`~cvxlimit.strengths.JointValues`. By default 0.7 (tan 35 degrees, as in all
-        generators of :mod:`cvxlimit.masonry`), 0, infinite and 0. Scene files and imports must
-        state friction; ``repr(scene)`` and the command line's summary show it.
+        Values of all contacts without an exception: see :class:`~cvxlimit.strengths.JointValues`.
+        By default 0.7 (tan 35 degrees, as in all generators of :mod:`cvxlimit.masonry`), 0,
+        infinite and 0. Scene files and imports must state friction; ``repr(scene)`` and the command
+        line's summary show it.
     contact_friction, contact_cohesion, ... : mapping of (id, id) to float
         Exceptions: that of the contacts between two blocks, in either order.
     units : Units
@@ -132,7 +132,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
-        """Joints that are nearly there but are none; found with the contacts."""
+        """Pairs of faces that nearly form a joint; found with the contacts."""
         return self._detection.near_misses
 
     @property
@@ -237,7 +237,7 @@ class Scene(RemadeFromFields, SceneJoints):
         )
 
     def explain(self, surface: Any = "conic", **options: Any) -> Explanation:
-        """How much model ``solve`` gives the scene, which solver, and why; nothing is solved.
+        """Size of the model that ``solve`` uses, solver, expected times; nothing is solved.
 
         Parameters and errors are those of :func:`cvxlimit.reductions.choice.explain`.
         """
@@ -304,7 +304,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @cached_property
     def geometry(self) -> str:
-        """What contacts follow from, as a short text: alike for scenes with the same contacts.
+        """Fingerprint of all that determines contacts: equal for scenes with the same contacts.
 
         Shapes and ids of blocks, supports, joint tolerance; not density, friction or loads.
         """

@@ -47,7 +47,7 @@ class Status(StrEnum):
 
     @property
     def advice(self) -> str:
-        """One sentence: what it means and what to do."""
+        """One sentence: the meaning, and what to do."""
         return _ADVICE[self]
 
 
@@ -193,18 +193,18 @@ class Solution:
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
     quantity : str
-        What ``load_factor`` and the bracket are of: the load factor, or a support's reaction.
+        Quantity of ``load_factor`` and the bracket: the load factor, or a support's reaction.
     contact_names : tuple of str
         In the order of ``forces``; empty for a file of a version below 0.2.
     units : Units or None
-        Those of all numbers; None for such a file.
+        Units of all numbers; None for a file of a version below 0.2.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     surfaces : tuple of YieldSurface
         What limited the contact forces; empty for a solution read from a file. Surfaces of one's
-        own go into a pickle if they are in a module, which has to be there to read it. Strength
-        that a formulation states itself (friction at corners, stone that crushes) is not among
-        them, and so in no utilisation of tables and pictures.
+        own pickle if they are in a module, which must be importable to unpickle. Strength that a
+        formulation states itself (friction at corners, stone that crushes) is not among them, and
+        not in the utilisation of tables and pictures.
     """
 
     scene: str
@@ -283,7 +283,7 @@ class Solution:
         return vars(self) if lasts else vars(self) | {"surfaces": ()}
 
     def of(self, scene: Scene, surfaces: Sequence[YieldSurface] = ()) -> Solution:
-        """The same with the scene that was solved: what tables and pictures ask for.
+        """The same solution with its scene, which tables and pictures need.
 
         Surfaces of one's own are needed besides where the share of strength in use is asked for.
 
@@ -317,7 +317,7 @@ class Solution:
         Raises
         ------
         InputError
-            If the solution has lost it, as one read from a file.
+            If the solution has no scene, as after reading a file.
         """
         if self.solved_scene is None:
             raise InputError(
@@ -327,7 +327,7 @@ class Solution:
         return self.solved_scene
 
     def to_dataframe(self, what: Table = "contacts") -> DataFrame:
-        """What was found as a table: a row per contact, per block, or per solve.
+        """The results as a table: a row per contact, per block, or per solve.
 
         ``"contacts"``: both blocks, forces V1 ... MT on the second, pressure centre, utilisation by
         surface, opening, slip and twist rates for live power 1. ``"blocks"``: weight, centroid,
@@ -358,7 +358,8 @@ class Solution:
         path: str | os.PathLike[str] | None = None,
         **options: Any,
     ) -> Any:
-        """Draw what was found; nothing is shown by itself, but notebooks show what ends a cell.
+        """Draw the result; nothing is shown by itself, but notebooks show the figure that ends a
+        cell.
 
         Parameters
         ----------

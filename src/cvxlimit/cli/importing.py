@@ -95,7 +95,7 @@ _NEEDED = {
 
 @taking(Geometry)
 def import_command(asked: Geometry) -> ExitCode:
-    """Make a scene from geometry files, and say what was found and repaired."""
+    """Make a scene from geometry files, and report contacts found and repairs made."""
     for name, meaning in _NEEDED.items():
         if getattr(asked, name) is None:
             spelt = f"--{name.replace('_', '-')}"

@@ -64,7 +64,7 @@ def _options(
 @app.command("scenes")
 def _scenes_command(
     schema: Annotated[
-        bool, typer.Option("--schema", help="Print the JSON Schema of scene files in its place.")
+        bool, typer.Option("--schema", help="Print the JSON Schema of scene files instead.")
     ] = False,
 ) -> Job:
     """List the built-in scenes."""

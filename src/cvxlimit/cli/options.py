@@ -48,8 +48,8 @@ _VOICE = [
         ],
     )
     for name, said in (
-        ("verbose", "Tell every step on stderr."),
-        ("quiet", "Nothing but files, errors and exit code."),
+        ("verbose", "Report every step on stderr."),
+        ("quiet", "Print nothing but errors."),
     )
 ]
 """Options of every command that works on a scene."""

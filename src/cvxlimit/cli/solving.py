@@ -291,7 +291,8 @@ class Question:
 
 @taking(Question)
 def explain_command(asked: Question) -> ExitCode:
-    """Say how much model a scene gets, which solver, and how long it will take; solve nothing."""
+    """Report the size of the model, the solver and the expected time of every method, without
+    solving."""
     surface: Any = asked.surface
     model: Any = asked.model
     found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))

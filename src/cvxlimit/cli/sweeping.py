@@ -67,7 +67,8 @@ class Variations:
 
 @taking(Variations)
 def sweep_command(asked: Variations) -> ExitCode:
-    """Solve all variations of a scene; each has a bracket of its own, failures are rows."""
+    """Solve all variations of a scene; every row has its own bracket, and failures are kept as
+    rows."""
     grid = _grid(asked.vary)
     if asked.surface is not None and "surface" in grid:
         raise InputError("--surface and --vary surface=... exclude each other: leave one out")

@@ -143,7 +143,7 @@ class Block(ReadOnlyArrays):
             If the surface is open, cuts itself, encloses nothing or several bodies, or has a face
             that is not flat.
         InputError
-            If numbers or indices are none.
+            If vertices or indices are not valid numbers.
         """
         points = polyhedra.vertices_of(id, vertices)
         loops = polyhedra.checked_faces(id, faces, len(points))
@@ -161,7 +161,7 @@ class Block(ReadOnlyArrays):
         density: float | None,
         repairs: tuple[Repair, ...] = (),
     ) -> Block:
-        """A block from a body that has been looked at; ``vertices`` (k, 3) become read-only."""
+        """A block from a checked body; ``vertices`` (k, 3) become read-only."""
         return cls(
             id=_checked_id(id),
             vertices=_frozen(vertices),

@@ -34,9 +34,10 @@ __all__ = [
 def json_schema(kind: str = "scene") -> dict[str, Any]:
     """JSON Schema of a scene or result file, for editors and validators.
 
-    It knows keys, kinds and numbers of entries; what belongs together (a support that is no block,
-    an open mesh, a load on nothing) only reading tells. ``cvxlimit scenes --schema`` prints it. An
-    editor applies it to files that name it under ``"$schema"``, which reading passes over.
+    It knows keys, kinds and numbers of entries; relations between entries (a support that is no
+    block, an open mesh, a load on nothing) are checked by reading only. ``cvxlimit scenes
+    --schema`` prints it. An editor applies it to files that name it under ``"$schema"``, a key that
+    readers ignore.
 
     Parameters
     ----------

@@ -58,9 +58,9 @@ def arch(
 
     Notes
     -----
-    Own weight alone, with friction high enough to prevent sliding, leaves a semicircular arch
-    standing down to a ratio of 0.107456 with 100 voussoirs (0.107432 with 40); the continuous
-    arch has 0.107426 (Cocchetti & Rizzi 2020).
+    With friction high enough to prevent sliding, a semicircular arch stands under its own weight
+    down to a ratio of 0.107456 with 100 voussoirs (0.107432 with 40); the continuous arch has
+    0.107426 (Cocchetti & Rizzi 2020).
 
     Example
     -------
@@ -94,8 +94,8 @@ def arch_on_piers(
     """A semicircular arch in the plane (x, z) on two piers on a fixed ground whose top is z = 0.
 
     Springing joints are level with the piers' tops. The piers' inner faces are flush with the
-    arch's inner side, so the clear span is ``(2 - thickness_ratio) mean_radius``; what a pier is
-    wider than the arch stands behind it. Voussoirs are named ``v1``, ``v2`` ... from the left, pier
+    arch's inner side, so the clear span is ``(2 - thickness_ratio) mean_radius``; the additional
+    width of a pier lies behind it. Voussoirs are named ``v1``, ``v2`` ... from the left, pier
     blocks ``l1`` ... and ``r1`` ... from the bottom.
 
     Parameters

@@ -60,7 +60,7 @@ class Certified(Method):
         Convex problems per start, at most.
     branching_seconds : float or None
         Time for branch and bound alone, in place of the budget; 0 is none. Unless it is given,
-        branching ends before where it no longer gains.
+        branching ends earlier where it no longer narrows the bracket.
     workers : int
         Processes that branch and bound uses.
     executor : Executor or None
@@ -69,7 +69,7 @@ class Certified(Method):
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     budget : float or None
-        Seconds in all after which branch and bound ends; what comes before it takes its time. None
+        Seconds in all after which branch and bound ends; the steps before it are not limited. None
         is 60 of branching where a tolerance is asked for, or on scenes of up to 6 contacts;
         otherwise ten, or twelve times the first relaxation's, about thirty solves without
         interaction, whichever is more.

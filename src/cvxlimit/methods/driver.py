@@ -84,7 +84,7 @@ class Told(str):
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a method has to offer so far.
+    """The best answer of a method so far.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Answer:
 
 
 class Run:
-    """One analysis under way: the scene, and the books that are kept about it.
+    """One analysis under way: the scene, and the record of its solves.
 
     Attributes
     ----------
@@ -149,9 +149,9 @@ class Run:
     best : Answer
         The best so far: what is left if the run is interrupted.
     solvers : set of str, attempts : list of (SolverSettings, Outcome)
-        Who ran, and how it ended each time.
+        The solvers that ran, and how each run ended.
     remarks : list of str
-        What the solution's note is to say.
+        Sentences of the solution's note.
 
     Example
     -------
@@ -245,7 +245,7 @@ class Run:
         return state, settings
 
     def tell(self, message: str) -> None:
-        """Say what is being done, to whoever asked for that and to the log."""
+        """Report a step to the caller's ``progress`` and to the log."""
         LOG.info(message)
         if self.progress is not None:
             self.progress(message)
@@ -290,12 +290,12 @@ class Run:
         return {"lower": known(self.best.bracket.lower), "upper": known(self.best.bracket.upper)}
 
     def is_boundless(self, load_factor: float | None) -> bool:
-        """True for a load factor that no load is meant to have: asked for where there is no limit,
-        solvers return 1e9 to 1e14."""
+        """True for a load factor so large that there is no limit: solvers return 1e9 to 1e14
+        there."""
         return load_factor is not None and abs(load_factor) > _N.boundless * self.scaling.ratio
 
     def aside(self, assemblage: Assemblage | None = None) -> Run:
-        """A run for a question on the way: same clock, books of its own."""
+        """A run for an auxiliary question: the same clock, a record of its own."""
         result = copy(self)
         result.assemblage, result.history = assemblage or self.assemblage, []
         result.best, result.remarks = Answer(bracket=Bracket(least=result.scaling.least)), []
@@ -321,8 +321,8 @@ class Method(ABC):
     answers : str
         What it answers, in a line for lists of methods.
     axis : str
-        Which word of a solution says the name: ``"interaction"``, ``"flow"``,
-        ``"torsion_shear"``, or none for what needs no word.
+        Attribute of a solution that holds the name: ``"interaction"``, ``"flow"``,
+        ``"torsion_shear"``, or empty.
     """
 
     name: ClassVar[str]
@@ -339,8 +339,8 @@ class Method(ABC):
     def steps(self, run: Run) -> Steps:
         """Yield after every problem that the run has solved; return how it ended.
 
-        What has come out so far always stands in ``run.best``, with bounds only if they are bounds
-        of the answer asked for, and what is to be said about it in ``run.remarks``.
+        ``run.best`` always holds the best answer so far, with bounds only if they bound the answer
+        asked for; ``run.remarks`` holds the sentences of the solution's note.
         """
 
     def basis(self, run: Run) -> str:
@@ -372,7 +372,7 @@ _CONTRADICTION = "the bounds contradict each other, so an assumption behind them
 
 
 def packed(method: Method, run: Run, status: Status) -> Solution:
-    """The run's best as a solution; bounds that contradict each other are said to do so."""
+    """The run's best answer as a solution; its note reports bounds that contradict each other."""
     scene, best = run.scene, run.best
     if not status.has_answer:
         best = replace(best, load_factor=None, bracket=Bracket())

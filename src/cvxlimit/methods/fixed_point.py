@@ -181,8 +181,8 @@ class FixedPoint(Method):
         centres. The default is its limit: contacts without compression count as pressed there.
     regularisation : float
         Weight of the squared norm of the forces that is taken off the scaled load factor, so that
-        the forces which the next eccentricities are made of are the only ones there are: not those
-        that rounding picks. It is no cure: docs/evidence/atlas.md has what it gains.
+        the forces behind the next eccentricities are unique and do not depend on rounding. Its
+        effect: docs/evidence/atlas.md.
 
     Example
     -------

@@ -53,8 +53,8 @@ def solve(
     surface : str, Cone or sequence of YieldSurface
         ``"conic"`` (default, the exact cone), ``"octagon"`` (the paper's), ``"16-gon"`` or any K;
         ``"octagon-inscribed"`` and so on for the safe side; ``"parabolic"``, on which torsion and
-        shear share friction nearer to the exact limit than on the paper's line (Eq. 24), at the
-        same price; or your own surfaces.
+        shear share friction nearer to the exact limit than on the paper's line (Eq. 24), in the
+        same time; or your own surfaces.
     method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"} or Method
         ``"convex"`` (default) is one convex problem, without interaction with bending.
         ``"exact"`` takes torsion and shear on their exact limit (Eq. 18-21).
@@ -86,10 +86,10 @@ def solve(
     progress : callable or None
         Called with one line of text at every step of long work.
     model : {"auto", "full", "least"}
-        How much model: no more than the scene needs (planar, half of a symmetric scene, parts
-        with live load only; :func:`cvxlimit.explain` says which), or all of it; ``"least"`` takes
-        reductions that do not pay as well. Bounds are those of the full scene in any case. With
-        interaction only the certified method has less, for planar and for symmetric scenes.
+        Size of the model: reduced where that saves time (planar, half of a symmetric scene, parts
+        with live load only; :func:`cvxlimit.explain` says which), or full; ``"least"`` is reduced
+        wherever that is valid. Bounds are those of the full scene in any case. With interaction
+        only the certified method has less, for planar and for symmetric scenes.
     interaction, torsion_shear, flow
         Older spellings: ``interaction="certified"``, ``flow="gilbert"`` and
         ``torsion_shear="exact"`` are methods, ``torsion_shear="parabolic"`` is a surface.

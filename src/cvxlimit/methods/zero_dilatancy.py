@@ -60,11 +60,11 @@ _N = _Numbers()
 class ZeroDilatancy(Method):
     """De Saxce's fixed point from several starts, and a search for low members from there.
 
-    Each iterate maximises the load factor less a price on normal forces, which follows the
-    dilatancy of the mechanism; now and then the equations are solved from where it is. What counts
-    is that equilibrium, yield, flow and complementarity, recomputed outside the solver, are within
-    the tolerance. On the mechanism of each solution the lowest and the highest load factor are
-    sought; then, from the lowest, a mechanism that goes with its forces, and so on.
+    Each iterate maximises the load factor less a penalty on normal forces, which follows the
+    dilatancy of the mechanism; at intervals Newton's method is started from the iterate. A solution
+    is accepted if equilibrium, yield, flow and complementarity, recomputed outside the solver, are
+    within the tolerance. On the mechanism of each solution the lowest and the highest load factor
+    are sought; then, from the lowest, a mechanism that goes with its forces, and so on.
 
     With surfaces other than the cone of Eq. 24, whose equations are not stated, the fixed point is
     on its own, and low members are sought on the mechanisms of the starts only.
@@ -74,15 +74,15 @@ class ZeroDilatancy(Method):
     tolerance : float
         Largest residual of a solution.
     starts : int
-        The first is the associated solution, the others are random prices.
+        The first is the associated solution, the others have random penalties.
     damping : float
-        Weight of the new price against the old one.
+        Weight of the new penalty against the old one.
     max_iterations : int
         Per start.
     seed : int
-        Of the random prices and mechanisms.
+        Of the random penalties and mechanisms.
     descents : int
-        Mechanisms tried on the way down; 0 for none.
+        Mechanisms tried in the search for low members; 0 for none.
     """
 
     name = "zero-dilatancy"

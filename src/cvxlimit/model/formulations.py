@@ -49,7 +49,8 @@ class Part:
         For conditions of the formulation's own; V1 ... MT always mean the contact's resultants.
     gives : mapping of component to number or (k,) array
         Contact force components per unit: ``{"N": 1, "M1": y, "M2": -x}`` for a compression at a
-        point (x, y) of the contact. User's units. Empty for what only conditions speak of.
+        point (x, y) of the contact. User's units. Empty for variables that appear in conditions
+        only.
     contact : (k,) int array
     nonneg : bool
         True for compressions.
@@ -65,7 +66,7 @@ class Part:
 
     @property
     def is_moment(self) -> bool:
-        """True if it gives moments only, and hence is one; what gives nothing counts as a force."""
+        """True for a part that gives moments only; a part that gives nothing counts as a force."""
         return bool(self.gives) and self.gives.keys().isdisjoint(FORCES) and not self.is_force
 
     def meaning(self, contacts: int) -> sp.csr_array:
@@ -80,7 +81,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """The internal forces s of all contacts, p of them, and what holds by their choice.
+    """The p internal forces s of all contacts, and the surfaces that hold by their choice.
 
     Attributes
     ----------
@@ -158,7 +159,7 @@ class ForceModel:
         return np.asarray(self.meaning @ internal).reshape(-1, len(COMPONENTS))
 
     def strength(self, surfaces: Sequence[YieldSurface]) -> list[tuple[str, Condition, Cone]]:
-        """Conditions that must be written, by name: of surfaces that do not hold, and its own."""
+        """Conditions to be written, by name: of surfaces that do not hold already, and its own."""
         names = list(self.start)
         written = [
             (surface.name, condition, surface.cone)
@@ -219,7 +220,7 @@ l/5 both ways a square then bears 1 % less than its plastic field."""
 
 
 def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
-    """What a formulation makes of contacts, with the compressive strength of those that have one.
+    """The force model of contacts under a formulation, with compressive strength where given.
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
     Formulations with an attribute ``sees_to_strength`` state that themselves.
@@ -296,7 +297,7 @@ def resultants(contacts: Contacts) -> ForceModel:
 def vertex_forces(contacts: Contacts) -> ForceModel:
     """One force at every corner, each within its own friction cone (as RBE and CRA do).
 
-    The hull of all pressure fields with friction at every point, hence the least restrictive model
+    The hull of all pressure fields with friction at every point, and so the least restrictive model
     of interaction with bending: pressed at its centre a square resists 1.85 times the torsion of a
     uniform pressure, pressed at a corner none. Cohesion is shared equally by the corners. It states
     its own strength: give ``[Rocking()]`` as surface.

@@ -18,7 +18,7 @@ from cvxlimit.surfaces.base import CONSTANT, LinearForm, express, times
 
 @dataclass(frozen=True, eq=False)
 class ForceVariables:
-    """CVXPY variables for all contact forces, scaled, and what they mean.
+    """CVXPY variables for all contact forces, scaled, and the maps to contact forces.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class ForceVariables:
     components : mapping of component or part to expression
         Forces and moments over the force unit, and :data:`CONSTANT`, the user's unit over it.
     constraints : list
-        What the variables need besides.
+        Further constraints on the variables.
     """
 
     maps: list[tuple[cp.Expression, sp.csr_array]]

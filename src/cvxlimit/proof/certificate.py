@@ -86,7 +86,7 @@ _Bound = tuple[float, bool, float, float]
 
 @dataclass(frozen=True)
 class Certificate(Bracket):
-    """A bracket and what it was computed from.
+    """A bracket, and the residuals it was computed from.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class Certifier:
     def offer_dead_state(self, forces: ArrayLike) -> bool:
         """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
 
-        Nothing is believed: they are put into equilibrium, and must be inside after that.
+        They are not trusted: they are put into equilibrium, and must be inside after that.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Certifier:
         return self.certificate(self.given(state), state.load_factor, state.mechanism)
 
     def given(self, state: LimitState) -> FloatArray | None:
-        """What a solver's answer has to say about forces, in the form that is checked."""
+        """The forces of a solver's answer, in the form that is checked."""
         return state.internal if self.strength.is_internal else state.forces
 
     def residuals(self, x: FloatArray, alpha: float) -> tuple[float, float]:

@@ -276,8 +276,8 @@ def explain(
     tolerance: float = 1e-5,
     model: ModelName = "auto",
 ) -> Explanation:
-    """How much model ``solve`` gives a scene without interaction, and why, and how long it and the
-    other methods will take; nothing is solved.
+    """Model size, solver and expected time of ``solve`` without interaction, with reasons, and
+    expected times of the other methods; nothing is solved.
 
     Raises
     ------

@@ -79,7 +79,7 @@ def ladder_of(
     Raises
     ------
     ModelError
-        For names of solvers that CVXPY does not find, and what is no name at all.
+        For a solver that CVXPY does not find, or an entry that is no solver.
     """
     given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
     if not isinstance(given, Sequence) or not given:

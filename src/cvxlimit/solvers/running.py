@@ -59,7 +59,7 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
     """Solve and leave the values in the problem; failures come back as a status, not as errors.
 
     CVXPY's warning about inaccurate solutions is not raised: the status says the same, is kept in
-    the history, and the certificate decides what the solution is worth.
+    the history, and the certificate decides whether the solution counts.
     """
     row, options = settings.row, dict(settings.options)
 

@@ -168,17 +168,17 @@ def sweep(
         :func:`~cvxlimit.studies.draws` makes them at random. Options of :func:`cvxlimit.solve`
         may be among them: ``"surface": ["conic", "octagon"]``.
     executor : concurrent.futures.Executor, dask.distributed.Client, or None
-        Who solves: this process (None), other processes (``ProcessPoolExecutor()``), or a cluster.
-        What the dead worker of a cluster had to do is done by another.
+        Where rows are solved: this process (None), other processes (``ProcessPoolExecutor()``), or
+        a cluster. The tasks of a cluster's dead worker are done by another.
     path : path or None
-        A folder in which rows are stored as Parquet files as they come. The same call again takes
-        up where the last one ended: what is stored is not solved again.
+        A folder in which rows are stored as Parquet files as soon as they are solved. The same call
+        continues an interrupted sweep: stored rows are not solved again.
     measure : callable or None
         From a solution to further columns: ``lambda s: {"moving": len(s.mechanism)}``.
     transfer : float or None
         Relative width of brackets that is good enough. Rows that differ in friction, cohesion or
         strengths only enclose each other: where the lower bound of one with smaller values and the
-        upper bound of one with larger ones are that close, what lies between is not solved. For a
+        upper bound of one with larger ones are that close, rows between them are not solved. For a
         scene, without interaction; friction not beside tensile strength, which it reduces.
     progress : bool or callable
         Show a bar on stderr, or call this with a line of text after every row.

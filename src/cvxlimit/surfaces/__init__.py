@@ -1,4 +1,4 @@
-"""Yield surfaces: one small class each. A new one needs a file here, or none at all outside."""
+"""Yield surfaces: one small class each. A new one is a file here, or a class in your program."""
 
 from cvxlimit.surfaces.base import Condition, Norm, YieldSurface, utilisation
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone

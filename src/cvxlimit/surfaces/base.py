@@ -138,7 +138,8 @@ class YieldSurface(ABC):
         """The surface's conditions, both sides forces; ``contacts`` in the scene's units."""
 
     def unknowns(self, contacts: Contacts) -> Unknowns | None:
-        """The same for solvers; None as a rule, for the conditions as they are."""
+        """Conditions in a form with unknowns of their own, for solvers; None, as a rule, for the
+        conditions above."""
         return None
 
     def excess(self, forces: FloatArray, contacts: Contacts) -> list[FloatArray]:
@@ -250,10 +251,10 @@ def evaluate(
 def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -> FloatArray:
     """Share (n,) of each contact's strength that forces (n, 6) use; 1 on the surface, 0 unused.
 
-    A condition's resistance is what compression and constants give to it; used are its norms and
-    what else stands in it with a sign. For sliding that is abs(V) / (mu N), for rocking the
-    distance of the pressure centre from the contact's centre over that of the edge beyond it. The
-    largest of a surface's conditions counts. NaN where a contact carries nothing.
+    The resistance of a condition comes from compression and constants; its norms and all signed
+    terms use it. For sliding that is abs(V) / (mu N), for rocking the distance of the pressure
+    centre from the contact's centre over that of the edge beyond it. The largest of a surface's
+    conditions counts. NaN where a contact carries nothing.
 
     Example
     -------

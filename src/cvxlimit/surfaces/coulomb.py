@@ -72,8 +72,8 @@ class ParabolicTorsionShear(YieldSurface):
     """abs(MT) / c <= R - abs(V)^2 / R with R = mu N, and c A added with cohesion.
 
     For rectangles c is c_T (Eq. 16): the parabola lies between the paper's line (Eq. 24) and the
-    exact limit of Eq. 18-21, at the price of the line. For other polygons c is the largest safe
-    arm, c_T or less, see :func:`~cvxlimit.surfaces.exact_torsion.parabola_arm`.
+    exact limit of Eq. 18-21, and takes the time of the line. For other polygons c is the largest
+    safe arm, c_T or less, see :func:`~cvxlimit.surfaces.exact_torsion.parabola_arm`.
 
     Example
     -------

@@ -67,7 +67,7 @@ class Imported:
     files : tuple of str
         The files read, in order.
     notes : tuple of str
-        What was decided without being asked: bodies separated, values of the files overruled.
+        Decisions taken on the way: bodies separated, values of the files overruled.
     """
 
     scene: Scene
@@ -94,7 +94,7 @@ def import_geometry(
 
     Every object of an OBJ file is a block (every group where there is one object), every node of a
     COMPAS assembly, every row of a table, and every closed shell of an STL, PLY or glTF mesh.
-    Geometry files do not say what analysis needs, so it is asked for.
+    Geometry files do not state units, supports and friction: these are arguments.
 
     Parameters
     ----------

@@ -297,8 +297,8 @@ def load_domain(
 
     Every solve asks how far the loads reach in one direction. Forces prove a point inside, the
     mechanism a half-space that holds the whole set; the next direction is where the gap between
-    them is largest. The problem is compiled once, and what a mirror plane of the structure makes of
-    an answer is checked, not solved.
+    them is largest. The problem is compiled once, and the mirror image of an answer, where the
+    structure has a mirror plane, is checked, not solved for.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def load_domain(
     moments
         As for :func:`cvxlimit.solve`, for the certified method.
     most_solves : int
-        Solver runs after which it is enough.
+        Largest number of solver runs.
     directions : int
         For methods without a convex set.
     executor : Executor or dask Client, or None
@@ -334,8 +334,8 @@ def load_domain(
     Raises
     ------
     InputError
-        For what is no scene, loads that are not two or three or are all zero, a file of another
-        domain.
+        For an object that is no scene, loads that are not two or three or are all zero, or a file
+        of another domain.
     ModelError
         For options that do not exist.
 

@@ -54,7 +54,7 @@ _MIXED = (1.0, 0.7548776662466927, 0.5698402909980532)
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """What one direction has shown: loads that are carried, and a half-space that holds all.
+    """The result of one direction: loads that are carried, and a half-space that holds all.
 
     Attributes
     ----------
