@@ -59,20 +59,20 @@ _ADVICE = {
     ),
     Status.CONVERGED: "the iteration met its tolerance",
     Status.NOT_CONVERGED: (
-        "the iteration did not settle and its last load factor is not an answer: allow more of it "
-        "or a wider tolerance; for interaction with bending use the certified one, or another "
-        "old-value weight"
+        "the iteration did not settle and its last load factor is not an answer: allow more "
+        "iterations or a wider tolerance; for interaction with bending use method 'certified', or "
+        "another old-value weight"
     ),
     Status.CYCLING: (
         "the fixed point returns to earlier load factors; none of them is an answer: "
-        "use the certified interaction, or another old-value weight"
+        "use method 'certified', or another old-value weight"
     ),
     Status.DIVERGED: (
         "the fixed point reached eccentricities at which no load factor exists: "
-        "use the certified interaction, or a larger old-value weight"
+        "use method 'certified', or a larger old-value weight"
     ),
     Status.SOLVER_FAILED: (
-        "no solver came to an end, which says nothing about the structure: try other solvers "
+        "every solver failed, which says nothing about the structure: try other solvers "
         "(ladder), or leave the choice to the package"
     ),
     Status.DEAD_LOAD_UNSTABLE: (

@@ -48,10 +48,12 @@ class Asked:
     tolerance: float = option(
         "T", "Relative gap in the worst direction; 0.01 unless given.", 0.01, group=EFFORT
     )
-    plot: Path | None = option("OUT.png|.html", "Draw it; .svg and .pdf as well.", group=OUTPUT)
+    plot: Path | None = option(
+        "OUT.png|.html", "Draw the load domain; .svg and .pdf as well.", group=OUTPUT
+    )
     json: Path | None = option(
         "OUT",
-        "Write it to this JSON file, after every solve; the same command goes on from it.",
+        "Write the domain to this JSON file after every solve; the same command continues from it.",
         group=OUTPUT,
     )
 

@@ -83,7 +83,7 @@ for _name, _command, _epilog in (
     (
         "sweep", sweep_command,
         "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not "
-        "solved, which are rows too.",
+        "solved and kept as rows.",
     ),
     ("compare", compare_command, None),
     ("export-problem", export_command, None),

@@ -106,7 +106,7 @@ def surface_option(default: str | None = "conic") -> Any:
 
 
 def model_option() -> Any:
-    return option("NAME", "How much model, as for solve: auto (default), full or least.", "auto")
+    return option("NAME", "Size of the model, as for solve: auto (default), full or least.", "auto")
 
 
 def output_option(metavar: str, help: str) -> Any:

@@ -186,8 +186,8 @@ class Order:
     )
     model: str = option(
         "NAME",
-        "auto (default): no more model than the scene needs; full; or least, the smallest that is "
-        "valid. Bounds are those of the full scene in any case.",
+        "Size of the model: auto (default), reduced where that saves time; full; or least, the "
+        "smallest that is valid. Bounds are those of the full scene in any case.",
         "auto",
     )
     interaction: str | None = option("NAME", "Older spelling of --method.", hidden=True)

@@ -53,8 +53,8 @@ class Variations:
     surface: str | None = surface_option(None)
     output: Path | None = output_option(
         "FOLDER",
-        "Store rows there as they come (Parquet: pandas.read_parquet reads the folder). The same "
-        "command again goes on where the last one ended.",
+        "Store every row there once it is solved (Parquet: pandas.read_parquet reads the folder). "
+        "The same command continues an interrupted sweep.",
     )
     transfer: float | None = option(
         "T",

@@ -132,7 +132,7 @@ def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
     """What stopped branch and bound before it had closed, and what more time would buy."""
     spent, width = widths[-1]
     if spent <= seconds:
-        return "it ended because it hardly gained any more"
+        return "it ended because the bracket hardly narrowed any more"
     before = [earlier for at, earlier in widths if at <= max(spent / 3.0, widths[0][0])][-1]
     share = 1.0 - width / before if np.isfinite(before) else 0.0
     gained = f"the last two thirds of it narrowed the bracket by {_percent(share)}"
