@@ -47,7 +47,7 @@ def test_placeholders_are_in_the_places_named_and_nowhere_else() -> None:
         for name in files()
         if name.endswith(kinds) and (ROOT / name).exists() and PLACEHOLDER in text(name)
     }
-    assert found == PLACES
+    assert found in (PLACES, set())  # before and after the edit
 
 
 @pytest.mark.parametrize("name", ["CITATION.cff", "recipe/meta.yaml", "docs/citing.md"])

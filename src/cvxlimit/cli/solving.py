@@ -187,7 +187,7 @@ class Order:
     model: str = option(
         "NAME",
         "Size of the model: auto (default), reduced where that saves time; full; or least, the "
-        "smallest that is valid. Bounds are those of the full scene in any case.",
+        "smallest that is valid. Bounds always hold for the full scene.",
         "auto",
     )
     interaction: str | None = option("NAME", "Older spelling of --method.", hidden=True)
