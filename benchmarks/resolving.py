@@ -37,7 +37,7 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FrozenProblem
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.restriction.problems import SafeStep
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.problem import LimitProblem

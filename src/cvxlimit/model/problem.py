@@ -46,19 +46,14 @@ class Objective(Protocol):
 
 @dataclass(frozen=True)
 class LargestFactor:
-    """The load factor, at most ``most`` where only its reach is asked for.
-
-    ``cost`` is taken off the scaled load factor.
-    """
+    """The load factor, at most ``most`` where only its reach is asked for."""
 
     most: float | None = None
-    cost: cp.Expression | None = None
 
     def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
         unit = assemblage.scaling.load_factor(1.0)
         limits = [] if self.most is None else [alpha <= self.most / unit]
-        goal = alpha if self.cost is None else alpha - self.cost
-        return Terms(goal, assemblage.scaled.dead, alpha * assemblage.scaled.live, limits)
+        return Terms(alpha, assemblage.scaled.dead, alpha * assemblage.scaled.live, limits)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from cvxlimit.solvers.ladders import (
     limit_ladder,
     node_ladder,
     tight_ladder,
+    warm_ladder,
 )
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import LimitState, Outcome, run
@@ -51,4 +52,5 @@ __all__ = [
     "settings_for",
     "tight_ladder",
     "versions",
+    "warm_ladder",
 ]

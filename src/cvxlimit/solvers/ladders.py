@@ -32,6 +32,8 @@ class LadderNumbers:
     loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
     leading: float = 1e-6  # of problems that only lead the way:
     leading_iterations: int = 60  # those not solved in 60 were never solved later
+    steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
+    steps_from: int = 100  # from so many contacts on
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
@@ -128,6 +130,15 @@ def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
     if "QOCO" not in installed():
         return clarabel
     return (settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", iterations=most), *clarabel)
+
+
+def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
+    """What comes first for steps that each start where the last one ended, on so many contacts: our
+    own solver, if they are many. What it finds is strictly inside, so that bounds lose nothing.
+    """
+    most = NUMBERS.leading_iterations
+    own = settings_for("BLOCKWISE", tolerance, f"BLOCKWISE {tolerance:g}", iterations=most)
+    return (own,) if contacts >= NUMBERS.steps_from else ()
 
 
 def node_ladder() -> Ladder:

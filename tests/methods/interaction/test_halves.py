@@ -17,7 +17,7 @@ from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.restriction.problems import SafeStep
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
 from cvxlimit.solvers import settings_for

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -78,12 +77,12 @@ def rows_at(
     normal, v, x = states["N"], states["V"], states["X"]
     zero = np.zeros(SAMPLES)
     fields = Forces(
-        *(cp.Constant(normal), list(map(cp.Constant, v.T)), list(map(cp.Constant, x.T))),
-        MT=cp.Constant(zero),
-        m=list(map(cp.Constant, states["m"].T)),
-        u=cp.Constant(states["u"]),
-        s=list(map(cp.Constant, states["s"].T)),
-        t=cp.Constant(zero),
+        *(normal, v.T, x.T),
+        MT=zero,
+        m=states["m"].T,
+        u=states["u"],
+        s=states["s"].T,
+        t=zero,
     )
     ones = np.ones(SAMPLES)
     rectangles = Rectangles(contacts, ones, np.tile(np.eye(2), (SAMPLES, 1, 1)), 0 * contacts.sides)
@@ -93,8 +92,7 @@ def rows_at(
 
 
 def row_value(row: Row, normal: FloatArray) -> FloatArray:
-    squares = sum(np.asarray(a.value) ** 2 for a in row.squares)
-    return np.asarray(row.linear.value) + squares / (4.0 * normal)
+    return row.linear + sum(a**2 for a in row.squares) / (4.0 * normal)
 
 
 def states_near(

@@ -25,8 +25,8 @@ from cvxlimit.methods.interaction.readings.named import (
     SignedTorsionBending,
     parse_moments,
 )
-from cvxlimit.methods.interaction.restriction.problems import SafeStep
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
 from cvxlimit.model.problem import LimitProblem

@@ -59,7 +59,8 @@ class ClimbSettings:
     long_gain: float = 1e-3  # relative gain below which they end
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
-    frozen: float = 1e-10  # tolerance of frozen problems, whose excess is taken off the bound
+    frozen: float = 1e-10  # tolerance of frozen problems, whose excess is taken off the bound,
+    frozen_inside: float = 1e-8  # by the solver whose iterates have none
     lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     first_ratio: float = 0.7  # of one gain to the one before, until there are two

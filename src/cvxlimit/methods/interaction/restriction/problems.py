@@ -10,9 +10,8 @@ which exceed Eq. 30 at a price; *box* and *hull* steps, over the hull of states 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -23,89 +22,19 @@ from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.majorants import Point, StepRows, force_fields
-from cvxlimit.methods.interaction.states.rectangles import Rectangles
-from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LargestFactor, StaticProblem
-from cvxlimit.model.variables import ForceVariables
+from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at, leading_ladder, tight_ladder
-
-
-@dataclass(frozen=True, eq=False)
-class StepState(LimitState):
-    """A step's answer, with the total slack that it bought, over total load x contact size."""
-
-    slack: float = 0.0
-
-
-class SafeStep:
-    """The convex step of one scene, compiled anew at every point: that costs a tenth of a solve,
-    where Parameters (nine vectors) would need gigabytes. With a ``half`` of a symmetric scene steps
-    are restricted to that; answers are those of the whole.
-    """
-
-    def __init__(
-        self, scene: Scene | Assemblage, moments: Moments, half: Half | None = None
-    ) -> None:
-        whole = Assemblage.of(scene)
-        self.moments, self.scaling = moments, whole.scaling
-        largest, slopes = moments.largest_arm(whole.contacts), moments.slopes
-        rectangles = Rectangles.of(whole.contacts, moments.inscribed, largest)
-        self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
-        statics = replace(whole.statics, contacts=rectangles.contacts)
-        self.assemblage = replace(whole, statics=statics)
-        self.statics, self.half = self.assemblage.scaled, half
-        self.kept = np.arange(len(whole.contacts)) if half is None else half.kept
-        self.own = self.rectangles.take(self.kept)
-        contacts = self.own.contacts
-        model = ForceVariables.of(corner_compressions(contacts), 1.0, 1.0)
-        has_sizes = slopes is None or bool((slopes[:, 0] != slopes[:, 1]).any())
-        self.fields, self.magnitudes = force_fields(model.components, contacts.friction, has_sizes)
-        self.model = model if half is None else model.lifted(half.forces)
-
-    def solve(
-        self,
-        point: Point,
-        settings: SolverSettings,
-        price: float | None = None,
-        curvature: float = 1.0,
-        most: float | None = None,
-    ) -> StepState:
-        """The load factor, at most ``most``, less ``price`` x slack; None: no slack. Then, with all
-        of the rows' ``curvature``, every answer is safe; with a share of it steps are longer."""
-        slack = None if price is None else cp.Variable(len(self.kept), nonneg=True)
-        limits = [*self.magnitudes, *self._cones(point, slack, curvature)]
-        bought = None if slack is None else price * cp.sum(slack)
-        rates = None if self.half is None else self.half.rates
-        aim = LargestFactor(cost=bought, most=most)
-        problem = StaticProblem(self.assemblage, self.model, limits, aim, rates)
-        state = problem.solve(settings)
-        if state.forces is None:
-            return StepState(state.outcome, None, None, None, slack=np.inf)
-        forces = self.scaling.forces(self.rectangles.outward(self.model.values()))
-        spent = 0.0 if slack is None else float(slack.value.sum())
-        return StepState(state.outcome, state.load_factor, forces, state.mechanism, slack=spent)
-
-    def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
-        inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
-        return Point.of(inner, self.statics.contacts, otherwise, least)
-
-    def _cones(
-        self, point: Point, slack: cp.Variable | None, curvature: float
-    ) -> list[cp.Constraint]:
-        moments, normal = self.moments, self.fields.N
-        point = Point(point.centre[self.kept], point.shear[self.kept])
-        found = StepRows(
-            self.fields, point, self.own, moments.slopes, moments.is_limited, moments.balance
-        ).rows()
-        if curvature < 1.0:
-            found = [row.lengthened(normal, curvature) for row in found]
-        return [row.cone(normal, 0.0 if slack is None else slack) for row in found]
+from cvxlimit.solvers import (
+    LimitState,
+    SolverSettings,
+    clarabel_at,
+    leading_ladder,
+    tight_ladder,
+    warm_ladder,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +79,7 @@ class SafeProblems:
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
         self.leading = run.ladder or leading_ladder()
+        self.stepping = run.ladder or (*warm_ladder(len(run.contacts)), *self.leading)
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
             self.half = None if reductions is None else Half.of(reductions, self.moments)
@@ -165,17 +95,18 @@ class SafeProblems:
         return self.run.best.bracket.lower
 
     def safe(self, point: Point) -> InnerIterate:
-        return self.restricted("safe", lambda rung: self.step.solve(point, rung), self.leading)
+        return self.restricted("safe", lambda rung: self.step.solve(point, rung), self.stepping)
 
     def leading_step(
         self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
     ) -> InnerIterate:
         step = self.step
-        return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.leading)
+        return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.stepping)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         copies = self.moments.safe_copies(self.contacts, centre)
-        first = self.run.ladder or clarabel_at(CLIMB.frozen)
+        own = warm_ladder(len(self.contacts), CLIMB.frozen_inside)
+        first = self.run.ladder or (*own, *clarabel_at(CLIMB.frozen))
         return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), first[:1])
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
@@ -191,7 +122,7 @@ class SafeProblems:
             if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
                 break
         if iterate.is_safe and iterate.lower >= self.run.best.bracket.lower:
-            self._last = (iterate, solver) if rung in self.leading else None
+            self._last = (iterate, solver) if rung not in self.tight else None
         return iterate
 
     def tightened(self) -> Iterator[InnerIterate]:

@@ -16,7 +16,7 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
     carried,
     central_states,
 )
-from cvxlimit.methods.interaction.restriction.problems import SafeStep
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.problem import LargestFactor, LimitProblem

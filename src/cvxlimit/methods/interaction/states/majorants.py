@@ -6,11 +6,10 @@ signed moments, for both signs of the torque): docs/evidence/interaction-bounds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -60,37 +59,37 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """Expressions (n,) a step is written in: contact forces, with ``X`` = N e1 and N e2, and bounds
-    ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT)."""
+    """Linear forms (..., n) a step is written in: contact forces, with ``X`` = N e1 and N e2, and
+    bounds ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT). Values serve as
+    well as coefficients: nothing here is more than their sums and multiples."""
 
-    N: cp.Expression
-    V: Sequence[cp.Expression]
-    X: Sequence[cp.Expression]
-    MT: cp.Expression
-    m: Sequence[cp.Expression]
-    u: cp.Expression
-    s: Sequence[cp.Expression] = ()
-    t: cp.Expression | None = None
+    N: FloatArray
+    V: Sequence[FloatArray]
+    X: Sequence[FloatArray]
+    MT: FloatArray
+    m: Sequence[FloatArray]
+    u: FloatArray
+    s: Sequence[FloatArray] = ()
+    t: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Product:
     """x y / N with a balance k (n,), and x, y over N at the point (x0, y0)."""
 
-    x: cp.Expression
-    y: cp.Expression
+    x: FloatArray
+    y: FloatArray
     k: FloatArray
     x0: FloatArray
     y0: FloatArray
 
-    def majorant(self, normal: cp.Expression) -> tuple[cp.Expression, FloatArray, cp.Expression]:
+    def majorant(self, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """p, p over N at the point, and a linear part: x y / N <= linear + p^2 / (4 N), exact where
         x, y / N = x0, y0."""
-        x, y = cp.multiply(1.0 / self.k, self.x), cp.multiply(self.k, self.y)
+        x, y = self.x / self.k, self.k * self.y
         x0, y0 = self.x0 / self.k, self.k * self.y0
         d = x0 - y0
-        linear = cp.multiply(d**2 / 4.0, normal) - cp.multiply(d / 2.0, x - y)
-        return x + y, x0 + y0, linear
+        return x + y, x0 + y0, d**2 / 4.0 * normal - d / 2.0 * (x - y)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,50 +97,31 @@ class Row:
     """linear + sum of squares / (4 N) <= 0 at every contact; ``at`` are the squares' roots over N
     at the row's own point."""
 
-    linear: cp.Expression
-    squares: Sequence[cp.Expression] = ()
+    linear: FloatArray
+    squares: Sequence[FloatArray] = ()
     at: Sequence[FloatArray] = ()
 
     @classmethod
-    def of(cls, linear: cp.Expression, products: Sequence[Product], normal: cp.Expression) -> Row:
+    def of(cls, linear: FloatArray, products: Sequence[Product], normal: FloatArray) -> Row:
         parts = [product.majorant(normal) for product in products]
         roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
         return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
 
-    def lengthened(self, normal: cp.Expression, share: float) -> Row:
+    def lengthened(self, normal: FloatArray, share: float) -> Row:
         """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
         Exact at the row's own point like the row itself, but no longer inside the true condition: a
         step with such rows goes farther, and its forces prove nothing."""
         linear, squares = self.linear, []
         for p, p0 in zip(self.squares, self.at, strict=True):
-            linear = linear + cp.multiply(p0 / 2.0, p) - cp.multiply(p0**2 / 4.0, normal)
-            squares.append(share**0.5 * (p - cp.multiply(p0, normal)))
+            linear = linear + p0 / 2.0 * p - p0**2 / 4.0 * normal
+            squares.append(share**0.5 * (p - p0 * normal))
         return Row(linear, squares, self.at)
 
-    def cone(self, normal: cp.Expression, slack: cp.Expression | float) -> cp.Constraint:
-        """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone."""
-        w = slack - self.linear
-        return cp.SOC(normal + w, cp.vstack([*self.squares, normal - w]), axis=0)
-
-
-def force_fields(
-    c: Mapping[str, cp.Expression], friction: FloatArray, has_sizes: bool
-) -> tuple[Forces, list[cp.Constraint]]:
-    """Force expressions with variables for their magnitudes, and what bounds those; ``s`` and ``t``
-    where ``has_sizes``."""
-    n = len(friction)
-    V, X = (c["V1"], c["V2"]), (-c["M2"], c["M1"])
-    m, u = cp.Variable((n, 2), name="m"), cp.Variable(n, name="u")
-    bounds = [cp.SOC(u, cp.vstack(V), axis=0), u <= cp.multiply(friction, c["N"])]
-    sizes = [(X[i], m[:, i]) for i in (0, 1)]
-    fields = Forces(c["N"], V, X, c["MT"], (m[:, 0], m[:, 1]), u)
-    if has_sizes:
-        s, t = cp.Variable((n, 2), name="s"), cp.Variable(n, name="t")
-        sizes += [(c["MT"], t), *((V[i], s[:, i]) for i in (0, 1))]
-        fields = replace(fields, s=(s[:, 0], s[:, 1]), t=t)
-    for value, size in sizes:
-        bounds += [value <= size, -value <= size]
-    return fields, bounds
+    def cone(self, normal: FloatArray, slack: FloatArray, arm: FloatArray) -> list[FloatArray]:
+        """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone, bound first. In
+        units of an ``arm`` (n,) w is as large as N, without which its last rows are nearly one."""
+        w = (slack - self.linear) / arm
+        return [normal + w, *(p / np.sqrt(arm) for p in self.squares), normal - w]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +149,7 @@ class StepRows:
 
     def rows(self) -> list[Row]:
         f, resistance = self.f, self._resistance
-        base = cp.multiply((self._slope * self._sides).sum(axis=1), f.u) - resistance
+        base = (self._slope * self._sides).sum(axis=1) * f.u - resistance
         if self.slopes is None:
             assert f.t is not None
             return [Row.of(f.t + base, self._products(1.0), f.N)]
@@ -196,10 +176,10 @@ class StepRows:
         return np.asarray(np.sqrt(self.balance * self._sides / 2.0 / friction))
 
     @property
-    def _resistance(self) -> cp.Expression:
-        effective = [cp.multiply(self._sides[:, i], self.f.N) - 2.0 * self.f.m[i] for i in (0, 1)]
-        friction = self.rectangles.contacts.friction
-        return sum(cp.multiply(self._slope[:, i] * friction, effective[i]) for i in (0, 1))
+    def _resistance(self) -> FloatArray:
+        effective = [self._sides[:, i] * self.f.N - 2.0 * self.f.m[i] for i in (0, 1)]
+        first, second = (self.rectangles.contacts.friction[:, None] * self._slope).T
+        return first * effective[0] + second * effective[1]
 
     def _is_split(self, i: int) -> bool:
         return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
@@ -218,7 +198,7 @@ class StepRows:
         share = np.clip(1.0 + 2.0 * centre / self._sides[:, i], SUPPORT.idle, 1.0)
         return Product(
             (f.m[i] + part * f.X[i]) / 2.0,
-            along * f.V[j] - cp.multiply(slope, f.u),
+            along * f.V[j] - slope * f.u,
             self._k[:, i] * share,
             np.maximum(centre, 0.0),
             along * self.point.shear[:, j] - slope * self._size,
@@ -227,27 +207,27 @@ class StepRows:
     def _whole(self, i: int, turn: float) -> Product:
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         shear, there = self.point.shear[:, j], -slope * self._size
-        y = -cp.multiply(slope, f.u)
+        y = -slope * f.u
         x, sign = self._reach(i)
         free, most = 1.0 * (sign == 0.0), 1.0
         if self.slopes is not None:
             most = float(np.abs(self.slopes[i]).max())
             kept = turn * _SIGN[i] * sign * np.where(sign > 0.0, *self.slopes[i])
-            y, there = y + cp.multiply(kept, f.V[j]), there + kept * shear
+            y, there = y + kept * f.V[j], there + kept * shear
         if free.any():
-            x = x + cp.multiply(free, f.m[i])
-            y = y + cp.multiply(most * free, f.s[j])
+            x = x + free * f.m[i]
+            y = y + most * free * f.s[j]
         there = there + most * free * np.abs(shear)
         return Product(x, y, self._k[:, i], np.abs(self.point.centre[:, i]), there)
 
-    def _reach(self, i: int) -> tuple[cp.Expression, FloatArray]:
+    def _reach(self, i: int) -> tuple[FloatArray, FloatArray]:
         """N e_i with the sign of the point's, and that sign: zero where it may change. Such rows
         let the centre cross the axis, and cut off a little of the torque."""
         centre = self.point.centre[:, i]
         sign = np.where(np.abs(centre) <= SUPPORT.central * self._sides[:, i], 0, np.sign(centre))
         if self.slopes is None:
-            return cp.Constant(0.0 * centre), 0.0 * centre
-        return cp.multiply(sign, self.f.X[i]), sign
+            return 0.0 * self.f.X[i], 0.0 * centre
+        return sign * self.f.X[i], sign
 
     @property
     def _size(self) -> FloatArray:

@@ -1,0 +1,126 @@
+"""Safe steps as matrices against the same steps stated in CVXPY: every row as its text has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cvxlimit import Scene
+from cvxlimit.masonry import panel
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.readings.halves import Half
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
+from cvxlimit.methods.interaction.states.majorants import Forces, Point, StepRows
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import StaticProblem, Terms
+from cvxlimit.model.variables import ForceVariables
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.scene import Load
+from cvxlimit.solvers import settings_for
+
+FloatArray = NDArray[np.float64]
+
+SOLVER = settings_for("CLARABEL", 1e-9)
+
+
+@dataclass(frozen=True)
+class Bought:
+    """The scaled load factor, at most ``most``, less what slack costs."""
+
+    cost: cp.Expression | float
+    most: float | None
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        unit = assemblage.scaling.load_factor(1.0)
+        limits = [] if self.most is None else [unit * alpha <= self.most]
+        scaled = assemblage.scaled
+        return Terms(alpha - self.cost, scaled.dead, alpha * scaled.live, limits)
+
+
+def referee(
+    step: SafeStep, point: Point, price: float | None, curvature: float, most: float | None
+) -> float:
+    """The scaled value of the step's problem."""
+    count, own = len(step.kept), step.own
+    variables = ForceVariables.of(step.model, 1.0, 1.0)
+    c = variables.components
+    names = ("N", "V1", "V2", "X1", "X2", "MT", "m1", "m2", "u", "s1", "s2", "t")
+    known = {name: c[name] for name in ("N", "V1", "V2", "MT")} | {"X1": -c["M2"], "X2": c["M1"]}
+    value = {name: known.get(name, cp.Variable(count)) for name in names}
+    unit = dict(zip(names, np.eye(len(names))[:, :, None] * np.ones(count), strict=True))
+
+    def pair(name: str) -> list[FloatArray]:
+        return [unit[f"{name}1"], unit[f"{name}2"]]
+
+    def stated(form: FloatArray) -> cp.Expression:
+        return sum(cp.multiply(form[i], value[name]) for i, name in enumerate(names))
+
+    sizes = pair("m"), unit["u"], pair("s"), unit["t"]
+    f = Forces(unit["N"], pair("V"), pair("X"), unit["MT"], *sizes)
+    slack = cp.Variable(count, nonneg=True)
+    limits = [cp.norm(cp.vstack([value["V1"], value["V2"]]), axis=0) <= value["u"]]
+    limits += [value["u"] <= cp.multiply(own.contacts.friction, value["N"])]
+    for name, size in (("X1", "m1"), ("X2", "m2"), ("V1", "s1"), ("V2", "s2"), ("MT", "t")):
+        limits.append(cp.abs(value[name]) <= value[size])
+    here = Point(point.centre[step.kept], point.shear[step.kept])
+    moments = step.moments
+    rows = StepRows(f, here, own, moments.slopes, moments.is_limited, moments.balance).rows()
+    for row in rows:
+        longer = row.lengthened(f.N, curvature) if row.squares else row
+        w = slack - stated(longer.linear)
+        roots = [stated(p) for p in longer.squares]
+        # norm(roots)^2 <= 4 N w, as one norm
+        limits.append(cp.norm(cp.vstack([*roots, value["N"] - w]), axis=0) <= value["N"] + w)
+    if price is None:
+        limits.append(slack == 0.0)
+    goal = Bought(0.0 if price is None else price * cp.sum(slack), most)
+    half = step.half
+    lifted = variables if half is None else variables.lifted(half.forces)
+    rates = None if half is None else half.rates
+    problem = StaticProblem(step.assemblage, lifted, limits, goal, rates)
+    assert problem.solve(SOLVER).outcome.has_values
+    return float(problem.problem.value)
+
+
+def small_panel() -> Scene:
+    """Symmetric, with contacts on the plane."""
+    live = Load(acceleration=(0, -1, 0))
+    return panel(0.40, 3, left_return=0.20, right_return=0.20, live=live)
+
+
+CASES = [
+    ("independent", None, 1.0, None),
+    ("signed", 5.0, 1.0, None),
+    ("paper", None, 0.1, None),
+    ("signed-torsion-bending", None, 1.0, 0.01),
+]
+
+
+@pytest.mark.parametrize("part", ["whole", "half"])
+@pytest.mark.parametrize(("moments", "price", "curvature", "most"), CASES)
+def test_the_matrices_say_what_the_rows_say(
+    moments: str, price: float | None, curvature: float, most: float | None, part: str
+) -> None:
+    """1e-6 of the load factor: both are solved to 1e-9 in scaled forces."""
+    run = Run(small_panel(), moments=parse_moments(moments))
+    half = None
+    if part == "half":
+        found = Reductions.of(run.assemblage, run.surfaces, model="least")
+        half = Half.of(found, run.moments)
+    step, rng = SafeStep(run.assemblage, run.moments, half), np.random.default_rng(3)
+    sides, friction = step.statics.contacts.sides, step.statics.contacts.friction[:, None]
+    centre = 0.1 * rng.uniform(-1.0, 1.0, sides.shape) * sides
+    point = Point(centre, 0.2 * rng.uniform(-1.0, 1.0, sides.shape) * friction)
+    state = step.solve(point, SOLVER, price, curvature, most)
+    assert state.load_factor is not None
+    assert state.forces is not None
+    value = state.load_factor / step.scaling.load_factor(1.0)
+    value -= 0.0 if price is None else price * state.slack
+    assert value == pytest.approx(referee(step, point, price, curvature, most), rel=1e-6)
+    residual = run.assemblage.statics.residual(state.forces, state.load_factor)
+    assert np.abs(residual).max() < 1e-7 * run.scaling.force  # what the solver leaves
