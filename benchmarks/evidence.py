@@ -59,7 +59,7 @@ OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e
 
 PARTS = (
     Part("small", "benchmarks.small", 1),
-    Part("headline", "benchmarks headline --repeat 3 --limit 60", 12),
+    Part("headline", "benchmarks headline --repeat 3 --limit 60", 15),
     Part("methods", "benchmarks.methods", 5),
     Part(
         "resolving",
