@@ -14,9 +14,15 @@ import pytest
 import cvxlimit
 
 ROOT = Path(__file__).parents[2]
-README, CONTRIBUTING, SYMBOLS, CHANGELOG = (
+README, CONTRIBUTING, ADDITIONS, SYMBOLS, CHANGELOG = (
     (ROOT / name).read_text("utf-8")
-    for name in ("README.md", "CONTRIBUTING.md", "docs/symbols.md", "CHANGELOG.md")
+    for name in (
+        "README.md",
+        "CONTRIBUTING.md",
+        "docs/additions.md",
+        "docs/symbols.md",
+        "CHANGELOG.md",
+    )
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SEAMS = ("surface", "scene", "file format", "solver", "formulation", "outer loop")
@@ -27,27 +33,22 @@ def fenced(text: str, language: str = "python") -> list[str]:
 
 
 def section(text: str, title: str) -> str:
-    found = re.search(rf"^### An? {title}\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE)
+    found = re.search(rf"^## An? {title}\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE)
     assert found, f"no section on a {title}"
     return found[1]
 
 
-@pytest.mark.exhaustive_cases("outer loop")
 @pytest.mark.parametrize("seam", SEAMS)
-def test_one_example_per_seam_runs_and_checks_its_answer(
-    seam: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = section(CONTRIBUTING, seam)
+def test_one_example_per_seam_checks_its_answer(seam: str) -> None:
+    """It runs with the code of all pages."""
+    text = section(ADDITIONS, seam)
     (code,) = fenced(text)
     assert "\nassert " in code
     assert "In the package: " in text
-    monkeypatch.chdir(tmp_path)
-    program = compile(code, f"CONTRIBUTING.md, {seam}", "exec", dont_inherit=True)
-    exec(program, {"__name__": "contributing"})
 
 
 def test_no_example_is_left_out() -> None:
-    titles = re.findall(r"^### An? (.*)$", CONTRIBUTING, re.MULTILINE)
+    titles = re.findall(r"^## An? (.*)$", ADDITIONS, re.MULTILINE)
     assert sorted(titles) == sorted(SEAMS)
 
 
