@@ -174,7 +174,7 @@ class LiteralConic(Literal):
     """The same with Eq. 24 instead of its 16 planes: a second-order cone per contact."""
 
     name: str = "literal/conic/kN-m"
-    line: str = "literal transcription, conic"
+    line: str = "literal transcription, cone"
     surface: str = "conic"
 
     def problem(self, data: Program) -> cp.Problem:
@@ -259,7 +259,7 @@ def baselines() -> dict[str, Method]:
         Literal(),
         Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm"),
         LiteralConic(),
-        LiteralConic("literal/conic/N-mm", "literal, conic, N and mm", "N-mm"),
+        LiteralConic("literal/conic/N-mm", "literal, cone, N and mm", "N-mm"),
         LiteralPerContact(),
         ScipyLinprog(),
     ]

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from benchmarks.results import Record, fitted_exponent
-from cvxlimit.compare.chart import draw_time_against_error, few_ticks, label_lines, style
+from cvxlimit.compare.chart import draw_time_against_error, few_ticks, style
 from cvxlimit.compare.models import PHASES
+from cvxlimit.plotting.chart import label_lines
 
 WIDTH, DPI, LETTERS = 7.7, 190, 9.0
 """Inches in which a page shows a chart, pixels of each, and points of its smallest letters."""
@@ -167,8 +168,7 @@ def _grow(axes: Axes, number: int, name: str, records: Sequence[Record], column:
 def _plain(record: Record) -> str:
     """What a reader calls a method: its line, and the tolerance that was asked for."""
     asked = re.search(r"/(1e-\d+)$", record.row.method)
-    line = record.row.line.replace("cvxlimit, default settings (auto)", "cvxlimit")
-    return f"{line} to {asked[1]}" if asked else line
+    return f"{record.row.line} to {asked[1]}" if asked else record.row.line
 
 
 def exponent(points: Sequence[tuple[float, float]]) -> float | None:

@@ -82,7 +82,7 @@ class FrozenModel(Model):
 def frozen_methods() -> dict[str, Method]:
     """Both choices by name."""
     made = (
-        FrozenModel(f"frozen/{choice}", "conic, Parameters, Clarabel qdldl",
+        FrozenModel(f"frozen/{choice}", "cone, Parameters, Clarabel",
                     solver=settings_for("CLARABEL", 1e-8, "Clarabel qdldl"), tolerance=1e-8,
                     parameters=choice)
         for choice in FrozenModel.CHOICES

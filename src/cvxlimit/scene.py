@@ -282,16 +282,22 @@ class Scene(RemadeFromFields, SceneJoints):
         self,
         path: str | os.PathLike[str] | None = None,
         viewer: tuple[float, float, float] | None = None,
+        **options: Any,
     ) -> SceneFigure | tuple[Path, ...]:
         """Draw the scene before it is solved: blocks, supports, joints, loads, near misses.
 
-        Without ``path`` it is a Matplotlib figure, which notebooks show, seen from direction
-        ``viewer``; with one, a ``.png`` or ``.html`` file is written, see
-        :func:`cvxlimit.plotting.plot_scene`. A scene whose geometry is refused is drawn too.
+        Without ``path`` it is a Matplotlib figure, which notebooks show; with one, a file is
+        written, see :func:`cvxlimit.plotting.plot_scene`. ``viewer``, ``ax``, ``figsize``,
+        ``title`` and ``legend`` are those of :func:`cvxlimit.plotting.scene_figure`. A scene whose
+        geometry is refused is drawn too.
         """
         from cvxlimit.plotting import plot_scene, scene_figure  # pictures see scenes, not they them
 
-        return scene_figure(self, viewer) if path is None else plot_scene(self, path)
+        if viewer is not None:
+            options["viewer"] = viewer
+        if path is None:
+            return scene_figure(self, **options)
+        return plot_scene(self, path, **options)
 
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""

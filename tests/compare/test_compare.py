@@ -15,7 +15,7 @@ import pytest
 from cvxlimit import Tie, builtin_scene, settlement, solve
 from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
-from cvxlimit.compare.chart import pareto_front, spread
+from cvxlimit.compare.chart import pareto_front
 from cvxlimit.compare.comparison import side_by_side
 from cvxlimit.compare.models import PHASES, WIDTH, Method, Model, Reference, Row
 from cvxlimit.compare.physics import Settlement
@@ -440,11 +440,3 @@ class TestPhysics:
         assert solve(scene).load_factor > 0.45
         model = physics_registry()["without-ties"]
         assert model.measure(scene).load_factor == pytest.approx(0.4, rel=1e-5)
-
-
-@pytest.mark.parametrize("wanted", [[0.5, 0.5, 0.5, 0.51], [0.0, 0.0, 1.0], [1.2, -0.3, 0.4], []])
-def test_names_beside_lines_keep_apart_and_in_order(wanted):
-    place = spread(np.array(wanted), 0.1)
-    order = np.argsort(wanted, kind="stable")
-    assert (np.diff(place[order]) >= 0.1 - 1e-12).all()
-    assert all(0.0 <= at <= 1.0 for at in place)

@@ -10,10 +10,9 @@ import sys
 import numpy as np
 import pytest
 from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from PIL import Image
+from tests.kit.pictures import assert_legible
 
 from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
@@ -358,24 +357,7 @@ class TestSheet:
     @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
     @pytest.mark.parametrize("figsize", [(3.4, 2.9), None])
     def test_words_stay_on_the_paper(self, tuff: Solution, kind: str, figsize) -> None:
-        figure = tuff.plot(kind, figsize=figsize)
-        renderer = FigureCanvasAgg(figure).get_renderer()
-        figure.draw(renderer)
-        texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
-        texts = [t for t in texts if t.axes is None or t.axes.axison or t in t.axes.texts]
-        assert len(texts) > 10
-        page = figure.bbox
-        for text in texts:
-            box = text.get_window_extent(renderer)
-            assert text.get_fontsize() >= 7.0
-            assert box.x0 >= page.x0 - 0.5, text
-            assert box.x1 <= page.x1 + 0.5, text
-            assert box.y0 >= page.y0 - 0.5, text
-            assert box.y1 <= page.y1 + 0.5, text
-        boxes = [t.get_window_extent(renderer).padded(-1.0) for t in texts]
-        for i, box in enumerate(boxes):
-            for other, second in zip(texts[:i], boxes[:i], strict=True):
-                assert not box.overlaps(second), (texts[i], other)
+        assert_legible(tuff.plot(kind, figsize=figsize))
 
     def test_sizes_titles_and_legends_are_the_callers(self, arch: Solution) -> None:
         figure = arch.plot("thrust", figsize=(3.4, 2.5), title="Arch", legend=False)

@@ -122,8 +122,12 @@ def test_scene_plot_is_a_figure_or_a_file(tmp_path: Path) -> None:
     pair = scene(LEFT, RIGHT)
     assert pair.plot()._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]
     assert pair.plot(tmp_path / "pair.html") == (tmp_path / "pair.html",)
-    with pytest.raises(InputError, match=r"give a name that ends in \.png or \.html"):
-        pair.plot(tmp_path / "pair.pdf")
+    pair.plot(tmp_path / "pair.pdf", figsize=(3.4, 3.0), title="Two blocks")
+    assert (tmp_path / "pair.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(InputError, match=r"give a name that ends in \.png or .* or \.html"):
+        pair.plot(tmp_path / "pair.doc")
+    with pytest.raises(InputError, match="a page has no figsize: leave it out"):
+        pair.plot(tmp_path / "pair.html", figsize=(3.4, 3.0))
 
 
 def test_the_page_holds_names_numbers_and_units() -> None:

@@ -28,7 +28,7 @@ PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 
 NEED_MATPLOTLIB = {*PICTURES} - {".html", ".vtu"}
 
-SCENE_PICTURES = (".png", ".html")
+SCENE_PICTURES = (".png", ".html", ".svg", ".pdf")
 """What a scene without a solution can be drawn as."""
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle, pairwise
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
 from cvxlimit.compare.models import Row
 
 if TYPE_CHECKING:
@@ -100,56 +99,28 @@ def draw_time_against_error(
 
 
 def few_ticks(axis: Axis) -> None:
-    """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or closer where these are
-    less than three."""
+    """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or at these powers where
+    there is no room; closer where these are less than three."""
     low, high = axis.get_view_interval()
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    steps = (1, 2, 5) if last - first <= 3 else (1,)
-    found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
-    inside = [value for value in found if low <= value <= high]
+    figure: Any = axis.get_figure(root=True)
+    inches = axis.axes.get_window_extent().size / figure.dpi
+    most = 1.6 * inches[0] if axis is axis.axes.xaxis else 3.0 * inches[1]
+    for steps in ((1, 2, 5), (1, 3), (1,)):
+        found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
+        inside = [value for value in found if low <= value <= high]
+        if len(inside) <= most:
+            break
     if len(inside) < 3:
         from matplotlib.ticker import MaxNLocator
 
-        inside = [v for v in MaxNLocator(5).tick_values(low, high) if low <= v <= high]
+        inside = [
+            v
+            for v in MaxNLocator(max(2, min(5, int(most)))).tick_values(low, high)
+            if low <= v <= high
+        ]
     axis.set_ticks(inside, [f"{value:,.6g}" for value in inside])
     axis.set_ticks([], minor=True)
-
-
-def label_lines(axes: Axes, size: float | None = None, most: float = 1.0) -> None:
-    """Every line's name beside it in its colour, in place of a legend: in a column on the right, no
-    two over each other, with a hairline to the line's last point. ``most`` is the share of the
-    axes' height that names may take; call it when all is drawn and the limits are final."""
-    figure: Any = axes.get_figure(root=True)
-    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    seen = [line.get_transform().transform(line.get_xydata())[-1] for line in named]
-    ends = axes.transData.inverted().transform(np.array(seen).reshape(-1, 2))
-    shown = axes.transAxes.inverted().transform(np.array(seen).reshape(-1, 2))
-    letters = float(figure.get_axes()[0].xaxis.label.get_fontsize()) if size is None else size
-    each = 1.25 * letters / 72.0 / (axes.get_position().height * figure.get_figheight())
-    each = min(each, most / max(len(named), 1))
-    place = spread(shown[:, 1], each, most)
-    for line, (x, y), at in zip(named, ends.tolist(), place.tolist(), strict=True):
-        axes.annotate(
-            str(line.get_label()), (x, y), (1.02, at), textcoords="axes fraction",
-            color=line.get_color(), fontsize=letters, va="center", annotation_clip=False,
-            parse_math=False, arrowprops={
-                "arrowstyle": "-", "color": line.get_color(), "lw": 0.5, "alpha": 0.6,
-                "shrinkA": 1, "shrinkB": 3, "relpos": (0, 0.5),
-            },
-        )  # fmt: skip
-
-
-def spread(wanted: FloatArray, each: float, most: float = 1.0) -> FloatArray:
-    """Heights near those wanted, at least ``each`` apart, in their order and from 0 to ``most``."""
-    order = np.argsort(wanted, kind="stable")
-    result = np.clip(wanted, 0.0, most)
-    for one, other in pairwise(order):
-        result[other] = max(result[other], result[one] + each)
-    over = most
-    for k in order[::-1]:
-        result[k] = min(result[k], over)
-        over = result[k] - each
-    return np.asarray(result)
 
 
 def style(number: int, label: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvxlimit.checks import count
-from cvxlimit.compare.chart import draw_time_against_error, label_lines, on_front
+from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import PHASES, Method, Reference, Row
 from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
 from cvxlimit.errors import CvxlimitError, ModelError
@@ -117,8 +117,11 @@ class Comparison:
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.table())}</pre>"
 
-    def plot(self, ax: Axes | None = None) -> Figure:
+    def plot(self, ax: Axes | None = None, **options: Any) -> Figure:
         """Time against true error with the Pareto front, into ``ax`` or a figure of its own.
+
+        Lines are named beside them, or below where a narrow figure has no room for that.
+        ``figsize``, ``title`` and ``legend`` are those of :func:`cvxlimit.plotting.picture`.
 
         Raises
         ------
@@ -128,20 +131,15 @@ class Comparison:
         left_out = sum(not row.has_point for row in self.rows)
         if left_out == len(self.rows):
             raise ModelError("there is nothing to draw: no model has a time and a true error")
-        if ax is not None:
-            draw_time_against_error(ax, self.rows)
-            label_lines(ax)
-            return ax.get_figure(root=True)  # type: ignore[return-value]
-        needed("matplotlib", "plot", "charts")
-        from cvxlimit.plotting.drawing import SceneFigure
+        from cvxlimit.plotting.registry import figures
 
-        result = SceneFigure(figsize=(10.0, 5.2), layout="constrained")
-        axes = result.add_subplot()
-        note = f"\n{left_out} of {len(self.rows)} models have no figure" if left_out else ""
-        draw_time_against_error(axes, self.rows, f"{self.scene}: time against true error{note}")
-        result.draw_without_rendering()  # names stand where the layout leaves the lines
-        label_lines(axes, 9.0)
-        return result
+        chart = figures("chart").Chart.of({"ax": ax, **options}, (10.0, 5.2))
+        draw_time_against_error(chart.axes, self.rows)
+        note = f"; {left_out} of {len(self.rows)} models have no figure" if left_out else ""
+        chart.write(f"{self.scene}: time against true error{note}")
+        chart.name_lines()
+        figure: Figure = chart.figure
+        return figure
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write all columns of all rows; returns the file's path.

@@ -19,6 +19,9 @@ from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Rocking
 
 _QDLDL = "Clarabel qdldl"
+_SAID = {"conic": "cone", "octagon": "octagon"}
+"""Surfaces as lines of charts call them."""
+
 _CONIC_SOLVERS = ("ECOS", "QOCO", "MOSEK", "GUROBI")
 _FINE_ONLY = ("COPT", "XPRESS", "CUCLARABEL")
 _LINEAR_SOLVERS = ("MOSEK", "GUROBI", "CUOPT", "PDLP", "GLOP", "OSQP", "SCIPY", "GLPK")
@@ -36,17 +39,17 @@ def registry() -> dict[str, Method]:
     for asked in (None, 1e-6, 1e-8):
         end = "" if asked is None else f"/{_short(asked)}"
         made += [
-            Model(f"cvxlimit{end}", "cvxlimit, default settings (auto)", tolerance=asked),
+            Model(f"cvxlimit{end}", "cvxlimit", tolerance=asked),
             Model(f"cvxlimit/full{end}", "cvxlimit, full model", tolerance=asked, model="full"),
         ]
     made.append(Model("cvxlimit/octagon", "cvxlimit, octagon", "octagon"))
     for side, kind in (("", "circumscribed"), ("-inscribed", "inscribed")):
         for polygon in ("octagon", "16-gon", "32-gon", "64-gon"):
-            line = f"8 to 64 facets, {kind}, {_QDLDL}"
+            line = f"facets, {kind}, Clarabel"
             made += _runs(polygon + side, "clarabel-qdldl", "CLARABEL", fine, _QDLDL, line)
     solver = settings_for("CLARABEL", 1e-8, _QDLDL)
     for surface in ("conic", "octagon"):
-        name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{surface}, resultants, {_QDLDL}"
+        name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{_SAID[surface]}, resultants"
         made.append(Model(name, line, surface, resultants, solver, 1e-8))
     tried = (1e-2, 1e-3, 1e-4, *several)
     made += _runs("conic", "clarabel-qdldl", "CLARABEL", tried, _QDLDL)
@@ -77,7 +80,7 @@ def _runs(
     for tolerance in tolerances:
         settings = settings_for(solver, tolerance, label, **options)
         name = f"{surface}/corners/{short}/{_short(tolerance)}"
-        line = line or f"{surface}, {settings}"
+        line = line or f"{_SAID[surface]}, {str(settings).removesuffix(' qdldl')}"
         yield Model(name, line, surface, solver=settings, tolerance=tolerance)
 
 

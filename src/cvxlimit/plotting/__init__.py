@@ -23,7 +23,7 @@ from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.charts import draw_fragility
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.look import IMAGES, title, with_suffix
+from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
@@ -70,11 +70,9 @@ def picture_of(
         raise InputError(f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}")
     if path is None:
         return PICTURES[kind](solution, **options)
-    if options.get("ax") is not None:
-        raise InputError("a picture in axes is part of their figure: save that with savefig")
     if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":
         return plot(solution.drawn_scene, solution, path)[0]
-    return PICTURES[kind](solution, **options).save(path)
+    return saved(PICTURES[kind](solution, **options), path, options)
 
 
 def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -125,14 +123,18 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
 
 
 def plot_scene(
-    scene: Scene, path: str | os.PathLike[str], refusal: InputError | None = None
+    scene: Scene,
+    path: str | os.PathLike[str],
+    refusal: InputError | None = None,
+    **options: Any,
 ) -> tuple[Path, ...]:
-    """Draw a scene before it is solved, as a picture (``.png``) or an interactive page (``.html``).
+    """Draw a scene before it is solved, as a picture (``.png``, ``.svg``, ``.pdf``) or an
+    interactive page (``.html``).
 
     Blocks, supports, joints (bed, head and sloping, to the dead load), loads and near misses. A
     scene that is refused can be drawn too: pass the error as ``refusal``, or let it be found here;
-    the blocks to blame are red, the places ringed, the message is on the picture. Errors as for
-    :func:`plot`.
+    the blocks to blame are red, the places ringed, the message is on the picture. ``options`` of a
+    picture are those of :func:`scene_figure`. Errors as for :func:`plot`.
 
     Example
     -------
@@ -142,16 +144,22 @@ def plot_scene(
     >>> [p.name for p in plot_scene(builtin_scene("arch"), path)]
     ['arch.html']
     """
-    target = with_suffix(path, (".png", ".html"))
-    if target.suffix.lower() == ".png":
-        return (scene_figure(scene, refusal=refusal).save(target),)
+    target = with_suffix(path, (*IMAGES, ".html"))
+    if target.suffix.lower() in IMAGES:
+        return (saved(scene_figure(scene, refusal=refusal, **options), target, options),)
+    if options:
+        raise InputError(f"a page has no {min(options)}: leave it out, or name a .png")
     return (scene_page(scene, refusal).save(target),)
 
 
 def scene_figure(
     scene: Scene, viewer: Viewer = None, refusal: InputError | None = None, **options: Any
 ) -> SceneFigure:
-    """The picture of a scene as a Matplotlib figure; see :func:`plot_scene` and :func:`figure`."""
+    """The picture of a scene as a Matplotlib figure; see :func:`plot_scene`.
+
+    ``viewer`` is the direction from the scene towards the viewer; ``ax``, ``figsize``, ``title``
+    and ``legend`` are those of :func:`picture`.
+    """
     made = figures()
     drawing = made.scene_drawing(scene, viewer, refusal or refused(scene))
     found: SceneFigure = made.drawn(drawing, made.Sheet(**options))

@@ -13,19 +13,16 @@ if TYPE_CHECKING:
 _CURVE, _MARK = "#134b73", "#c2571a"
 
 
-def draw_fragility(curve: Any, ax: Axes | None = None, reference: float | None = None) -> Figure:
+def draw_fragility(
+    curve: Any, ax: Axes | None = None, reference: float | None = None, **options: Any
+) -> Figure:
     """Probability of collapse against load factor, with its band; into ``ax`` or a new figure.
 
-    ``curve`` is a :class:`cvxlimit.studies.Fragility`, ``reference`` a load factor to mark.
+    ``curve`` is a :class:`cvxlimit.studies.Fragility`, ``reference`` a load factor to mark;
+    ``figsize``, ``title`` and ``legend`` are those of :func:`picture`.
     """
-    if ax is None:
-        figure: Figure = figures().SceneFigure(
-            figsize=(6.4, 4.2), layout="constrained", facecolor="white"
-        )
-        axes = figure.add_subplot()
-    else:
-        axes = ax
-        figure = ax.get_figure(root=True)  # type: ignore[assignment]
+    chart = figures("chart").Chart.of({"ax": ax, **options}, (6.4, 4.2))
+    axes = chart.axes
     band = f"{100 * curve.confidence:g} % confidence"
     axes.fill_between(
         curve.demand, curve.lower, curve.upper, color=_CURVE, alpha=0.18, lw=0, label=band
@@ -40,8 +37,9 @@ def draw_fragility(curve: Any, ax: Axes | None = None, reference: float | None =
         ylabel="probability of collapse",
         ylim=(0.0, 1.0),
         xlim=(curve.demand[0], curve.demand[-1]),
-        title=f"{curve.name}: fragility" if curve.name else "fragility",
     )
     axes.grid(alpha=0.3, lw=0.5)
-    axes.legend(frameon=False, fontsize=9)
+    chart.write(f"{curve.name}: fragility" if curve.name else "fragility")
+    chart.write_legend()
+    figure: Figure = chart.figure
     return figure

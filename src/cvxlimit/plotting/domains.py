@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.plotting.look import printable
+from cvxlimit.errors import InputError
+from cvxlimit.plotting.look import printable, saved
 from cvxlimit.plotting.notebook import card
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.webpage import PLACE, Page, as_script_data
@@ -24,7 +25,7 @@ _COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
 def draw_domain(
     domains: Any,
     path: str | os.PathLike[str] | None = None,
-    ax: Any = None,
+    **options: Any,
 ) -> Any:
     """One load domain or several, nested: in the plane a figure, of three loads a page to turn.
 
@@ -37,42 +38,41 @@ def draw_domain(
         Of the same loads.
     path : path or None
         With one, a file: ``.png``, ``.svg`` or ``.pdf``; ``.html`` for a page.
-    ax : matplotlib Axes or None
-        Where to draw in the plane; None makes a figure.
+    options
+        ``ax``, ``figsize``, ``title`` and ``legend`` of a figure: those of
+        :func:`cvxlimit.plotting.picture`. With the first or the second, three loads make one too,
+        in space.
 
     Raises
     ------
     InputError
-        For a suffix that does not go with it.
+        For a suffix that does not go with it, and for a page that is given options of figures.
     ModelError
         If Matplotlib is not installed.
     """
     given = list(domains) if isinstance(domains, Sequence) else [domains]
     suffix = "" if path is None else Path(path).suffix.lower()
-    is_flat = len(given[0].units) == 2
-    if suffix == ".html" or not (suffix or is_flat):
+    is_figure = len(given[0].units) == 2 or bool({"ax", "figsize"} & options.keys())
+    if suffix == ".html" and options:
+        raise InputError(f"a page has no {min(options)}: leave it out, or name a .png")
+    if suffix == ".html" or not (suffix or is_figure):
         made: Any = domain_page(given)
     else:
-        made = _drawn(given, ax)
-    return made if path is None else made.save(path)
+        made = _drawn(given, **options)
+    return made if path is None else saved(made, path, options)
 
 
-def _drawn(domains: Sequence[Any], ax: Any) -> Any:
+def _drawn(domains: Sequence[Any], **options: Any) -> Any:
     is_flat = len(domains[0].units) == 2
-    if ax is None:
-        figure: Any = figures().SceneFigure(
-            figsize=(6.2, 5.4), layout="constrained", facecolor="white"
-        )
-        ax = figure.add_subplot() if is_flat else figure.add_subplot(projection="3d")
-    else:
-        figure = ax.get_figure(root=True)
+    chart = figures("chart").Chart.of(options, (6.2, 5.4), None if is_flat else "3d")
+    ax = chart.axes
     for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
         inside, outside, _ = domain.shapes()
         label = _label(domain) if len(domains) > 1 else "carried"
         (_draw_flat if is_flat else _draw_solid)(ax, domain, inside, outside, colour, label)
     first = domains[0]
-    ax.set_xlabel(printable(first.names[0]))
-    ax.set_ylabel(printable(first.names[1]))
+    for axis, name in zip("xyz", first.names, strict=False):
+        ax.set(**{f"{axis}label": f"{printable(name)} (load factor)"})
     if is_flat:
         boxes = np.array([domain.shapes()[2] for domain in domains])
         low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
@@ -81,11 +81,9 @@ def _drawn(domains: Sequence[Any], ax: Any) -> Any:
         ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
         if np.ptp(first.units) <= 0.2 * first.units.max():
             ax.set_aspect("equal")
-        ax.legend(frameon=False, fontsize=8, loc="upper right" if len(domains) == 1 else "center")
-    else:
-        ax.set_zlabel(printable(first.names[2]))
-    ax.set_title(_title(domains), fontsize=10)
-    return figure
+    chart.write(_title(domains))
+    chart.write_legend()
+    return chart.figure
 
 
 def _draw_flat(
@@ -124,7 +122,7 @@ def _draw_solid(
         made = Poly3DCollection(
             solid, facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85, shade=True
         )
-        ax.add_collection3d(made)
+        ax.add_collection3d(made, autolim=False)
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
     lines = [outside[[*f, f[0]]] for f in _faces(outside)]
@@ -132,6 +130,8 @@ def _draw_solid(
     ax.add_collection3d(dashed, autolim=False)  # which matplotlib 3.10 takes of equal lengths only
     low, high = outside.min(axis=0), outside.max(axis=0)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.locator_params(nbins=4)  # more overlap in a narrow figure
+    ax.set_box_aspect(None, zoom=0.8)  # which leaves labels on the paper
 
 
 def domain_page(domains: Sequence[Any]) -> Page:
@@ -169,7 +169,7 @@ def domain_html(domain: Any) -> str:
     ]  # fmt: skip
     image = None
     if len(domain.points):
-        image = _drawn([domain], None).file("png")
+        image = _drawn([domain]).file("png")
     return card(printable(domain.scene), iter(rows), image)
 
 

@@ -33,6 +33,7 @@ from cvxlimit.plotting.look import IMAGES, Saved
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import (
+    KEYS,
     PAPER,
     Fit,
     Letters,
@@ -343,10 +344,8 @@ class _Parts:
             top -= 1.3 * size * PAPER.point * len(lines)
         if self.keys:
             host.legend(
-                handles=self.keys, loc="lower center", ncols=self.columns, frameon=False,
-                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * PAPER.pad / height),
-                handlelength=1.1, handleheight=0.9, columnspacing=1.3, handletextpad=0.6,
-                borderpad=0.0, borderaxespad=0.0, labelspacing=0.3,
+                handles=self.keys, loc="lower center", ncols=self.columns,
+                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * PAPER.pad / height), **KEYS,
             )  # fmt: skip
         if self.bar is not None and drawing.bar is not None:
             x, y, wide, high = self.bar

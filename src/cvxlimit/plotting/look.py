@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -189,6 +189,14 @@ class Saved(ABC):
         target = with_suffix(path, self.suffixes)
         write_file(target, self.file(target.suffix.lower().removeprefix(".")))
         return target
+
+
+def saved(picture: Any, path: str | os.PathLike[str], options: Mapping[str, Any]) -> Path:
+    """The file of a picture that was drawn with options of a caller's."""
+    if options.get("ax") is not None:
+        raise InputError("a picture in axes is part of their figure: save that with savefig")
+    result: Path = picture.save(path)
+    return result
 
 
 def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:

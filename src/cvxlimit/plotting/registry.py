@@ -89,7 +89,7 @@ _COMMON = [
 """What :func:`picture` adds to the parameters of every picture."""
 
 
-def figures() -> ModuleType:
+def figures(module: str = "drawing") -> ModuleType:
     """What draws with Matplotlib, imported when it is used; refused if that is not installed."""
     needed("matplotlib", "plot", "pictures (but for .html and .vtu)")
-    return import_module("cvxlimit.plotting.drawing")
+    return import_module(f"cvxlimit.plotting.{module}")

@@ -47,6 +47,12 @@ class Paper:
 
 PAPER = Paper()
 
+KEYS = {
+    "frameon": False, "handlelength": 1.1, "handleheight": 0.9, "columnspacing": 1.3,
+    "handletextpad": 0.6, "borderpad": 0.0, "borderaxespad": 0.0, "labelspacing": 0.3,
+}  # fmt: skip
+"""Of all legends."""
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -91,6 +97,12 @@ class Letters:
         given = float(rcParams["font.size"])
         narrow = min(1.0, max(0.8, self.width / 6.5))
         return float(max(usual * narrow * given / 10.0, min(PAPER.least, given)))
+
+    def setting(self, name: str) -> float:
+        """Of letters that Matplotlib's settings give a size, such as ``axes.labelsize``."""
+        settings: Any = rcParams  # whose keys have types of their own in some versions
+        usual = FontProperties(size=settings[name]).get_size_in_points()
+        return self.size(float(usual * 10.0 / rcParams["font.size"]))
 
     @property
     def heading(self) -> float:

@@ -91,10 +91,13 @@ class Fragility:
         table.attrs = {"scene": self.name, "draws": self.draws, "confidence": self.confidence}
         return table
 
-    def plot(self, ax: Axes | None = None, reference: float | None = None) -> Figure:
+    def plot(
+        self, ax: Axes | None = None, reference: float | None = None, **options: Any
+    ) -> Figure:
         """The curve with its band, into ``ax`` or a figure of its own; not shown by itself.
 
-        ``reference`` is a load factor to mark: that of an experiment.
+        ``reference`` is a load factor to mark: that of an experiment. ``figsize``, ``title`` and
+        ``legend`` are those of :func:`cvxlimit.plotting.picture`.
 
         Raises
         ------
@@ -103,7 +106,7 @@ class Fragility:
         """
         from cvxlimit.plotting import draw_fragility
 
-        return draw_fragility(self, ax, reference)
+        return draw_fragility(self, ax, reference, **options)
 
     def __repr__(self) -> str:
         return (

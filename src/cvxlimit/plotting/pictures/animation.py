@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,8 +102,9 @@ class Animation(Saved):
 
 @listed
 def animation(
-    solution: Solution, *, frames: int = 20, magnification: float = 1.0, viewer: Viewer = None
-) -> Animation:
+    solution: Solution, *, frames: int = 20, magnification: float = 1.0, viewer: Viewer = None,
+    **options: Any,
+) -> Animation:  # fmt: skip
     """The mechanism in motion, from rest to its largest displacement and back.
 
     Parameters
@@ -113,6 +115,8 @@ def animation(
         Of a cycle, 4 or more and even; half of them are drawn, forth as back.
     magnification, viewer
         As for :func:`~cvxlimit.plotting.mechanism`.
+    options
+        ``figsize``, ``title`` and ``legend``: those of :func:`~cvxlimit.plotting.picture`.
 
     Raises
     ------
@@ -132,7 +136,7 @@ def animation(
             "nothing to set in motion"
         )
     made = figures()
-    figure, shown = made.assembled(drawing, seen(drawing), made.Sheet())
+    figure, shown = made.assembled(drawing, seen(drawing), made.Sheet(**options))
     figure.set_dpi(DPI)
     forth: list[Bytes] = []
     for share in (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))).tolist():

@@ -327,6 +327,9 @@ class LoadDomain:
     def plot(self, path: str | None = None, **options: Any) -> Figure | Page | Any:
         """Draw it: in the plane a figure, of three loads a page to turn; with ``path``, a file.
 
+        ``ax``, ``figsize``, ``title`` and ``legend`` of a figure are those of
+        :func:`cvxlimit.plotting.picture`; with the first or the second, three loads make one too.
+
         Raises
         ------
         InputError
