@@ -77,7 +77,12 @@ PARTS = (
         40,
         "docs/evidence/interaction.json",
     ),
-    Part("atlas", "benchmarks.stability --size 420", 25, "benchmarks/results/stability"),
+    Part(
+        "atlas",
+        "benchmarks.stability --size 420 --peer .venv-cra/bin/python",
+        25,
+        "benchmarks/results/stability",
+    ),
     Part("referees", "benchmarks.referees --seconds 40 --picture docs/evidence/referees.png", 15),
     Part("torsion", "benchmarks.physics docs/evidence speed", 2),
     Part("physics", "benchmarks.physics docs/evidence models", 6),

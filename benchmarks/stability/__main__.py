@@ -33,7 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             console.print(f"{family.name:12} {family.what}")
     if given.action in ("all", "run"):
         _run([s for s in given.study or STUDIES if s != "peer"], given)
-        if given.peer:
+        if given.peer and not given.peer.exists():
+            console.print(f"compas_cra is not asked: {given.peer} does not exist")
+        elif given.peer:
             with console.status("peer") as status:
                 ask_peer(given.peer, lambda text: status.update(f"peer: {text}"))
     if given.action in ("all", "write"):

@@ -9,6 +9,9 @@ There are many ways to compute that number, and every one of them fails somewher
 where: families of small scenes were made to break methods, every method was asked about every scene,
 and each answer was judged by something that does not trust the one who gave it.
 
+<!-- record atlas: stamp -->
+<!-- /record -->
+
 `.venv/bin/python -m benchmarks.stability` measures everything and writes this page with its pictures
 (about an hour of one core; `--size 210` is a fifth of it; what is measured already is not measured
 again). `... run --study default` asks our default only, a minute or two; with `--first 1000` it asks
