@@ -179,7 +179,7 @@ def timed(scene: Scene, most: int) -> dict[str, tuple[float, float]]:
     middle = Point.middle(step.statics.contacts)
     found = {
         "relaxation": _measured(lambda s: hull.solve(copies, s), QUICK),
-        "safe step, compiled afresh": _measured(lambda s: step.solve(middle, s), QUICK),
+        "safe step, as arrays": _measured(lambda s: step.solve(middle, s), QUICK),
     }
     if len(run.contacts) <= most:
         kept = _frozen(run, is_kept=True)

@@ -33,7 +33,7 @@ class LadderNumbers:
     leading: float = 1e-6  # of problems that only lead the way:
     leading_iterations: int = 60  # those not solved in 60 were never solved later
     steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
-    steps_from: int = 100  # from so many contacts on
+    steps_from: int = 200  # from so many contacts on
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
