@@ -32,6 +32,12 @@ PHASE_COLOURS = dict(
 )
 
 
+PHASE_NAMES = {
+    "detect": "finding contacts", "compile": "compiling", "reparametrise": "parameters",
+    "solve": "solving", "certify": "certificate", "other": "rest",
+}  # fmt: skip
+
+
 def draw_all(records: Sequence[Record], about: dict[str, Any], folder: Path) -> list[Path]:
     """All charts that the records allow, one set per family; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -198,8 +204,8 @@ def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
     below.set_title(f"methods with an answer, {size:,} contacts", fontsize=LETTERS + 1, loc="left")
     handles, labels = below.get_legend_handles_labels()
     figure.legend(
-        handles, labels, loc="outside upper right", ncols=len(labels), frameon=False,
-        fontsize=LETTERS, handlelength=1.0, columnspacing=1.0,
+        handles, [PHASE_NAMES[label] for label in labels], loc="outside upper right",
+        ncols=len(labels), frameon=False, fontsize=LETTERS, handlelength=1.0, columnspacing=1.0,
     )  # fmt: skip
     _headline(figure, f"{family}: where the time goes")
     return figure
@@ -209,6 +215,8 @@ def _bars(axes: Axes, names: Sequence[str], parts: Sequence[dict[str, float]]) -
     start = [0.0] * len(names)
     for phase in (*PHASES, "other"):
         widths = [part.get(phase, 0.0) for part in parts]
+        if not any(widths):
+            continue
         axes.barh(
             range(len(names)), widths, left=start, height=0.7,
             color=PHASE_COLOURS.get(phase, "#bbbbbb"), label=phase,

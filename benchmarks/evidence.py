@@ -63,7 +63,8 @@ PARTS = (
     Part("methods", "benchmarks.methods", 5),
     Part(
         "resolving",
-        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 3",
+        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 3"
+        " --picture docs/evidence/resolving.png",
         10,
     ),
     Part("engine", "benchmarks.engine", 3),

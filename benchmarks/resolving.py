@@ -14,7 +14,8 @@ Beside it the same with one iteration of the solver: compiling, and its setup.
 (``--moments signed independent``), in seconds of CPU: the first eight re-solves, cold and warm, by
 tolerance and solver, and whole fixed points beside the first plain solve; medians of five
 (``--repeat``). ``--before`` measures whole fixed points and first solves of another checkout beside
-them, with the Python of its ``.venv``. ``--out FILE`` keeps all records as JSON lines.
+them, with the Python of its ``.venv``. ``--out FILE`` keeps all records as JSON lines,
+``--picture FILE`` draws time of a re-solve against its error.
 """
 
 from __future__ import annotations
@@ -24,14 +25,19 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from itertools import cycle
+from pathlib import Path
 from statistics import median
 from time import process_time
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from cvxlimit import Scene, builtin_scene
+from cvxlimit.compare.chart import few_ticks
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FrozenProblem
@@ -41,6 +47,7 @@ from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.plotting.chart import label_lines
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces import Conic
 
@@ -48,6 +55,11 @@ console = Console(highlight=False, soft_wrap=True)
 
 QUICK, TIGHT, OWN = "QOCO", "CLARABEL", "BLOCKWISE"
 """Solvers of what leads the way, at 1e-6, of frozen problems by CVXPY, at 1e-9, and warm ones."""
+
+CALLED = {QUICK: "QOCO", TIGHT: "Clarabel", OWN: "blockwise"}
+COLOURS = ("#134b73", "#4aa3a8", "#c77f00", "#d62246")
+LEAST = 1e-12
+"""Errors below this are drawn there: a logarithmic axis has no zero."""
 
 Solve = Callable[[SolverSettings], LimitState]
 
@@ -64,16 +76,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add("--repeat", type=int, default=5)
     add("--before", help="another checkout, for its whole fixed points")
     add("--out", type=argparse.FileType("w"), help="records as JSON lines")
+    add("--picture", type=Path, help="of sequences: time of a re-solve against its error")
     parser.add_argument("--dpp", type=int, default=1000, help="most contacts kept compiled")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.scenes if name not in BUILTIN]
     if unknown:
         parser.error(f"there is no scene {unknown[0]!r}")
+    if options.picture is not None and not options.sequences:
+        parser.error("--picture draws sequences: give --sequences")
     if options.sequences:
+        found = []
         for record in records(options):
+            found.append(record)
             console.print(" ".join(f"{key}={value}" for key, value in record.items()))
             if options.out:
                 options.out.write(json.dumps(record) + "\n")
+        if options.picture is not None:
+            FigureCanvasAgg(picture(found)).print_figure(options.picture, dpi=190)
         return
     console.print("| scene | problem | seconds | with one iteration |\n|---|---|---|---|")
     for name in options.scenes:
@@ -94,6 +113,34 @@ def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 python = f"{options.before}/.venv/bin/python"
                 found = whole(name, moments, python, options.before, options)
                 yield about | {"what": "whole, before", **found}
+
+
+def picture(records: Sequence[dict[str, Any]]) -> Figure:
+    """Seconds of a re-solve against the error of its load factor: a plot for every scene and
+    reading, a line for every solver, cold or warm, from the loosest tolerance to the tightest."""
+    groups: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
+    for record in records:
+        if record["what"] == "re-solve" and record["error"] is not None:
+            lines = groups.setdefault((record["scene"], record["moments"]), {})
+            name = f"{CALLED[record['solver']]}, {record['start']}"
+            point = record["seconds"], max(record["error"], LEAST)
+            lines.setdefault(name, []).append(point)
+    figure = Figure(figsize=(7.7, 0.5 + 2.8 * max(len(groups), 1)), layout="constrained")
+    plots = figure.subplots(max(len(groups), 1), 1, squeeze=False)[:, 0]
+    for axes, ((scene, moments), lines) in zip(plots, groups.items(), strict=False):
+        for (name, points), colour in zip(lines.items(), cycle(COLOURS), strict=False):
+            axes.plot(*zip(*points, strict=True), "o-", color=colour, ms=5, label=name)
+        axes.set(xscale="log", yscale="log", ylabel="error of the load factor")
+        axes.set_title(f"{scene}, {moments} moments", fontsize=10, loc="left")
+        axes.grid(True, color="#d9d9d9", linewidth=0.6)
+        axes.tick_params(labelsize=9)
+        few_ticks(axes.xaxis)
+        axes.yaxis.label.set_size(9)
+    plots[-1].set_xlabel("CPU seconds of a re-solve, at tolerances 1e-4, 1e-6, 1e-8", fontsize=9)
+    figure.draw_without_rendering()
+    for axes in plots:
+        label_lines(axes, 9.0)
+    return figure
 
 
 def resolved(scene: Scene, moments: str, repeat: int) -> Iterator[dict[str, Any]]:

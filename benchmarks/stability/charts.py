@@ -33,17 +33,28 @@ ENDINGS = {
 }
 """How the fixed point ends; "not converged" is wandering."""
 
+WIDTH = 7.7
+"""Inches in which a page shows a picture."""
+
 _INK = "#333"
+
+
+_WORDS = {
+    "conic": "cone", "CLARABEL": "Clarabel", "HIGHS": "HiGHS", "BLOCKWISE": "blockwise",
+    "SCIPY": "SciPy",
+}  # fmt: skip
+"""What is spelt otherwise than a setting."""
 
 
 def labelled(method: str) -> str:
     """A method's name for readers.
 
     >>> labelled("raw/conic/CLARABEL"), labelled("checked/conic/corners/CLARABEL")
-    ('solver believed: conic, CLARABEL', 'checked: conic, corners, CLARABEL')
+    ('solver believed: cone, Clarabel', 'checked: cone, corners, Clarabel')
     """
     kind, *rest = dict.fromkeys(method.split("/"))
-    return {"raw": "solver believed", "checked": "checked"}[kind] + ": " + ", ".join(rest)
+    words = ", ".join(_WORDS.get(part, part) for part in rest)
+    return {"raw": "solver believed", "checked": "checked"}[kind] + f": {words}"
 
 
 def outcomes(rows: Sequence[Record]) -> Figure:
@@ -52,7 +63,7 @@ def outcomes(rows: Sequence[Record]) -> Figure:
     for row in rows:
         counts[row["method"]][row["outcome"]] += 1
     names = list(counts)
-    figure = Figure(figsize=(9.5, 0.27 * len(names) + 1.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.27 * len(names) + 1.6), layout="constrained")
     axes = figure.subplots()
     left = np.zeros(len(names))
     for outcome, colour in COLOURS.items():
@@ -60,16 +71,16 @@ def outcomes(rows: Sequence[Record]) -> Figure:
         axes.barh(names, share, left=left, color=colour, label=outcome, height=0.8)
         for y, width in enumerate(share):
             if outcome is Outcome.WRONG and width > 0.0:
-                axes.text(101, y, f"{width:.0f} % wrong", va="center", color=colour, fontsize=8)
+                axes.text(101, y, f"{width:.0f} % wrong", va="center", color=colour, fontsize=9)
         left += share
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_yticks(range(len(names)), [labelled(n) for n in names])
     axes.set_xlim(0, 112)
     axes.set_xticks(range(0, 101, 20))
     axes.set_xlabel("% of scenes")
-    axes.tick_params(labelsize=8)
+    axes.tick_params(labelsize=9)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncol=5, frameon=False, fontsize=9)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.3, 1.0), ncol=3, frameon=False, fontsize=9)
     return figure
 
 
@@ -83,7 +94,7 @@ def map_of_wrong(rows: Sequence[Record]) -> Figure:
         at = families.index(row["family"]), names.index(row["method"])
         of[at] += 1
         wrong[at] += row["outcome"] == Outcome.WRONG
-    figure = Figure(figsize=(0.62 * len(names) + 2.2, 0.31 * len(families) + 2.1),
+    figure = Figure(figsize=(WIDTH, 0.31 * len(families) + 2.6),
                     layout="constrained")  # fmt: skip
     axes = figure.subplots()
     share = np.divide(wrong, of, out=np.zeros_like(wrong), where=of > 0)
@@ -93,10 +104,10 @@ def map_of_wrong(rows: Sequence[Record]) -> Figure:
         if number:
             colour = "white" if share[i, j] > 0.5 else _INK
             axes.text(j, i, f"{number:.0f}/{of[i, j]:.0f}", ha="center", va="center",
-                      fontsize=7, color=colour)  # fmt: skip
-    axes.set_xticks(range(len(names)), [labelled(n).split(": ")[1] for n in names], rotation=60,
-                    ha="right", fontsize=8)  # fmt: skip
-    axes.set_yticks(range(len(families)), families, fontsize=8)
+                      fontsize=8, color=colour)  # fmt: skip
+    axes.set_xticks(range(len(names)), [labelled(n).split(": ")[1] for n in names], rotation=90,
+                    fontsize=9)  # fmt: skip
+    axes.set_yticks(range(len(families)), families, fontsize=9)
     axes.set_xticks(np.arange(-0.5, len(names)), minor=True)
     axes.set_yticks(np.arange(-0.5, len(families)), minor=True)
     axes.grid(which="minor", color="white", linewidth=1.5)
@@ -109,7 +120,7 @@ def map_of_wrong(rows: Sequence[Record]) -> Figure:
 
 def widths(rows: Sequence[Record]) -> Figure:
     """Our default: the width of every bracket, family by family."""
-    figure = Figure(figsize=(8.5, 5.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
     axes = figure.subplots()
     jitter = np.random.default_rng(0)
     for y, family in enumerate(FAMILIES):
@@ -121,10 +132,10 @@ def widths(rows: Sequence[Record]) -> Figure:
         axes.scatter(size[~good], place[~good], s=26, color="#d06a1f", marker="D", linewidths=0)
     axes.axvline(RIGHT, color=_INK, linewidth=1)
     axes.text(
-        RIGHT, len(FAMILIES) - 0.2, "certified up to here ", fontsize=8, ha="right", color=_INK
+        RIGHT, len(FAMILIES) - 0.2, "certified up to here ", fontsize=9, ha="right", color=_INK
     )
     axes.set_xscale("log")
-    axes.set_yticks(range(len(FAMILIES)), list(FAMILIES), fontsize=8)
+    axes.set_yticks(range(len(FAMILIES)), list(FAMILIES), fontsize=9)
     axes.invert_yaxis()
     axes.set_xlabel("width of the bracket, relative (1e-12 stands for less)")
     axes.spines[["top", "right"]].set_visible(False)
@@ -142,7 +153,7 @@ def settling(rows: Sequence[Record]) -> Figure:
     readings = list(dict.fromkeys(row["moments"] for row in rows))
     weights = sorted({row["weight"] for row in rows})
     families = [f for f in FAMILIES if any(row["family"] == f for row in rows)]
-    figure = Figure(figsize=(9.5, 0.42 * len(families) + 1.5), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.42 * len(families) + 1.5), layout="constrained")
     panels = figure.subplots(1, len(readings), sharey=True, squeeze=False)[0]
     for axes, reading in zip(panels, readings, strict=True):
         for y, family in enumerate(families):
@@ -169,7 +180,7 @@ def settling(rows: Sequence[Record]) -> Figure:
     shown = {e: c for e, c in ENDINGS.items() if any(row["ending"] == e for row in rows)}
     labels = {"not converged": "wandering", "refused": "refused: no such contacts"}
     handles = [panels[0].barh([0], [0], color=c, label=labels.get(e, e)) for e, c in shown.items()]
-    figure.legend(handles=handles, loc="outside upper center", ncol=5, frameon=False, fontsize=9)
+    figure.legend(handles=handles, loc="outside upper center", ncol=4, frameon=False, fontsize=9)
     return figure
 
 
@@ -177,7 +188,7 @@ def spread(rows: Sequence[Record]) -> Figure:
     """What order of the blocks and solver do to the last load factor, by choice of forces."""
     scenes = list(dict.fromkeys((row["scene"], row["moments"]) for row in rows))
     choices = list(dict.fromkeys(row["choice"] for row in rows))
-    figure = Figure(figsize=(11.5, 0.33 * len(scenes) + 1.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.36 * len(scenes) + 1.6), layout="constrained")
     panels = figure.subplots(1, len(choices), sharey=True, sharex=True, squeeze=False)[0]
     for axes, choice in zip(panels, choices, strict=True):
         for y, scene in enumerate(scenes):
@@ -192,13 +203,13 @@ def spread(rows: Sequence[Record]) -> Figure:
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(axis="both", color="#e6e6e6")
         axes.set_axisbelow(True)
-    panels[0].set_yticks(range(len(scenes)), [f"{s}, {m}" for s, m in scenes], fontsize=8)
+    panels[0].set_yticks(range(len(scenes)), [f"{s}, {m}" for s, m in scenes], fontsize=9)
     panels[0].invert_yaxis()
     figure.supxlabel("last load factor over the one without interaction", fontsize=9)
     labels = {"not converged": "wandering"}
     handles = [panels[0].scatter([], [], s=34, color=c, label=labels.get(e, e))
                for e, c in ENDINGS.items() if any(r["ending"] == e for r in rows)]  # fmt: skip
-    figure.legend(handles=handles, loc="outside upper center", ncol=5, frameon=False, fontsize=8)
+    figure.legend(handles=handles, loc="outside upper center", ncol=4, frameon=False, fontsize=9)
     return figure
 
 
@@ -215,6 +226,6 @@ PICTURES: dict[str, tuple[str, Callable[[Sequence[Record]], Figure]]] = {
 def saved(figure: Figure, path: Path) -> Path:
     """Write a picture, whole or not at all."""
     picture = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(picture, dpi=130, format="png")
+    FigureCanvasAgg(figure).print_figure(picture, dpi=190, format="png")
     write_file(path, picture.getvalue())
     return path
