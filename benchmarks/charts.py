@@ -24,8 +24,8 @@ WIDTH, DPI, LETTERS = 7.7, 190, 9.0
 FIT_FROM = 400
 """Contacts from which growth is fitted: below, fixed costs hide it."""
 
-DEFAULT = "cvxlimit/1e-6"
-"""The method whose phases are shown."""
+OWN = r"cvxlimit/1e-\d+"
+"""Names of the methods whose phases are shown."""
 
 PHASE_COLOURS = dict(
     zip(PHASES, ("#9aad00", "#f59e0b", "#e36fb0", "#134b73", "#4aa3a8"), strict=True)
@@ -187,16 +187,18 @@ def exponent(points: Sequence[tuple[float, float]]) -> float | None:
 
 
 def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
-    """Above: shares of the package's own time by size; below: seconds by method at one size."""
-    own = grown.get(DEFAULT) or next(iter(grown.values()))
+    """Above: shares of the package's own time by size and by the distance to the limit that was
+    asked for; below: seconds by method at one size."""
+    own = _own(grown)
     size = _common_size(grown)
     there = [r for g in grown.values() for r in g if r.row.contacts == size]
     counts = len(own), len(there)
     figure = Figure(figsize=(WIDTH, 2.6 + 0.3 * sum(counts)), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=[n + 1 for n in counts])
-    _bars(above, [f"{r.row.contacts:,}" for r in own], [_shares(r) for r in own])
-    above.set(xlabel="share of the total time", ylabel="contacts")
-    above.set_title(_plain(own[0]), fontsize=LETTERS + 1, loc="left")
+    names = [f"{r.row.contacts:,} contacts{_plain(r).removeprefix(r.row.line)}" for r in own]
+    _bars(above, names, [_shares(r) for r in own])
+    above.set(xlabel="share of the total time")
+    above.set_title(own[0].row.line, fontsize=LETTERS + 1, loc="left")
     above.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0%}"))
     above.set_xlim(0.0, 1.0)
     _bars(below, [_plain(r) for r in there], [_seconds(r) for r in there])
@@ -209,6 +211,13 @@ def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
     )  # fmt: skip
     _headline(figure, f"{family}: where the time goes")
     return figure
+
+
+def _own(grown: dict[str, list[Record]]) -> list[Record]:
+    """Records of the package's own choice at every tolerance, by size; else of the first method."""
+    chosen = [g for name, g in grown.items() if re.fullmatch(OWN, name)]
+    found = [record for group in chosen or [next(iter(grown.values()))] for record in group]
+    return sorted(found, key=lambda record: record.row.contacts)
 
 
 def _bars(axes: Axes, names: Sequence[str], parts: Sequence[dict[str, float]]) -> None:

@@ -107,8 +107,8 @@ PARTS = (
     Part(
         "chart-growth",
         f"{RUN}panels --cases panel --sizes 500 1900 5000 9000 16452 --repeat 1 --limit 120 "
-        f'--methods cvxlimit/1e-6 "conic/corners/qoco/1e-8" {OWN}',
-        12,
+        f'--methods "cvxlimit/1e-*" "conic/corners/qoco/1e-8" {OWN}',
+        14,
     ),
 )
 
