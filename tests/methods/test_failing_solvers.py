@@ -38,7 +38,7 @@ def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("cvxlimit.model.problem.run", broken)
     program = "cvxlimit.solvers.program.ConeProgram.solve"
-    monkeypatch.setattr(program, lambda *_: (broken(), None, None))
+    monkeypatch.setattr(program, lambda *_, **__: (broken(), None, None))
 
 
 @pytest.mark.usefixtures("nobody_solves")
