@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,12 +23,14 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from cvxlimit import Scene, Solution, builtin_scene, solve
+from cvxlimit.compare.chart import few_ticks
 from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.compare.registry import physics_registry
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.plotting.chart import label_lines
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states
 
 MARKERS = "osD^vP*X"
@@ -94,12 +95,12 @@ def draw_curves(axes: Axes, l1: float, l2: float, direction: int) -> None:
 
 def curves(path: Path) -> None:
     """Limit curves of three rectangles."""
-    figure, rows = plt.subplots(1, 3, figsize=(7.7, 3.1), sharey=True)
+    figure, rows = plt.subplots(1, 3, figsize=(7.7, 3.2), sharey=True, layout="constrained")
     for axes, (l1, l2, direction) in zip(rows, ((1, 1, 0), (2, 1, 0), (2, 1, 1)), strict=True):
         draw_curves(axes, l1, l2, direction)
     rows[0].set_ylabel("|MT| / (µ N c_T)")
-    rows[0].legend(loc="lower left", fontsize=9)
-    figure.tight_layout()
+    keys = rows[0].get_legend_handles_labels()
+    figure.legend(*keys, loc="outside upper center", ncols=4, fontsize=9, frameon=False)
     figure.savefig(path, dpi=190)
 
 
@@ -156,41 +157,45 @@ def _cell(found: Row) -> str:
 def speed(path: Path) -> None:
     """Time in units of the line's against the distance from the exact limit, in space."""
     scenes = [name for name in by_size(500) if name not in PLANE]
-    figure, axes = plt.subplots(figsize=(7.7, 5.5))
     sys.stdout.write(
         "| scene | torsion with shear | load factor | max. error | time (s) | over the line's |\n"
     )
     sys.stdout.write(f"|{'---|' * 6}\n")
-    for name, marker in zip(scenes, MARKERS, strict=False):
+    points: dict[str, list[tuple[float, float]]] = {}
+    for name in scenes:
         found = {label: _timed(name, *how) for label, how in TORSION.items()}
         most = min(solution.upper for solution, _ in list(found.values())[2:])
         unit = found["line"][1]
-        points = []
-        for (label, (solution, seconds)), colour in zip(found.items(), COLOURS, strict=False):
+        points[name] = []
+        for label, (solution, seconds) in found.items():
             below = max(1.0 - solution.lower / most, 0.0)
-            points.append((seconds / unit, max(below, 1e-7)))
-            axes.loglog(*points[-1], marker, color=colour, ms=8, mec="white", zorder=3)
+            points[name].append((seconds / unit, max(below, 1e-7)))
             cells = (name, label, f"{solution.load_factor:.6f}", f"{below:.1e}",
                      f"{seconds:.2f}", f"{seconds / unit:.1f}")  # fmt: skip
             sys.stdout.write(f"| {' | '.join(cells)} |\n")
             sys.stdout.flush()
-        axes.loglog(*np.transpose(points), "-", color="0.75", lw=0.8)
-        _finish_speed(axes, scenes[: scenes.index(name) + 1])
-        figure.tight_layout()
-        figure.savefig(path, dpi=190)
+        speed_chart(path, points)
 
 
-def _finish_speed(axes: Axes, scenes: Sequence[str]) -> None:
-    """Legend and labels."""
-    shapes = [Line2D([], [], ls="", marker=m, color="0.4", label=n)
-              for n, m in zip(scenes, MARKERS, strict=False)]  # fmt: skip
-    colours = [Line2D([], [], ls="", marker="o", color=c, label=n)
-               for n, c in zip(TORSION, COLOURS, strict=False)]  # fmt: skip
-    axes.legend(handles=[*shapes, *colours], fontsize=9, ncols=2)
-    axes.set_xlabel("processor time / that of the line")
-    axes.set_ylabel("at most below the exact limit, relative")
-    axes.set_title("Torsion with shear: speed against accuracy, scenes in space", fontsize=10)
-    axes.grid(alpha=0.3, which="both")
+def speed_chart(path: Path, points: dict[str, list[tuple[float, float]]]) -> None:
+    """A line for every scene, named beside it, and a colour for every limit."""
+    figure, axes = plt.subplots(figsize=(7.7, 4.8), layout="constrained")
+    for name, found in points.items():
+        axes.loglog(*np.transpose(found), "-", color="0.55", lw=0.8, label=name)
+        for point, colour in zip(found, COLOURS, strict=False):
+            axes.loglog(*point, "o", color=colour, ms=7, mec="white", zorder=3)
+    keys = [Line2D([], [], ls="", marker="o", color=c, label=n)
+            for n, c in zip(TORSION, COLOURS, strict=False)]  # fmt: skip
+    figure.legend(handles=keys, fontsize=9, ncols=5, frameon=False, loc="outside upper center")
+    axes.set_xlabel("processor time / that of the line", fontsize=9)
+    axes.set_ylabel("at most below the exact limit, relative (1e-7: or less)", fontsize=9)
+    axes.tick_params(labelsize=9)
+    few_ticks(axes.xaxis)
+    axes.grid(alpha=0.3)
+    figure.draw_without_rendering()
+    label_lines(axes, 9.0)
+    figure.savefig(path, dpi=190)
+    plt.close(figure)
 
 
 def _timed(name: str, tolerance: float | None, form: str) -> tuple[Solution, float]:
