@@ -156,9 +156,19 @@ def _internal(error: Exception) -> ExitCode:
         return ExitCode.INTERNAL_ERROR
     return refuse(
         ExitCode.INTERNAL_ERROR,
-        f"internal error, please report it with your scene ({type(error).__name__}: {error}); "
-        "CVXLIMIT_DEBUG=1 shows where",
+        f"internal error, please report it with your scene{_where()} "
+        f"({type(error).__name__}: {error}); CVXLIMIT_DEBUG=1 shows where",
     )
+
+
+def _where() -> str:
+    from importlib.metadata import PackageNotFoundError, metadata  # 20 ms, rarely needed
+
+    with suppress(PackageNotFoundError):
+        for line in metadata("cvxlimit").get_all("Project-URL") or ():
+            if line.startswith("Issues, "):
+                return f" at {line.removeprefix('Issues, ')}"
+    return ""
 
 
 def _survive_any_encoding() -> None:
