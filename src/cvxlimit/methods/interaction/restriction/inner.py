@@ -186,7 +186,7 @@ class InnerMethod(SafeProblems):
             if tight.is_safe:
                 return
         point = self.point(forces)
-        yield self.restricted("safe", lambda rung: self.step.solve(point, rung))
+        yield self.restricted("safe", lambda rung: self.step.solve(point, rung), self.warm)
 
     def climb(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the

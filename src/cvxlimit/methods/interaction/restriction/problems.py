@@ -79,7 +79,8 @@ class SafeProblems:
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
         self.leading = run.ladder or leading_ladder()
-        self.stepping = run.ladder or (*warm_ladder(len(run.contacts)), *self.leading)
+        self.warm = () if run.ladder else warm_ladder(len(run.contacts))
+        self.stepping = (*self.warm, *self.leading)
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
             self.half = None if reductions is None else Half.of(reductions, self.moments)
@@ -105,19 +106,25 @@ class SafeProblems:
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         copies = self.moments.safe_copies(self.contacts, centre)
-        own = warm_ladder(len(self.contacts), CLIMB.frozen_inside)
-        first = self.run.ladder or (*own, *clarabel_at(CLIMB.frozen))
-        return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), first[:1])
+        rungs = (self.run.ladder or clarabel_at(CLIMB.frozen))[:1], self.tight
+        if self.warm:  # further rungs have not been seen to help, and cost as much as safe steps
+            rungs = warm_ladder(len(self.contacts), CLIMB.frozen_inside), self.tight[:1]
+        return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), *rungs)
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
         return self.solved(kind, lambda rung: self.hull.solve(copies, rung), self.leading)
 
     def restricted(
-        self, kind: str, solver: Solver, before: Sequence[SolverSettings] = ()
+        self,
+        kind: str,
+        solver: Solver,
+        before: Sequence[SolverSettings] = (),
+        after: Sequence[SolverSettings] | None = None,
     ) -> InnerIterate:
         """A problem that should be safe, with each further rung where the checker refuses its
-        forces: first with those given, then tightly."""
-        for rung in (*before, *(rung for rung in self.tight if rung not in before)):
+        forces: first with those given, then tightly, unless others are to come ``after``."""
+        others = self.tight if after is None else after
+        for rung in (*before, *(rung for rung in others if rung not in before)):
             iterate = self.solved(kind, solver, (rung,))
             if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
                 break
