@@ -89,6 +89,7 @@ def draw_curves(axes: Axes, l1: float, l2: float, direction: int) -> None:
     axes.set_title(f"{l1:g} : {l2:g}, shear along {side} side", fontsize=10)
     axes.set_xlabel("|V| / (µ N)")
     axes.set_xlim(0, 1.02)
+    axes.set_xticks((0.0, 0.5, 1.0))
     axes.set_ylim(0, 1.02)
     axes.grid(alpha=0.3)
 

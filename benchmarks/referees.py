@@ -310,7 +310,7 @@ def ask_scip(scene: Scene, moments: str, seconds: float) -> tuple[Bracket, str]:
 
 def draw(found: dict[str, list[Asked]], path: Path) -> None:
     """Width of the bracket against CPU time: a grey line joins the answers to one question."""
-    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+    figure = Figure(figsize=(7.7, 4.4), layout="constrained")
     axes = figure.subplots()
     for (name, rows), colour in zip(found.items(), ("#d55e00", "#009e73"), strict=True):
         for k, row in enumerate(rows):
@@ -323,10 +323,11 @@ def draw(found: dict[str, list[Asked]], path: Path) -> None:
             axes.plot(seconds[0], ours, "o", color="#0072b2", ms=5, label=own, zorder=3)
     axes.set(xscale="log", yscale="log", xlabel="CPU seconds")
     axes.set_ylabel("width of the bracket, % (100: one bound missing)")
-    axes.legend(frameon=False, loc="lower right")
+    keys = axes.get_legend_handles_labels()
+    figure.legend(*keys, frameon=False, loc="outside upper center", ncols=3, fontsize=9)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
-    figure.savefig(path, dpi=160)
+    figure.savefig(path, dpi=190)
 
 
 if __name__ == "__main__":
