@@ -12,6 +12,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from words import INSTEAD
+
 API = Path(__file__).parents[2] / "docs" / "api"
 DIRECTIVE = re.compile(r"^\.\. (?:currentmodule|auto(\w+)):: (\S+)", re.MULTILINE)
 
@@ -68,6 +70,13 @@ def undocumented(name: str, thing: Any) -> list[str]:
 def test_public_names_say_what_they_are() -> None:
     silent = [missing for name in PUBLIC for missing in undocumented(name, PUBLIC[name])]
     assert silent == []
+
+
+def test_docstrings_are_written_as_pages_are() -> None:
+    """Whatever a name inherits from other packages is theirs."""
+    own = {n: inspect.getdoc(t) or "" for n, t in PUBLIC.items() if "cvxlimit" in f"{t!r}"}
+    found = [(n, words) for n, text in own.items() for words in INSTEAD if re.search(words, text)]
+    assert found == []
 
 
 def test_the_check_knows_the_interface_and_can_fail() -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from words import INSTEAD
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 USER = sorted(
@@ -20,23 +22,6 @@ REFERENCE = ("symbols", "conventions")
 """Pages whose tables are the reference itself."""
 
 MOST_WORDS, MOST_ROWS = 2000, 6
-
-INSTEAD = {
-    r"seconds of the wall|wall seconds|s of wall\b": "elapsed time (there are walls here)",
-    r"wall[- ]clock": "elapsed time",
-    r"seconds of the processor|s of processor": "CPU seconds",
-    r"what is there": "a noun: the blocks, the results",
-    r"what that is worth": "how large its error is",
-    r"at a price": "with a penalty",
-    r"could have had": "had a limit of",
-    r"\bA reservation:": "a sentence that says what is limited",
-    r"is told by": "follows from, or: is given by",
-    r"utili[sz]e[sd]?\b": "use",
-    r"in order to\b": "to",
-    r"\bhence\b": "therefore, or a new sentence",
-    r"simply|obviously|of course": "nothing",
-}
-"""What is not written, as a pattern, and what is written instead."""
 
 
 def prose(page: Path) -> str:

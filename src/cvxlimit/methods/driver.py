@@ -147,7 +147,7 @@ class Run:
     clock : Clock
     history : list of Iterate
     best : Answer
-        The best so far: what is left if the run is interrupted.
+        The best answer so far, which is returned if the run is interrupted.
     solvers : set of str, attempts : list of (SolverSettings, Outcome)
         The solvers that ran, and how each run ended.
     remarks : list of str

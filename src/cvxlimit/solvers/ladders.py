@@ -133,7 +133,7 @@ def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
 
 
 def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
-    """What comes first for steps that each start where the last one ended, on so many contacts: our
+    """The first solver for steps that each start where the last one ended, on so many contacts: our
     own solver, if they are many. What it finds is strictly inside, so that bounds lose nothing.
     """
     most = NUMBERS.leading_iterations
@@ -204,8 +204,8 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
 
     The blockwise solver comes first where it was measured to be faster, third elsewhere; there QOCO
     leads, if it is installed. ``tolerance`` is the width of the bracket that is asked for: with
-    cones QOCO would often run in vain below 1e-6. Of many problems of one scene it starts no
-    tighter than it has to.
+    cones QOCO often fails below 1e-6. Of many problems of one scene it starts no tighter than it
+    has to.
     """
     first, *others = default_ladder(shape.cones > 0)
     own, kind = settings_for("BLOCKWISE"), shape.kind

@@ -26,10 +26,11 @@ _Named = dict[str, Any]
 class Blockwise(CLARABEL):
     """For ``problem.solve(solver=Blockwise())``: linear and second-order cones.
 
-    Made for assemblages: it eliminates the forces of every contact and factorises what is left, six
-    rows per block. Data and duals are laid out as for Clarabel, whose CVXPY interface does that
-    here. With ``warm_start=True`` it starts from a point on the way to the answer before, which
-    halves the iterations where the problem has changed little; a start that is no use costs time.
+    Made for assemblages: it eliminates the forces of every contact and factorises the remaining
+    equations, six rows per block. Data and duals are laid out as for Clarabel, whose CVXPY
+    interface does that here. With ``warm_start=True`` it starts from a point on the way to the
+    answer before, which halves the iterations where the problem has changed little; a start that is
+    no use costs time.
 
     Options: ``tolerance`` (1e-11), ``max_iter`` (150), ``backend`` (``"cholmod"`` or
     ``"superlu"``; the better one that is installed).
