@@ -42,7 +42,8 @@ def solvers(seed: int, repeats: int = 5) -> None:
     """One node's problem by each solver."""
     search = searched(seed)
     relaxer, rng = search.relaxer, np.random.default_rng(0)
-    boxes = search.open[0].node.boxes.copy()
+    _, _, root = search.open[0]
+    boxes = root.boxes.copy()
     boxes[:, :, 0] += 0.3 * rng.random(boxes.shape[:2])
     copies = relaxer.moments.box_copies(relaxer.contacts, boxes)
     flow = InteractionFlow(relaxer.contacts, relaxer.moments, boxes)

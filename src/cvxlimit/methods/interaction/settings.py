@@ -87,7 +87,8 @@ class BranchSettings:
 
     narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
-    rounds: int = 3  # solves per node, with copies added
+    rounds: int = 2  # solves per node, with copies added
+    precision: float = 1e-5  # of powers in its bounds, over the relative tolerance
     speed_at_rest: float = 1e-3  # share of the largest with which contacts at rest count
     at_rest: float = 0.1  # share of the gap in power below which a node's excess is at rest
     moves: float = 1e-3  # share of the largest speed from which a contact moves
@@ -98,6 +99,7 @@ class BranchSettings:
     carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
     attempts: int = 3  # its solves per end of a range
     gain: float = 0.05  # share of the gap that a round of it must close for another one
+    tightening: float = 0.25  # share of the time that it may take
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
@@ -105,7 +107,7 @@ class BranchSettings:
     steps: int = 16  # places tried on the way between two force states
     halvings: int = 25  # after the last good one
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    tried: int = 3  # contacts tried for a split,
+    tried: int = 2  # contacts tried for a split,
     tried_nodes: int = 60  # for so many nodes; then the one that carries most of the gap
     due: float = 0.3  # share of the best split's gain from which others are due in its parts
     climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps

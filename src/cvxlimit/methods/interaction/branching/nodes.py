@@ -57,12 +57,14 @@ class Node:
 @dataclass(frozen=True)
 class Goal:
     """What a node is explored for: a ``lower`` bound on the load factor, the gap ``width`` that is
-    asked for, the ``price`` of the dead load, and how many contacts are ``tried`` for a split."""
+    asked for, the ``price`` of the dead load, how many contacts are ``tried`` for a split, and the
+    relative ``precision`` of powers in bounds."""
 
     lower: float
     width: float
     price: float | None = None
     tried: int = 1
+    precision: float = 0.0
 
     @property
     def cut(self) -> float:
@@ -116,7 +118,7 @@ class Relaxer:
 
     def evaluated(self, node: Node, goal: Goal, rounds: int = BRANCH.rounds) -> Node:
         """Solve, certify, add copies; a solver's failure leaves the bound and forces as given."""
-        flow = self.flow.within(node.boxes)
+        flow = self.flow.within(node.boxes, goal.precision)
         certifier = self.certifier.with_flow(flow)
         first = self.moments.box_copies(self.contacts, node.boxes)
         worth = BRANCH.worth_a_copy * goal.width

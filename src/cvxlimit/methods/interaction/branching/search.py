@@ -35,7 +35,7 @@ class BranchAndBound:
     Bounds go to ``run.best``; the bracket is valid whenever the search stops. Nodes are closed at a
     ``tolerance`` relative to the upper bound. An ``executor`` explores as many nodes at a time as
     it has ``workers``, None is this process. The root is the relaxation of ``outer``, where that is
-    known, and its tightening ends ``seconds`` from now.
+    known, and its tightening may take a share of ``seconds``.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class BranchAndBound:
         seconds: float = np.inf,
     ) -> None:
         self.run, self.tolerance = run, tolerance
-        self._until = run.clock.elapsed + seconds
+        self._until = run.clock.elapsed + BRANCH.tightening * seconds
         with run.clock.phase("compile"):
             opening = None if outer is None else outer.certifier.witnesses.opening_field
             self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening)
@@ -82,7 +82,8 @@ class BranchAndBound:
 
     def _goal(self) -> Goal:
         tried = BRANCH.tried if self.nodes < BRANCH.tried_nodes else 1
-        return Goal(self.lower, self.width, self.price, tried)
+        precision = BRANCH.precision * self.tolerance
+        return Goal(self.lower, self.width, self.price, tried, precision)
 
     def _start(self, outer: UpperBound | None) -> None:
         boxes, best = whole_boxes(self.run.contacts), self.run.best

@@ -96,7 +96,7 @@ class _Tightening:
         """True if a mechanism proves that states pressed in ``slab`` do not reach the bound; else
         copies that it missed are added."""
         relaxer, node, goal = self.relaxer, self.node, self.goal
-        flow = relaxer.flow.within(slab)
+        flow = relaxer.flow.within(slab, goal.precision)
         certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
         tilt = BRANCH.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()

@@ -24,7 +24,8 @@ class InteractionFlow:
     The shortfall s(q) = max of -X . q over true states X with N = 1 is sublinear, and forces do at
     least -s N of work on rates q. ``boxes`` (n, 2, 2) are the pressure centres considered: lowest
     and highest e1 and e2 as fractions of :func:`half_extent`, None is all. Where it ``is_coarse``
-    shortfalls are enclosed closely only if something is missing.
+    shortfalls are enclosed closely only if something is missing, and then to ``precision`` of the
+    largest power in play, if that is coarser.
     """
 
     def __init__(
@@ -33,8 +34,11 @@ class InteractionFlow:
         moments: Moments,
         boxes: FloatArray | None = None,
         is_coarse: bool = False,
+        precision: float = 0.0,
     ) -> None:
         self.contacts, self.moments, self.is_coarse = contacts, moments, is_coarse
+        self.precision = precision
+        self._asked, self._worst = np.zeros(0), (np.zeros(0), np.zeros(0))
         self._given, self._opened = np.zeros(0), Shortfall(np.zeros(0), np.zeros(0))
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
@@ -60,13 +64,17 @@ class InteractionFlow:
         return self._support(-rates, 0)[0]
 
     def worst(self, rates: FloatArray) -> Support:
-        """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known."""
-        floor = rates[:, COLUMN["N"]] if self.is_coarse else None
-        return self._support(-rates, SUPPORT.halvings, floor)
+        """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known; kept,
+        for what is missed is asked for after the bound."""
+        if not np.array_equal(rates, self._asked):
+            floor = rates[:, COLUMN["N"]] if self.is_coarse else None
+            self._worst = self._support(-rates, SUPPORT.halvings, floor)
+            self._asked = rates.copy()
+        return self._worst
 
-    def within(self, boxes: FloatArray) -> InteractionFlow:
+    def within(self, boxes: FloatArray, precision: float = 0.0) -> InteractionFlow:
         """The rule in boxes, for one of many mechanisms: coarse."""
-        return InteractionFlow(self.contacts, self.moments, boxes, is_coarse=True)
+        return InteractionFlow(self.contacts, self.moments, boxes, True, precision)
 
     def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> Support:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
@@ -80,6 +88,9 @@ class InteractionFlow:
         rows = self._rectangles
         if len(rows):
             least = np.full(len(rows), -np.inf) if floor is None else floor[rows]
-            asked = Asked(w[rows], self.half[rows], friction[rows], self.boxes[rows], least)
+            precision = 0.0 if floor is None else self.precision
+            asked = Asked(
+                w[rows], self.half[rows], friction[rows], self.boxes[rows], least, precision
+            )
             power[rows], centre[rows] = self.moments.support(asked, halvings)
         return power + w[:, COLUMN["N"]], centre

@@ -38,6 +38,8 @@ def missed_copies(
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
     """
     statics, field = certifier.statics, certifier.witnesses.opening_field
+    live = float(statics.live @ mechanism.ravel())
+    mechanism = mechanism / live if live > 0.0 else mechanism  # as the certificate has it
     rates = statics.relative_rates(mechanism)
     missing, centre = flow.worst(rates)
     noise = BRACKET.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())

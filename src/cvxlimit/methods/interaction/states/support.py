@@ -28,7 +28,8 @@ Lever = Callable[[FloatArray], FloatArray]
 class Asked:
     """What a support function of n rectangles is asked for: rates ``w`` (n, 6), and boxes
     (n, 2, 2) of pressure centres, per axis the lowest and the highest fraction of the half sides.
-    Powers up to ``floor`` (n,) need not be enclosed closely.
+    Powers up to ``floor`` (n,) need not be enclosed closely, others to ``precision`` of the largest
+    power in play, if that is coarser than the reading's own.
     """
 
     w: FloatArray
@@ -36,6 +37,7 @@ class Asked:
     friction: FloatArray
     boxes: FloatArray
     floor: FloatArray
+    precision: float
 
     def largest(
         self, rows: IntArray, ends: FloatArray, found: _Found, precision: float, halvings: int
@@ -46,7 +48,7 @@ class Asked:
         moments = (w[:, [COLUMN["M2"], COLUMN["M1"]]] * self.half).sum(axis=1)
         shear = w[:, COLUMN["V1"]] + w[:, COLUMN["V2"]]
         twist = w[:, COLUMN["MT"]] * np.hypot(*self.half.T)
-        tolerance = precision * (moments + self.friction * (shear + twist))
+        tolerance = max(precision, self.precision) * (moments + self.friction * (shear + twist))
         best, dropped, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros((n, 2))
         before = np.full(len(rows), np.inf)
         for left in reversed(range(halvings + 1)):
