@@ -70,12 +70,12 @@ PARTS = (
     Part("engine", "benchmarks.engine", 3),
     Part("sweep", "benchmarks.sweep", 2),
     Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 5000", 8),
-    Part("closing", "benchmarks.closing_page --measure", 25, "docs/evidence/closing.jsonl"),
+    Part("closing", "benchmarks.closing_page --measure", 15, "docs/evidence/closing.jsonl"),
     Part("nodes", "benchmarks.nodes", 5),
     Part(
         "interaction",
-        "benchmarks.interaction --write --budget 3000 --each 40",
-        40,
+        "benchmarks.interaction --write --budget 2000 --each 30",
+        30,
         "docs/evidence/interaction.json",
     ),
     Part(
@@ -84,11 +84,11 @@ PARTS = (
         25,
         "benchmarks/results/stability",
     ),
-    Part("referees", "benchmarks.referees --seconds 40 --picture docs/evidence/referees.png", 15),
+    Part("referees", "benchmarks.referees --seconds 20 --picture docs/evidence/referees.png", 8),
     Part("torsion", "benchmarks.physics docs/evidence speed", 2),
     Part("physics", "benchmarks.physics docs/evidence models", 6),
     Part("dilatancy-walls", "benchmarks.dilatancy walls", 1),
-    Part("dilatancy-space", "benchmarks.dilatancy space", 3),
+    Part("dilatancy-space", "benchmarks.dilatancy space", 6),
     Part("dilatancy-unique", "benchmarks.dilatancy unique --walls 50", 2),
     Part("gilbert", "benchmarks.dilatancy gilbert", 1),
     Part("models", "benchmarks.models --large", 12),
@@ -187,6 +187,7 @@ def measure(
     commit = committed()
     FOLDER.mkdir(exist_ok=True)
     due = [part for part in PARTS if names is None or part.name in names]
+    due.sort(key=lambda part: -part.minutes)  # the longest first, so that workers end together
     if not again:
         due = [part for part in due if (known := read(part.name)) is None or known.commit != commit]
     say(f"{len(due)} parts to measure, some {sum(part.minutes for part in due):g} min of one core")
