@@ -118,20 +118,28 @@ def _draw_solid(
     )
 
     if len(inside):
-        solid = [inside[f] for f in _faces(inside)]
+        solid = inside[_alike(_faces(inside))]
         made = Poly3DCollection(
             solid, facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85, shade=True
         )
         ax.add_collection3d(made, autolim=False)
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
-    lines = [outside[[*f, f[0]]] for f in _faces(outside)]
+    lines = outside[_alike([[*f, f[0]] for f in _faces(outside)])]
     dashed = Line3DCollection(lines, colors="#555555", lw=0.4, ls="--")
-    ax.add_collection3d(dashed, autolim=False)  # which matplotlib 3.10 takes of equal lengths only
+    ax.add_collection3d(dashed, autolim=False)
     low, high = outside.min(axis=0), outside.max(axis=0)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.locator_params(nbins=4)  # more overlap in a narrow figure
     ax.set_box_aspect(None, zoom=0.8)  # which leaves labels on the paper
+
+
+def _alike(faces: Sequence[Sequence[int]]) -> IntArray:
+    """Faces with corners repeated until all have as many: Matplotlib 3.10 fills up those that are
+    shorter with numbers that nobody set, and warns of them. Evenly, since three corners a third of
+    the way apart give the normal to shade by."""
+    most = max(map(len, faces), default=0)
+    return np.array([[f[k * len(f) // most] for k in range(most)] for f in faces], dtype=int)
 
 
 def domain_page(domains: Sequence[Any]) -> Page:
