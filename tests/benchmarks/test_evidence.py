@@ -18,6 +18,20 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted([DOCS.parent / "README.md", *DOCS.rglob("*.md")])
 MARK = re.compile(r"<!-- record ([\w-]+)")
 
+MADE = {"atlas.md", "bench.md", "interaction.md", "paper.md"}
+"""Pages whose own commands write or test their tables: the stability bench, the open bench, the
+interaction's experiments, and published values recomputed by ``tests/whole/test_published.py``."""
+
+CODE = re.compile(r"<!-- record .*?<!-- /record -->|```.*?```|`[^`]*`|\$[^$]*\$", re.S)
+"""What is no prose."""
+
+FROM_TESTS = {
+    "3.11": "the least version of Python, pyproject.toml",
+    "1.85": "torsion with all friction at the corners, tests/whole/test_users_code.py",
+    "0.38260": "c_T of a unit square, (sqrt(2) + asinh(1)) / 6",
+}
+"""Figures of pages that something else holds."""
+
 RECORD = Record(
     "speed", "benchmarks.speed", __version__, "1a2b3c4", "2026-11-22T10:00:00+00:00", "2 cores",
     3.0, "### walls\n| wall | s |\n|---|---|\n| 1 | 0.423056 |\nthree lines\n### arches\n12.5 ms\n",
@@ -45,6 +59,39 @@ def test_a_record_is_of_this_minor_version_and_of_the_command_that_is_named(name
 
 def test_every_record_belongs_to_a_part() -> None:
     assert {path.stem for path in evidence.FOLDER.glob("*.json")} <= {part.name for part in PARTS}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [p for p in PAGES if p.parent.name == "evidence" and p.name not in MADE],
+    ids=lambda p: p.name,
+)
+def test_figures_in_the_text_stand_in_a_record_of_the_page(page: Path) -> None:
+    """Of three or more digits: fewer are settings and round words."""
+    text = page.read_text("utf-8")
+    measured = [
+        number
+        for name in marks(page)
+        if (record := read(name)) is not None
+        for number in numbers(record.output)
+    ]
+    loose = [quoted for quoted in figures(CODE.sub("", text)) if not stands(quoted, measured)]
+    assert not loose, f"no record of this page holds {', '.join(loose)}"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [p for p in PAGES if p.parent.name not in ("evidence", "api")],
+    ids=lambda p: p.name,
+)
+def test_figures_of_other_pages_are_printed_there_or_stand_among_the_evidence(page: Path) -> None:
+    """What code on a page prints is compared by ``test_readme.py`` and its like."""
+    text = page.read_text("utf-8")
+    sources = ["".join(CODE.findall(text)), " ".join(FROM_TESTS)]
+    sources += [other.read_text("utf-8") for other in PAGES if other.parent.name == "evidence"]
+    known = [number for source in sources for number in numbers(source)]
+    loose = [quoted for quoted in figures(CODE.sub("", text)) if not stands(quoted, known)]
+    assert not loose, f"nothing prints or holds {', '.join(loose)}"
 
 
 def figures(text: str) -> list[str]:
