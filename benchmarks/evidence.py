@@ -59,37 +59,37 @@ OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e
 
 PARTS = (
     Part("small", "benchmarks.small", 1),
-    Part("headline", "benchmarks headline --repeat 3 --limit 60", 15),
+    Part("headline", "benchmarks headline --repeat 2 --limit 40", 10),
     Part("methods", "benchmarks.methods", 5),
     Part(
         "resolving",
-        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 3"
+        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 2"
         " --picture docs/evidence/resolving.png",
-        10,
+        7,
     ),
     Part("engine", "benchmarks.engine", 3),
     Part("sweep", "benchmarks.sweep", 2),
     Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 5000", 8),
-    Part("closing", "benchmarks.closing_page --measure", 15, "docs/evidence/closing.jsonl"),
+    Part("closing", "benchmarks.closing_page --measure", 10, "docs/evidence/closing.jsonl"),
     Part("nodes", "benchmarks.nodes", 5),
     Part(
         "interaction",
-        "benchmarks.interaction --write --budget 2000 --each 30",
-        30,
+        "benchmarks.interaction --write --budget 1000 --each 25",
+        17,
         "docs/evidence/interaction.json",
     ),
     Part(
         "atlas",
-        "benchmarks.stability --size 420 --peer .venv-cra/bin/python",
-        25,
+        "benchmarks.stability --size 210 --peer .venv-cra/bin/python",
+        12,
         "benchmarks/results/stability",
     ),
-    Part("referees", "benchmarks.referees --seconds 20 --picture docs/evidence/referees.png", 8),
+    Part("referees", "benchmarks.referees --seconds 10 --picture docs/evidence/referees.png", 5),
     Part("torsion", "benchmarks.physics docs/evidence speed", 2),
     Part("physics", "benchmarks.physics docs/evidence models", 6),
     Part("dilatancy-walls", "benchmarks.dilatancy walls", 1),
     Part("dilatancy-space", "benchmarks.dilatancy space", 6),
-    Part("dilatancy-unique", "benchmarks.dilatancy unique --walls 50", 2),
+    Part("dilatancy-unique", "benchmarks.dilatancy unique --walls 30", 2),
     Part("gilbert", "benchmarks.dilatancy gilbert", 1),
     Part("models", "benchmarks.models --large", 12),
     Part("elimination", "benchmarks.elimination", 1),
@@ -97,7 +97,7 @@ PARTS = (
     Part("domains", "benchmarks.domains --ideal", 4),
     Part("domains-space", "benchmarks.domains --scenes facade --loads 3 --tolerance 0.03", 1),
     Part("domes", "benchmarks.dome", 2),
-    Part("chart-panel", f"{RUN}s12 --cases s12-class --limit 15 --repeat 2", 12),
+    Part("chart-panel", f"{RUN}s12 --cases s12-class --limit 15 --repeat 1", 7),
     Part(
         "chart-wall",
         f'{RUN}planar --cases planar-wall --sizes 150 --limit 10 --methods "cvxlimit*" {OWN} '
@@ -106,9 +106,9 @@ PARTS = (
     ),
     Part(
         "chart-growth",
-        f"{RUN}panels --cases panel --sizes 500 1900 5000 9000 16452 --repeat 1 --limit 120 "
+        f"{RUN}panels --cases panel --sizes 500 1900 5000 9000 --repeat 1 --limit 120 "
         f'--methods "cvxlimit/1e-*" "conic/corners/qoco/1e-8" {OWN}',
-        14,
+        7,
     ),
 )
 
