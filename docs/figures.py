@@ -259,15 +259,16 @@ FRAMES = {"forces": "arch-on-piers", "thrust": "arch-on-piers"}
 def gallery(folder: Path) -> None:
     """One picture of each kind."""
     for kind in PICTURES.keys() - {"animation", "page"}:
-        figure = solve(builtin_scene(FRAMES.get(kind, "facade"))).plot(kind, figsize=(6.4, 5.4))
-        figure.savefig(folder / f"{kind}.png", dpi=160)
+        solution = solve(builtin_scene(FRAMES.get(kind, "facade")))
+        figure = solution.plot(kind, figsize=(3.4, 3.0), title="")
+        figure.savefig(folder / f"{kind}.png", dpi=220)
     wall = solve(builtin_scene("tuff-wall"))
     for name, kind, options in (
         ("column-mechanism", "mechanism", {}),
         ("column-half", "utilisation", {"load_factor": 0.5 * wall.load_factor}),
     ):
         figure = wall.plot(kind, figsize=(3.4, 3.2), **options)
-        figure.savefig(folder / f"{name}.png", dpi=300)
+        figure.savefig(folder / f"{name}.png", dpi=220)
 
 
 FIGURES = {

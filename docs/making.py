@@ -74,11 +74,12 @@ def columns(table: Any) -> str:
 
 
 def gallery() -> str:
-    """Every picture of a solution: what its function says, and an example if there is one."""
+    """Every picture of a solution: what its function says, and an example; last those that move."""
+    drawn = sorted(PICTURES, key=lambda kind: not (FIGURES / f"{kind}.png").exists())
     return "\n".join(
         [
             "::::{grid} 1 1 2 2\n:gutter: 2\n",
-            *(card(kind, make) for kind, make in PICTURES.items()),
+            *(card(kind, PICTURES[kind]) for kind in drawn),
             "::::\n",
         ]
     )

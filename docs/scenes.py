@@ -6,19 +6,23 @@ Load factors and seconds are therefore always those of the code that builds the 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import cvxlimit
 from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.plotting import mechanism_of
+from cvxlimit.plotting.drawing import drawn
+from cvxlimit.plotting.sheet import Sheet
 
 CARD = """:::{{grid-item-card}} {name}
 ![{name}, as it falls](/_made/pictures/{name}.png)
 
 {said}
 
-Load factor **{factor}**, {status}, in {seconds:.1f} s of CPU. Free blocks: {blocks};
+Load factor **{factor}**, {status}, in {seconds:.1g} s of CPU. Free blocks: {blocks};
 contacts: {contacts}.
 
 `solve(builtin_scene("{name}"))`, <a href="live/{name}.html">turn it and let it fall</a>
@@ -43,8 +47,9 @@ def card(name: str, made: Path) -> str:
     started = process_time()
     solution = solve(builtin_scene(name))
     seconds = process_time() - started
-    figure = solution.plot("mechanism")
-    figure.savefig(made / "pictures" / f"{name}.png", dpi=70)
+    bare = replace(mechanism_of(solution.drawn_scene, solution), has_axes=False, bar=None)
+    sheet = Sheet(figsize=(3.4, 2.7), title="", legend=False)  # words are too small on a card
+    drawn(bare, sheet).savefig(made / "pictures" / f"{name}.png", dpi=150)
     solution.plot("page", made / "site" / "live" / f"{name}.html")
     return CARD.format(
         name=name,
