@@ -65,11 +65,14 @@ class Chart:
         handles, labels = self.axes.get_legend_handles_labels()
         if not (self.sheet.legend and labels):
             return
-        size, host, place = self.size("legend.fontsize"), self.axes, {}
-        if self.sheet.ax is None:
-            columns = columns_of(labels, size, self.width)
-            host, place = self.figure, {"loc": "outside lower center", "ncols": columns}
-        host.legend(handles, labels, fontsize=size, **KEYS, **place)
+        size = self.size("legend.fontsize")
+        if self.sheet.ax is not None:  # with Matplotlib's own distance from their frame
+            self.axes.legend(handles, labels, fontsize=size, frameon=False)
+            return
+        columns = columns_of(labels, size, self.width)
+        self.figure.legend(
+            handles, labels, loc="outside lower center", ncols=columns, fontsize=size, **KEYS
+        )
 
     def name_lines(self) -> None:
         """Every line's name beside it, or below where a narrow figure has no room for that."""
