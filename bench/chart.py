@@ -8,10 +8,10 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from bench.case import HOME, PLANE, Case, cases
+from cvxlimit.plotting.chart import label_lines
 
 PICTURE = HOME.parent / "docs" / "evidence" / "bench.png"
 
@@ -32,19 +32,17 @@ def draw(is_written: bool, tell: Callable[[str], object]) -> None:
     tested = [(each, each.record()) for each in cases() if tests(each.record())]
     space = [pair for pair in tested if len(pair[1]["models"]) > len(PLANE)]
     plane = [pair for pair in tested if pair not in space]
-    figure = Figure(figsize=(5.4 * (len(space) + 1), 5.6), layout="constrained")
-    plots = figure.subplots(1, len(space) + 1, squeeze=False)[0]
-    drawn = [specimen(axes, *pair, tell) for axes, pair in zip(plots, space, strict=False)]
+    rows = len(space) + 1
+    figure = Figure(figsize=(7.7, 3.4 * rows), layout="constrained")
+    plots = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    for axes, pair in zip(plots, space, strict=False):
+        specimen(axes, *pair, tell)
     arches(plots[-1], plane, tell)
-    handles = [
-        Line2D([], [], color=colour, marker=marker, markersize=9, linestyle="", label=model)
-        for model, (marker, colour) in LOOKS.items() if any(model in found for found in drawn)
-    ]  # fmt: skip
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False,
-                  columnspacing=1.2, handletextpad=0.2)  # fmt: skip
-    figure.suptitle("Models against experiments: proved brackets over the measured value")
+    figure.draw_without_rendering()  # names stand where the layout leaves the points
+    for axes in plots[:-1]:
+        label_lines(axes, 9.0)
     if is_written:
-        FigureCanvasAgg(figure).print_figure(PICTURE, dpi=110)
+        FigureCanvasAgg(figure).print_figure(PICTURE, dpi=190)
         tell(str(PICTURE))
 
 
@@ -61,23 +59,21 @@ def ends(bracket: Mapping[str, Any]) -> tuple[float, float] | None:
 
 def specimen(
     axes: Axes, each: Case, record: Mapping[str, Any], tell: Callable[[str], object]
-) -> list[str]:
-    """Every model: its bracket as a bar, at the CPU seconds it took; the models that are drawn."""
+) -> None:
+    """Every model: its bracket as a bar, at the CPU seconds it took."""
     (test,) = tests(record)
-    drawn = []
     for model, bracket in record["brackets"].items():
         found = ends(bracket)
         if found is None or model not in LOOKS:
             continue
         low, high = (100.0 * (end / test - 1.0) for end in found)
         marker, colour = LOOKS[model]
-        axes.errorbar(
-            bracket["seconds"], (low + high) / 2.0, yerr=(high - low) / 2.0, color=colour,
-            marker=marker, markersize=15 if marker == "*" else 10, markeredgecolor="white",
-            capsize=5, linestyle="",
+        axes.vlines(bracket["seconds"], low, high, color=colour, linewidth=3, alpha=0.6)
+        axes.plot(
+            bracket["seconds"], (low + high) / 2.0, marker, color=colour, label=model,
+            markersize=11 if marker == "*" else 8, markeredgecolor="white",
         )  # fmt: skip
         tell(f"{each.name:12} {model:16} {low:+.1f} to {high:+.1f} %, {bracket['seconds']} s")
-        drawn.append(model)
     axes.axhline(0.0, color="#222", linewidth=1)
     axes.annotate("test", (LEAST, 0.0), (4, 4), textcoords="offset points")
     axes.set_xscale("log")
@@ -87,10 +83,10 @@ def specimen(
     axes.set_xlabel("CPU seconds")
     axes.set_ylabel("distance from the test, %")
     axes.grid(alpha=0.3)
+    axes.tick_params(labelsize=9)
     contacts = record["scenes"][""]["contacts"]
     axes.set_title(f"{each.name}: {contacts:,} contacts, layout {record['layout']}, test {test:g}",
-                   fontsize="medium")  # fmt: skip
-    return drawn
+                   fontsize=10, loc="left")  # fmt: skip
 
 
 def arches(
@@ -114,5 +110,8 @@ def arches(
     axes.set_ylim(-0.6, len(pairs) - 0.4)
     axes.set_xlim(0, 110)
     axes.set_xlabel("share of the measured load, %")
-    axes.set_title("arches in mortar or with fill (conic): must stay below", fontsize="medium")
+    axes.set_title(
+        "arches in mortar or with fill (conic): must stay below", fontsize=10, loc="left"
+    )
+    axes.tick_params(labelsize=9)
     axes.grid(alpha=0.3)
