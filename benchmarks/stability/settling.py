@@ -72,7 +72,7 @@ def _iterated(family: str, seed: int, scale: int, moments: str, weight: float) -
         "period": period(factors) if solution.status == "cycling" else None,
         "iterations": len(factors),
         "factors": [f for f in factors if f is not None][-12:],
-        "first": factors[0],
+        "first": factors[0] if factors else None,
         "seconds": time.process_time() - start,
     }
 
