@@ -359,6 +359,15 @@ class TestSheet:
     def test_words_stay_on_the_paper(self, tuff: Solution, kind: str, figsize) -> None:
         assert_legible(tuff.plot(kind, figsize=figsize))
 
+    @pytest.mark.exhaustive
+    @pytest.mark.parametrize("name", ["facade", "single-block"])
+    def test_words_of_all_pictures_keep_apart_in_a_column(self, name: str) -> None:
+        """Of scenes whose axes are short there, so that their words are close."""
+        solution = solve(builtin_scene(name))
+        for kind in KINDS:
+            assert_legible(solution.plot(kind, figsize=(3.4, 3.0)), 5)
+        assert_legible(solution.drawn_scene.plot(figsize=(3.4, 2.5)), 5)
+
     def test_sizes_titles_and_legends_are_the_callers(self, arch: Solution) -> None:
         figure = arch.plot("thrust", figsize=(3.4, 2.5), title="Arch", legend=False)
         assert figure.get_size_inches().tolist() == [3.4, 2.5]

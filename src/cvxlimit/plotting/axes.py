@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -62,22 +63,26 @@ class Axes:
         values = _ticks(low, high, room, letters.tick, level=abs(aside[1]) > 0.2)
         self.lines.append(base)
         align = _aligned(aside)
-        texts = [f"{value:.10g}" for value in values]
-        for value, text in zip(values, texts, strict=True):
-            share = (value - span[0]) / (span[1] - span[0])
-            at = base[0] + share * (base[1] - base[0])
-            self.ticks.append(np.stack([at, PAPER.tick * aside]))
-            away = (1.6 * PAPER.tick * aside).tolist()
-            self.words.append(Word(tuple(at), tuple(away), text, letters.tick, *align))
-        wide = max((measured(text, letters.tick) for text in texts), default=0.0)
-        tall = 1.25 * letters.tick * PAPER.point if texts else 0.0
+        places = [base[0] + (v - low) / (high - low) * (base[1] - base[0]) for v in values]
+        away = tuple((1.6 * PAPER.tick * aside).tolist())
+        numbers = [
+            Word(tuple(at), away, f"{value:.10g}", letters.tick, *align)
+            for value, at in zip(values.tolist(), places, strict=True)
+        ]
+        tight = 0.9 * scale  # which is somewhat less once there is room for all words
+        if any(one.meets(other, tight) for one, other in pairwise(numbers)):
+            numbers, places = [], []
+        self.ticks.extend(np.stack([at, PAPER.tick * aside]) for at in places)
+        wide = max((measured(word.text, letters.tick) for word in numbers), default=0.0)
+        tall = 1.25 * letters.tick * PAPER.point if numbers else 0.0
         reach = 1.6 * PAPER.tick + float(np.abs(aside) @ [wide, tall]) + 0.03
-        if not texts:
-            name += f" {span[0]:.4g} to {span[1]:.4g}"
-        middle = base.mean(axis=0)
-        self.words.append(
-            Word(tuple(middle), tuple(reach * aside), f"{name} ({unit})", letters.size(9.0), *align)
-        )
+        told = f"{name} ({unit})" if numbers else f"{name} {low:.4g} to {high:.4g} ({unit})"
+        middle, size = tuple(base.mean(axis=0)), letters.size(9.0)
+        label = Word(middle, tuple(reach * aside), told, size, *align)
+        while any(label.meets(word, tight) for word in numbers):
+            reach += 0.02
+            label = Word(middle, tuple(reach * aside), told, size, *align)
+        self.words.extend([*numbers, label])
 
 
 def _ticks(low: float, high: float, room: float, size: float, level: bool) -> FloatArray:

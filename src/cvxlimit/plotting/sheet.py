@@ -176,6 +176,12 @@ class Word:
         foot = self.away[1] - {"bottom": 0.0, "center": 0.5, "top": 1.0}[self.upright] * height
         return left, foot, left + width, foot + height
 
+    def meets(self, other: Word, scale: float) -> bool:
+        """True if the two overlap where the picture has ``scale`` inches for one unit."""
+        shift = scale * (np.asarray(other.at) - np.asarray(self.at))
+        mine, their = np.array(self.box), np.array(other.box) + np.tile(shift, 2)
+        return bool((mine[:2] < their[2:]).all() and (their[:2] < mine[2:]).all())
+
 
 @dataclass(frozen=True)
 class Fit:
