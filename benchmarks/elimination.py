@@ -17,7 +17,7 @@ import scipy.linalg
 from rich.console import Console
 
 from cvxlimit.masonry import running_bond, wall
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -50,7 +50,7 @@ def row(units: int) -> str:
         LimitProblem(assemblage, surfaces, reduction=reduction).problem.get_problem_data(
             cp.CLARABEL
         )[0]
-        for reduction in (found.full, found.best())
+        for reduction in (Reduction.none(assemblage.statics), found.best())
     )
     equations, rows = np.split(planar["A"].toarray(), [planar["dims"].zero])
     chosen = scipy.linalg.qr(equations, mode="r", pivoting=True)[1][: len(equations)]

@@ -80,7 +80,7 @@ PARTS = (
     ),
     Part(
         "atlas",
-        "benchmarks.stability --size 210 --peer .venv-cra/bin/python",
+        "benchmarks.stability --peer .venv-cra/bin/python",
         12,
         "benchmarks/results/stability",
     ),

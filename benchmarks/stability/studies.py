@@ -200,10 +200,10 @@ def _reference(made: Sample, surface: str) -> Reference | None:
 
 STUDIES: dict[str, tuple[Ask, float]] = {
     "default": (ask_default, 1.0),
-    "certified": (ask_certified, 0.15),
-    "methods": (ask_methods, 0.2),
-    "models": (ask_models, 0.1),
-    "fixed-point": (ask_fixed_point, 0.12),
-    "orders": (ask_orders, 0.01),
+    "certified": (ask_certified, 0.03),
+    "methods": (ask_methods, 0.04),
+    "models": (ask_models, 0.02),
+    "fixed-point": (ask_fixed_point, 0.024),
+    "orders": (ask_orders, 0.002),
 }
 """All studies by name, and the share of ``--size`` scenes that each of them takes."""

@@ -13,9 +13,9 @@ and each answer was judged by something that does not trust the one who gave it.
 <!-- /record -->
 
 `.venv/bin/python -m benchmarks.stability` measures everything and writes this page with its pictures
-(about an hour of one core; `--size 210` is a fifth of it; what is measured already is not measured
-again). `... run --study default` asks our default only, a minute or two; with `--first 1000` it asks
-about scenes that nobody has seen.
+(about ten minutes of one core; `--size 5500` is five times as much; what is measured already is not
+measured again). `... run --study default` asks our default only, a minute or two; with `--first 2000`
+it asks about scenes that nobody has seen.
 
 ## In short: which method for which scene
 
