@@ -84,7 +84,7 @@ def reached(solution: Solution, spent: Sequence[float], first: float) -> str:
     """After how many first solves the bracket was within each of :data:`WIDTHS`."""
     found = ""
     for width in WIDTHS:
-        for entry, seconds in zip(solution.history, spent, strict=True):
+        for entry, seconds in zip(solution.history, spent, strict=False):
             known = entry.lower is not None and entry.upper is not None
             if known and Bracket(entry.lower, entry.upper).width <= width:
                 found += f"; {width:.1%} after {seconds / first:.1f}"
