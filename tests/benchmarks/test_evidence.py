@@ -15,7 +15,9 @@ from benchmarks.evidence import PARTS, Part, Record, filled, read, run
 from cvxlimit import __version__
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = sorted([DOCS.parent / "README.md", *DOCS.rglob("*.md")])
+PAGES = sorted(
+    [DOCS.parent / "README.md", *(p for p in DOCS.rglob("*.md") if "_made" not in p.parts)]
+)
 MARK = re.compile(r"<!-- record ([\w-]+)")
 
 MADE = {"atlas.md", "bench.md", "interaction.md", "paper.md"}
