@@ -18,6 +18,7 @@ from benchmarks.runs import Limits
 from benchmarks.suite import QUICK, Plan, methods_of, run_case, sizes_of
 
 console = Console(highlight=False, markup=False, soft_wrap=True)
+progress = Console(highlight=False, markup=False, soft_wrap=True, stderr=True)
 HERE = Path(__file__).parent
 ACTIONS = {
     "all": "measure every figure of the documentation at this commit, two hours on one core; what "
@@ -206,7 +207,7 @@ def _all(options: argparse.Namespace) -> int:
 def _headline(options: argparse.Namespace) -> int:
     limits = Limits(options.limit or (20.0 if options.quick else 120.0), options.memory)
     repeat = options.repeat or (1 if options.quick else 5)
-    text = headline.run(repeat, limits, options.out, options.quick, console.print)
+    text = headline.run(repeat, limits, options.out, options.quick, progress.print)
     console.print(text)
     return 0
 

@@ -118,12 +118,12 @@ def all_core_rows(repeat: int, limits: Limits, say: Say) -> list[Row]:
 def growth_rows(sizes: Sequence[int], repeat: int, limits: Limits, say: Say) -> list[Row]:
     """Ours over the sizes, on panels with two returns; no reference is needed for that.
 
-    Large ones once, with five times the seconds.
+    Large ones once, with twenty times the seconds.
     """
     rows = []
     for size in sizes:
         is_large = size > LARGE
-        here = Limits(5 * limits.seconds, limits.memory) if is_large else limits
+        here = Limits(20 * limits.seconds, limits.memory) if is_large else limits
         number = 1 if is_large else repeat
         rows += side_by_side(
             [OURS], panel_of(size), number, run=apart(here), refer=apart(Limits(1.0))

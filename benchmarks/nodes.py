@@ -2,8 +2,8 @@
 
 For irregular walls of several sizes: CPU milliseconds of one node's problem by solver and
 tolerance, with the bound that its mechanism certifies; CPU milliseconds per node and the share of
-it that is the solver's; and nodes and CPU seconds until a bracket is closed, in this process and in
-two others.
+it that is the solver's; and nodes and CPU seconds until a bracket is closed or a hundred nodes are
+explored, in this process and in two others.
 """
 
 from __future__ import annotations
@@ -84,13 +84,13 @@ def shares(seed: int, nodes: int = 40) -> None:
     )
 
 
-def workers(seed: int) -> None:
-    """Nodes, CPU and wall seconds to the tolerance, in one process and in two."""
+def workers(seed: int, most: int = 100) -> None:
+    """Nodes, CPU seconds and seconds of the clock, in one process and in two."""
     for count in (1, 2):
         spent, start = _cpu_seconds(), time.perf_counter()
         with processes(count) as executor:
             search = searched(seed, executor=executor, workers=count)
-            while search.can_go_on:
+            while search.can_go_on and search.nodes < most:
                 search.step()
             bracket = search.run.best.bracket
         console.print(
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print all three."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.nodes", description=__doc__)
     parser.add_argument("--walls", type=int, nargs="*", default=[14, 26, 18])
-    parser.add_argument("--closing", type=int, nargs="*", default=[14, 38])
+    parser.add_argument("--closing", type=int, nargs="*", default=[26, 38])
     asked = parser.parse_args(arguments)
     for seed in asked.walls:
         solvers(seed)
