@@ -25,7 +25,7 @@ ACTIONS = {
     "has a record of it is not measured again",
     "run": "measure all cases, which takes hours, or some of them, and draw the charts",
     "charts": "draw them again from the results",
-    "headline": "the figures of the README, 10 minutes",
+    "headline": "the figures of the README, a quarter of an hour",
     "list": "the cases and methods",
 }
 TAKES = {

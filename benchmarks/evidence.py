@@ -59,7 +59,7 @@ OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e
 
 PARTS = (
     Part("small", "benchmarks.small", 1),
-    Part("headline", "benchmarks headline --repeat 2 --limit 40", 10),
+    Part("headline", "benchmarks headline --repeat 3 --limit 40", 14),
     Part("methods", "benchmarks.methods", 5),
     Part(
         "resolving",
@@ -74,8 +74,8 @@ PARTS = (
     Part("nodes", "benchmarks.nodes", 5),
     Part(
         "interaction",
-        "benchmarks.interaction --write --budget 1000 --each 25",
-        17,
+        "benchmarks.interaction --write --budget 1500 --each 25",
+        25,
         "docs/evidence/interaction.json",
     ),
     Part(

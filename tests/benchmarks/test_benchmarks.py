@@ -333,10 +333,15 @@ def test_headline_checks_say_what_holds_and_what_does_not():
     assert not headline.ratio(failed, slow).holds
 
 
-def test_headline_overhead_and_growth():
+def test_headline_sizes_and_growth():
     scene = builtin_scene("stack")
     rows = [made_up(headline.OURS, scene, 1e-3 * n**1.2, n) for n in (500, 1_900, 16_452)]
-    checks = headline.growth_checks(rows)
-    assert [check.holds for check in checks[:3]] == [True, False, False]
-    assert all("67%" in check.measured for check in checks[:3])
+    lost = replace(rows[-1], contacts=50_546, total=None, reason="time limit of 200 s")
+    checks = headline.growth_checks([*rows, lost])
+    assert not checks[-1].holds
+    assert checks[-1].measured == "time limit of 200 s"
+    table = headline.sizes_table([*rows, lost]).splitlines()
+    assert table[3].startswith("| 1,900 | 8.60 |")  # 1e-3 * 1900**1.2
+    assert table[-1].endswith("| time limit of 200 s |")
+    assert {line.count("|") for line in table} == {9}
     assert "total 1.20" in headline.bound(rows)
