@@ -303,6 +303,7 @@ def test_refused_before_anything_runs(make, message):
     ("models", "repeat", "message"),
     [
         (["no-such"], 1, "no method matches 'no-such': did you mean"),
+        (["octagon"], 1, "did you mean cvxlimit/octagon or octagon/corners"),
         ([], 1, "nothing to compare"),
         ([3], 1, "must be names or Model objects"),
         ([Model("a"), Model("a", tolerance=0.1)], 1, "two models are called 'a'"),

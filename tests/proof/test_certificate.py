@@ -513,3 +513,8 @@ def test_compressions_are_checked_whatever_a_formulation_calls_them(name: str) -
     pulling = pushing - scene.total_weight * np.array([1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0])
     assert certifier.certificate(pushing, 0.0, None).yield_excess == 0.0
     assert certifier.certificate(pulling, 0.0, None).yield_excess == pytest.approx(0.75)
+
+
+def test_the_name_of_a_surface_is_refused():
+    with pytest.raises(ModelError, match="got the name 'octagon'"):
+        Certifier(single_block(), "octagon")  # type: ignore[arg-type]

@@ -136,9 +136,10 @@ def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
     for pattern in patterns:
         if not any(fnmatchcase(method.name, pattern) for method in among):
             known = [method.name for method in among]
-            close = get_close_matches(pattern, known, 3, 0.4) or known[:3]
+            close = [name for name in known if pattern in name][:3]
+            close = close or get_close_matches(pattern, known, 3, 0.4) or known[:3]
             raise ModelError(
                 f"no method matches {pattern!r}: did you mean {' or '.join(close)}? "
-                "cvxlimit.compare.registry.registry() has all names"
+                "* and ? stand for any letters; cvxlimit.compare.registry() has all names"
             )
     return [m for m in among if any(fnmatchcase(m.name, pattern) for pattern in patterns)]

@@ -149,6 +149,11 @@ class Certifier:
         formulation: Formulation = corner_compressions,
         flow: Flow | None = None,
     ) -> None:
+        if isinstance(surfaces, str):
+            raise ModelError(
+                "surfaces must be a list of YieldSurface objects, as [Rocking(), TorsionShear()], "
+                f"got the name {surfaces!r}"
+            )
         self.assemblage = Assemblage.of(scene)
         self.statics = self.assemblage.statics
         self.strength = Strength(self.assemblage, surfaces, formulation, flow)
