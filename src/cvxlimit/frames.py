@@ -67,10 +67,13 @@ def _forces(found: FloatArray | None, number: int, units: Units) -> Columns:
     return columns
 
 
+SCALED = "for unit power of the live load"
+
+
 def _moving(rates: FloatArray, units: Units) -> Columns:
     return {
-        **_along("u", rates[:, :3], f"{units.length}\u00b7rate", "velocity along {}, live power 1"),
-        **_along("r", rates[:, 3:], "rad\u00b7rate", "rotation about {}, live power 1"),
+        **_along("u", rates[:, :3], f"{units.length}\u00b7rate", f"velocity along {{}}, {SCALED}"),
+        **_along("r", rates[:, 3:], "rad\u00b7rate", f"rotation about {{}}, {SCALED}"),
     }
 
 
@@ -88,7 +91,8 @@ def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
     }
     columns |= _forces(forces, len(contacts), scene.units)
     for i, values in enumerate(centre.T, 1):
-        columns[f"e{i}"] = values, length, f"pressure centre from the contact's, along t{i}"
+        text = f"distance of the pressure centre from the contact's centroid, along t{i}"
+        columns[f"e{i}"] = values, length, text
     columns |= _along("p", place, length, "{} of the pressure centre")
     for name, used in utilisations(solution, scene).items():
         columns[name] = used, "", _USED.get(name, "share of the strength of that surface in use")
@@ -105,7 +109,7 @@ def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
 _USED = {
     "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
     "1 is at the limit; strength that a formulation states itself, as for crushing, is not in it",
-    "utilisation_rocking": "pressure centre's distance from the centre over the edge's",
+    "utilisation_rocking": "distance of the pressure centre from the centroid over the edge's",
     "utilisation_sliding": "shear over friction",
     "utilisation_torsion": "torsion over the torsional strength without shear",
     "utilisation_torsion_shear": "torsion and shear together, on the paper's line (Eq. 24)",
@@ -120,9 +124,9 @@ def _rates(solution: Solution, scene: Scene) -> Columns:
     states = [ContactKind(k).name.lower() if moving.moves else "" for k in what.kind.tolist()]
     widest, twist = blank * what.widest, blank * what.twist
     return {
-        "opening": (widest, rate, "largest opening rate over the corners, live power 1"),
-        "slip": (blank * what.slip, rate, "largest sliding rate over the corners, live power 1"),
-        "twist": (twist, "rad\u00b7rate", "relative rotation rate about the normal, live power 1"),
+        "opening": (widest, rate, f"largest opening rate over the corners, {SCALED}"),
+        "slip": (blank * what.slip, rate, f"largest sliding rate over the corners, {SCALED}"),
+        "twist": (twist, "rad\u00b7rate", f"relative rotation rate about the normal, {SCALED}"),
         "state": (states, "", "closed, opens, slides or twists in the mechanism"),
     }
 

@@ -52,7 +52,10 @@ class Status(StrEnum):
 
 
 _ADVICE = {
-    Status.CERTIFIED: "the bracket, recomputed outside the solver, is within the tolerance",
+    Status.CERTIFIED: (
+        "the bracket, recomputed outside the solver, is within the tolerance; with interaction and "
+        "no tolerance asked for, within 5 %"
+    ),
     Status.NOT_CERTIFIED: (
         "the bracket is wider than the tolerance: use its bounds, ask for a wider tolerance, "
         "or try another surface or solver"

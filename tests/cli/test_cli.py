@@ -388,7 +388,9 @@ def test_malformed_scene(run: Run, tmp_path: Path, name: str) -> None:
         (("solve", "."), "this is a folder"),
         (("solve", "new\nline"), r"new\nline"),
         (("solve", "arch", "--plot", "m.txt"), "must end in .png, .html, .vtu"),
-        (("solve", "arch", "--plot", "forces:m.vtu"), "must end in .png, .svg, .pdf"),
+        (("solve", "arch", "--plot", "forces:m.vtu"), "forces:m.vtu: the name must end in .png"),
+        (("solve", "arch", "--friction", "0.5"), "cvxlimit sweep --vary friction=0.5"),
+        (("compare", "arch", "--models", "conic"), "did you mean conic/"),
         (("solve", "arch", "--plot", "forcs:m.png"), "no picture 'forcs'; did you mean forces?"),
         (("solve", "arch", "--plot", "a.png", "--plot", "forces:a.png"), "this is the file of"),
         (("solve", "arch", "-v", "-q"), "--verbose and --quiet exclude each other"),
@@ -651,3 +653,10 @@ def test_result_file_is_json_with_the_promised_keys(run: Run) -> None:
     assert (document["format"], document["version"]) == ("cvxlimit-result", 1)
     assert document["load_factor"] == pytest.approx(0.4, abs=1e-5)
     assert set(document["seconds"]) >= {"detect", "compile", "solve", "total"}
+
+
+def test_geometry_is_no_scene(run: Run) -> None:
+    Path("wall.obj").write_text("v 0 0 0\n")
+    code, out, err = run("solve", "wall.obj")
+    assert (code, out) == (2, "")
+    assert err == "cvxlimit: wall.obj: this is geometry: cvxlimit import makes a scene of it\n"

@@ -80,7 +80,7 @@ def test_a_picture_of_the_culprit(
     assert run(["import", name, *ASKED, "--plot", "culprit.html"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     page = (tmp_path / "culprit.html").read_text("utf-8")
-    assert "refused: block" in page
+    assert f"refused: {name}: block" in page
     assert '"id":["brick"]' in page
     assert '"marks":[{"at":' in page
     assert not (tmp_path / "scene.json").exists()

@@ -113,7 +113,7 @@ MALFORMED: dict[str, tuple[str | bytes, str]] = {
     "no-friction": (without("friction"), "the scene lacks the key 'friction'"),
     "no-loads": (without("loads"), "the scene lacks the key 'loads'"),
     "no-live-load": (without(*LIVE), "loads lacks the key 'live'"),
-    "no-dead-load": (without(*DEAD), "loads lacks the key 'dead'"),
+    "no-dead-load": (without(*DEAD), "loads lacks the key 'dead'; add \"dead\": {"),
     "no-box-max": (without(*B1, "box", "max"), "box of block 'b1' lacks the key 'max'"),
     "half-units": (without("units", "force"), "units lacks the key 'force'"),
     # blocks

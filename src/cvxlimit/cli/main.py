@@ -141,6 +141,8 @@ def _dispatch(arguments: list[str]) -> int:
         if not hasattr(error, "format_message"):
             raise
         reason = " ".join(error.format_message().split()).rstrip(".")
+        if reason.startswith("No such option: --friction"):
+            reason = "friction is the scene's: set it there, or cvxlimit sweep --vary friction=0.5"
         return refuse(ExitCode.BAD_INPUT, f"{reason}; see cvxlimit {_helped(arguments)}--help")
     return int(job()) if callable(job) else ExitCode.SOLVED
 

@@ -70,21 +70,28 @@ def check_outputs(
             continue
         reason = _obstacle(path)
         if reason:
-            raise InputError(f"{option} {path}: {reason}")
+            raise InputError(f"{_typed(option, path)}: {reason}")
         taken = seen.setdefault(os.path.realpath(path), option)
         if taken != option:
-            raise InputError(f"{option} {path}: this is the file of {taken}; choose another name")
+            others = f"this is the file of {taken.removesuffix(':')}"
+            raise InputError(f"{_typed(option, path)}: {others}; choose another name")
     for name, suffixes in kinds.items():
         if (path := outputs[f"--{name}"]) is None:
             continue
+        typed = _typed(f"--{name}", path)
         if (suffix := path.suffix.lower()) not in suffixes:
-            raise InputError(f"--{name} {path}: the name must end in {', '.join(suffixes)}")
+            raise InputError(f"{typed}: the name must end in {', '.join(suffixes)}")
         if suffix in NEED_MATPLOTLIB and importlib.util.find_spec("matplotlib") is None:
             others = ".html and .vtu work" if ".vtu" in suffixes else ".html works"
             without = f" ({others} without it)" if ".html" in suffixes else ""
             raise ModelError(
-                f"--{name} {path}: pictures need Matplotlib: pip install 'cvxlimit[plot]'{without}"
+                f"{typed}: pictures need Matplotlib: pip install 'cvxlimit[plot]'{without}"
             )
+
+
+def _typed(option: str, path: Path) -> str:
+    """As it was written: ``--plot thrust:out.png``, ``--json out.json``."""
+    return f"{option}{path}" if option.endswith(":") else f"{option} {path}"
 
 
 def _obstacle(path: Path) -> str:

@@ -49,6 +49,7 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
 from cvxlimit.io.fields import encoded, one_line
 from cvxlimit.io.geometry.export import EXPORTS
+from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
@@ -78,6 +79,8 @@ def scene_named(name: str) -> Scene:
         return builtin_scene(name)
     looks_like_file = Path(name).suffix or Path(name).name != name
     if looks_like_file or os.path.exists(name):
+        if Path(name).suffix.lower() in {*READERS} - {".json"} and os.path.isfile(name):
+            raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     close = difflib.get_close_matches(name, BUILTIN, n=1)
     cure = f"did you mean {close[0]!r}?" if close else "cvxlimit scenes lists the built-in ones"
@@ -101,7 +104,7 @@ class Files:
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
         kinds: dict[str, Sequence[str]] = {"export": EXPORTS}
         for number, (kind, path) in enumerate(self.pictures):
-            name = "plot" if kind == "mechanism" else f"plot {kind}"
+            name = "plot" if kind == "mechanism" else f"plot {kind}:"
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"
             outputs[f"--{name}"] = path
             kinds[name] = _SUFFIXES.get(kind, IMAGES)
@@ -166,7 +169,7 @@ def deliver(
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str = argument("Scene file or built-in name, which wins (else ./NAME).")
+    scene: str = argument("Built-in name, or scene file; for a file of the same name write ./NAME.")
     surface: str = option(
         "NAME",
         "Yield surface: conic, the exact cone (default); parabolic, nearer the exact limit of "
@@ -201,13 +204,14 @@ class Order:
     tolerance: float | None = option(
         "WIDTH",
         "Asked relative width of the bracket, or change at which the fixed point stops. Unless "
-        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified as narrow as it gets.",
+        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % as far as its time allows, and "
+        "a bracket within 5 % counts.",
         group=EFFORT,
     )
     branching_seconds: float | None = option(
         "S",
         "Seconds of branch and bound, which narrows the bracket of the certified method; unless "
-        "given, 60 with a tolerance or few contacts, else about 10.",
+        "given, 60 with a tolerance or up to 6 contacts, else about 10.",
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
@@ -336,7 +340,9 @@ def show_command(asked: Drawing) -> ExitCode:
         typer.launch(plot.as_uri())
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
-    show(facts([("scene", scene.name), ("size", blocks + contacts), *written]))
+    weight = f"{scene.total_weight:.6g} {scene.units.force}"
+    rows = [("scene", scene.name), ("size", blocks + contacts), ("weight", weight), *written]
+    show(facts(rows))
     if refusal is not None:
         raise refusal
     warn_of_near_misses(scene)

@@ -179,9 +179,9 @@ def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
     )
     shared = f"does not belong to exactly two faces but to {most}"
     fault += "has no face on its other side" if most == 1 else shared
-    more = f"; so are {len(wrong) - 1} more edges" if len(wrong) > 1 else ""
+    more = f", and {len(wrong) - 1} more edges are at fault" if len(wrong) > 1 else ""
     raise GeometryError(
-        f"{fault}{more}",
+        f"{fault}{more}; mend the mesh so that every edge belongs to two faces",
         points=points[np.stack([table.start[sides], table.end[sides]], axis=1)].reshape(-1, 3),
         blocks=(id,),
     )

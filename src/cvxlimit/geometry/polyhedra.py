@@ -129,9 +129,9 @@ def vertices_of(id: str, value: ArrayLike) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise InputError(f"vertices of block {id!r} must be a list of [x, y, z] numbers") from error
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
-        raise InputError(
-            f"block {id!r} needs at least four vertices [x, y, z], got shape {points.shape}"
-        )
+        rows = points.ndim == 2 and points.shape[1] == 3
+        got = len(points) if rows else f"shape {points.shape}"
+        raise InputError(f"block {id!r} needs at least four vertices [x, y, z], got {got}")
     if not np.isfinite(points).all():
         bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
         raise InputError(f"vertex {bad} of block {id!r} must be finite, got {points[bad].tolist()}")

@@ -67,8 +67,14 @@ def fields(
             raise InputError(f"{where} has an unknown key {shown(key)}; {_advice(key, known)}")
     for key in required:
         if key not in value:
-            raise InputError(f"{where} lacks the key {key!r}; add it")
+            raise InputError(f"{where} lacks the key {key!r}; add {_EXAMPLES.get(key, 'it')}")
     return value
+
+
+_EXAMPLES = {
+    "dead": '"dead": {"gravity": [0, 0, -1]}',
+    "live": '"live": {"acceleration": [0, 1, 0]}, or another direction',
+}
 
 
 def _advice(key: object, known: Collection[str]) -> str:
@@ -109,9 +115,9 @@ def number(value: object, where: str, largest: float = LARGEST) -> float:
         cure = "; remove the quotes" if isinstance(value, str) else ""
         raise InputError(f"{where} must be a number, got {shown(value)}{cure}")
     if not abs(value) <= largest:
+        cure = "choose other units or correct the value" if abs(value) > largest else "correct it"
         raise InputError(
-            f"{where} must be a finite number of at most {largest:.3g}, got {shown(value)}; "
-            "choose other units or correct the value"
+            f"{where} must be a finite number of at most {largest:.3g}, got {shown(value)}; {cure}"
         )
     return float(value)
 

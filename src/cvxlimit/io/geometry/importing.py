@@ -159,7 +159,8 @@ def import_geometry(
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         fixed = _supports(bodies, supports, axis, notes)
-        blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+        with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
+            blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
         down = tuple((-axis + 0.0).tolist())
         scene = Scene(
             blocks=blocks,

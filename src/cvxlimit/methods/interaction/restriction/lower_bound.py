@@ -246,7 +246,7 @@ def basis(bracket: Bracket, *remarks: str) -> str:
             "per unit of work of the live load, as the block with the least live load would alone"
         )
     upper = (
-        "upper bound proved against the hull of all true states"
+        "upper bound proved by a convex problem that contains every admissible state"
         if bracket.upper_is_proved
         else "upper bound not proved: it holds if no contact bears more than ten times the total "
         "load, or ten times the largest force found"
