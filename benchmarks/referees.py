@@ -40,6 +40,9 @@ LEAST = 1e-4
 
 CONVENTIONS = ("independent", "signed")
 
+MANY = 1e3
+"""Excess over a strength that is next to nothing."""
+
 ADMISSIBLE = 1e-6
 """Excess over Eq. 9 and 30, over the largest compression, up to which forces of Uno count."""
 
@@ -299,7 +302,8 @@ def ask_uno(scene: Scene, moments: str, seconds: float) -> tuple[Bracket, str]:
         return Bracket(0.0, math.inf), f"no answer: {str(error).split('.')[0]}"
     excess = worst(forces, scene.contacts, moments)
     if excess > ADMISSIBLE:
-        return Bracket(0.0, math.inf), f"{factor:.5g}, whose forces exceed Eq. 30 by {excess:.0e}"
+        by = f"by {excess:.0e}" if excess < MANY else "where next to nothing presses"
+        return Bracket(0.0, math.inf), f"{factor:.5g}, whose forces exceed Eq. 30 {by}"
     return Bracket(factor, math.inf), ""
 
 
