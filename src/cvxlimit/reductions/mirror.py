@@ -98,6 +98,8 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     reflection = reflected(normal)
     turn = reflection[:3, :3]
     loads = [load.reshape(-1, DOF) for load in (statics.dead, statics.live)]
+    if any(_is_across(load, normal, size) for load in loads):
+        return None
     offset = 2.0 * float((free @ normal).mean()) * normal
     near = _SAME_PLACE * size
     blocks = _partners(free, free @ turn + offset, near)
@@ -124,6 +126,14 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     carried[:, :3, :3] = np.sign(side)[:, None, None] * local
     carried[:, 3:, 3:] = -carried[:, :3, :3]
     return Mirror(normal, blocks, partner, carried)
+
+
+def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
+    """True if loads (free blocks, 6) have a sum across the plane, which no mirror image has: told
+    before partners are sought."""
+    largest = np.abs(load / np.repeat([1.0, size], 3)).max(initial=0.0)
+    across = abs(float(load[:, :3].sum(axis=0) @ normal))
+    return bool(across > len(load) * _SAME_PLACE * largest)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:

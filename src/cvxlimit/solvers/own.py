@@ -77,7 +77,7 @@ class Blockwise(CLARABEL):
         # machine: with all cores taken, runs with four took 1.8 times as long as with one.
         with _threads().limit(limits=1, user_api="blas"):
             own = _Kept.of(kept.get(self.name()), c, data, b, options.pop("backend"))
-            start = own.start if warm_start else None
+            start = own.start if warm_start else kept.get("start")
             result = own.program.minimise(**options, start=start)
             if start is not None and result.status != SOLVED:
                 result = own.program.minimise(**options)

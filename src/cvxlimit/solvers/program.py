@@ -55,7 +55,8 @@ class ConeProgram:
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
         """One run of one solver: outcome, x, and the duals (zero,) of the equations. Solvers that
         start from the program before leave what they need in ``cache``; where the start is not to
-        be warm they take the structure from there, which is that of any program of this pattern.
+        be warm they take the structure from there, which is that of any program of this pattern,
+        and start from its ``"start"``, if there is one.
 
         Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
         """

@@ -7,6 +7,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from inspect import Parameter, Signature, signature
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import is_number, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extras import needed
@@ -27,6 +29,8 @@ from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import ladder_of
+from cvxlimit.strengths import PROPERTIES
+from cvxlimit.studies.leaders import Leaders
 from cvxlimit.studies.variations import varied
 from cvxlimit.surfaces.coulomb import surfaces_of
 
@@ -39,6 +43,16 @@ RESULTS = (*FIGURES, *TEXTS, "seconds")
 
 _LOADS = ("live", "dead")
 """Parameters of :func:`varied` that are no numbers."""
+
+_CONTINUOUS = (
+    {*PROPERTIES, "density", "tilt", "direction"},
+    {"surface", "tolerance", "model", "ladder"},
+)
+"""Parameters, and options of solve, with which every variation is one convex problem that changes
+little where they change little."""
+
+_AHEAD = 0.03
+"""Tolerance of variations that are solved for the sake of the way to their answers only."""
 
 OPTIONS = tuple(name for name in signature(solve).parameters if name not in ("scene", "progress"))
 """Options of :func:`cvxlimit.solve`, which may be parameters of a sweep as well."""
@@ -63,6 +77,7 @@ class Structures:
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
+        self.is_led = False
 
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
         """The scene with the contacts, equilibrium and factorisation of one of its geometry.
@@ -106,6 +121,7 @@ class Study:
     scenes: Callable[..., Scene] | Scene
     options: Mapping[str, Any] = field(default_factory=dict)
     measure: Callable[[Solution], Mapping[str, Any]] | None = None
+    leaders: Leaders | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.scenes, Scene) or callable(self.scenes)):
@@ -160,7 +176,30 @@ class Study:
                 "varied as well"
             ) from error
 
+    def led(self, variations: Sequence[Mapping[str, Any]]) -> Study:
+        """The same, with starts between some of all ``variations`` where that makes sense."""
+        parameters, options = _CONTINUOUS
+        is_alike = parameters >= {*variations[0]} and options >= {*self.options}
+        is_led = isinstance(self.scenes, Scene) and is_alike
+        return replace(self, leaders=Leaders.of(variations)) if is_led else self
+
+    def _lead(self, known: Structures) -> None:
+        """Solve the leaders, once; one that fails leads nothing."""
+        if self.leaders is None or known.is_led:
+            return
+        known.is_led = True
+        options = {**self.options, "tolerance": _AHEAD}
+        for row, place in zip(self.leaders.rows, self.leaders.places, strict=True):
+            with suppress(Exception):
+                given = known.mechanics(self._scene(row))
+                if not isinstance(given, Assemblage):
+                    return
+                status = _answer(given, options, None).status
+                if not given.repeats.lead(place) and status is Status.CERTIFIED:
+                    return  # by a solver that starts nowhere
+
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
+        self._lead(known)
         start = time.perf_counter()
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
@@ -173,12 +212,9 @@ class Study:
 
     def _solved(self, variation: Mapping[str, Any], known: Structures) -> Row:
         parameters, options = self.split(variation)
-        given = self.scenes
-        scene = varied(given, **parameters) if isinstance(given, Scene) else given(**parameters)
-        check_scene(scene)
-        solution = solve(known.mechanics(scene), **{**self.options, **options})
-        if solution.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
+        place = None if self.leaders is None else self.leaders.place(variation)
+        given = known.mechanics(self._scene(parameters))
+        solution = _answer(given, {**self.options, **options}, place)
         figures: Row = {
             "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
             "lower": solution.lower,
@@ -189,6 +225,24 @@ class Study:
             "solver": solution.history[-1].solver if solution.history else "",
         }
         return figures | dict(self.measure(solution) if self.measure else {})
+
+    def _scene(self, parameters: Mapping[str, Any]) -> Scene:
+        given = self.scenes
+        if isinstance(given, Scene):
+            _ = given.geometry  # copies that have the same keep it
+            return varied(given, **parameters)
+        scene = given(**parameters)
+        check_scene(scene)
+        return scene
+
+
+def _answer(given: Scene | Assemblage, options: Row, place: FloatArray | None) -> Solution:
+    if isinstance(given, Assemblage):
+        given.repeats.place = place
+    solution = solve(given, **options)
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return solution
 
 
 def packed(study: object) -> bytes:

@@ -156,7 +156,8 @@ def sweep(
 
     Scenes of the same geometry share their contacts, equilibrium and its factorisation. Every row
     has a bracket of its own, recomputed outside the solver; a variation that cannot be built or
-    solved is a row that says why.
+    solved is a row that says why. In large grids of numbers a few variations, which every process
+    solves roughly first, tell the solver where to start with the others.
 
     Parameters
     ----------
@@ -222,6 +223,7 @@ def sweep(
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
     variations = dict(zip(names, records, strict=True))
     plan = None if transfer is None else Transfer(study, variations, transfer)
+    study = study.led(records) if plan is None else study
     about = _about(study, transfer)
     store = None if path is None else Store(path, about)  # nothing is refused once it is there
     done = {} if store is None else store.known(set(names))

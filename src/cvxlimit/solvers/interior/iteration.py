@@ -8,6 +8,7 @@ equations exactly and is strictly inside the cones, so that its bounds lose noth
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,12 @@ class Point:
         """The point further along ``d``, by a step for (x, s) and one for (y, z)."""
         x, y = self.x + primal * d.x, self.y + dual * d.y
         return Point(x, y, self.z + dual * d.z, self.s + primal * d.s)
+
+    @classmethod
+    def mean(cls, points: Sequence[Point], weights: FloatArray) -> Point:
+        """Inside the cones, which are convex, if all points are."""
+        parts = zip(*((p.x, p.y, p.z, p.s) for p in points), strict=True)
+        return cls(*(np.asarray(weights @ np.stack(part)) / weights.sum() for part in parts))
 
     @property
     def is_finite(self) -> bool:
