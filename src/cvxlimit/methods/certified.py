@@ -157,8 +157,7 @@ class _Proof:
         run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
-        outer.search(tolerance, self.ladder)
-        yield None
+        yield from self._bound_from_above(outer, tolerance)
         is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
         if is_doubtful and self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
@@ -201,6 +200,22 @@ class _Proof:
         run.reductions = found.best().names
         run.remarks = ["planar, without torsion"]
         return True
+
+    def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
+        """The relaxation; where its copies take long a first lower bound does not wait for all."""
+        run, rounds = self.run, outer.rounds(tolerance, self.ladder)
+        for number, _ in enumerate(rounds, 1):
+            yield None
+            upper, state = run.best.bracket.upper, outer.state
+            is_late = number >= BRACKET.leading and run.clock.elapsed > BRACKET.budget
+            if is_late and state is not None and upper > 0.0 and not run.is_boundless(upper):
+                for iterate in self.method.iterates(state.forces):
+                    yield None
+                    if iterate.is_safe:
+                        break
+                break
+        yield from rounds
+        yield None
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state

@@ -123,7 +123,8 @@ class BracketSettings:
     noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
     worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
     beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
-    most_rounds: int = 12  # solves with added copies
+    most_rounds: int = 12  # solves with added copies,
+    leading: int = 3  # after so many of which a lower bound comes first if the budget is spent
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     narrow: float = 0.005  # width below which no further start is taken unasked

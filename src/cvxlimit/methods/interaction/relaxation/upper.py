@@ -6,7 +6,7 @@ function itself, and shows which copies are missed (column pricing).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -78,6 +78,11 @@ class UpperBound:
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
+        for _ in self.rounds(tolerance, ladder):
+            pass
+
+    def rounds(self, tolerance: float, ladder: Sequence[SolverSettings]) -> Iterator[None]:
+        """The search, which stops before every solve with further copies."""
         for rung in ladder:
             for _ in range(BRACKET.most_rounds):
                 is_changed = self._improve(rung, tolerance)
@@ -87,6 +92,7 @@ class UpperBound:
                     return
                 if not is_changed:
                     break
+                yield
             if self.claims_no_optimum:
                 return
 
