@@ -57,8 +57,8 @@ _ADVICE = {
         "no tolerance asked for, within 5 %"
     ),
     Status.NOT_CERTIFIED: (
-        "the bracket is wider than the tolerance: use its bounds, ask for a wider tolerance, "
-        "or try another surface or solver"
+        "the bracket is wider than the tolerance: use its bounds, or ask for a wider tolerance; "
+        "with interaction give it more time, without it try another surface or solver"
     ),
     Status.CONVERGED: "the iteration met its tolerance",
     Status.NOT_CONVERGED: (
