@@ -67,7 +67,7 @@ ROWS = [line.split(" | ") for line in SYMBOLS.splitlines() if line.startswith("|
 @pytest.mark.parametrize("row", ROWS, ids=[row[0].strip("| ") for row in ROWS])
 def test_symbols_are_called_so(row: list[str]) -> None:
     assert len(row) == 3
-    options = ("interaction", "moments")
+    options = ("method", "moments")
     for name in re.findall(r"`([^`]+)`", row[2]):
         assert name in options or exists(name), name
 
