@@ -109,7 +109,7 @@ def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
 _USED = {
     "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
     "1 is at the limit; strength that a formulation states itself, as for crushing, is not in it",
-    "utilisation_rocking": "distance of the pressure centre from the centroid over the edge's",
+    "utilisation_rocking": "distance of pressure centre from centroid, over that of the edge",
     "utilisation_sliding": "shear over friction",
     "utilisation_torsion": "torsion over the torsional strength without shear",
     "utilisation_torsion_shear": "torsion and shear together, on the paper's line (Eq. 24)",
