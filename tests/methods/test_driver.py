@@ -164,7 +164,7 @@ class TestInterruption:
         assert run.bracket.has_both
         assert 0.0 < run.lower <= 0.26918
         assert 0.26104 <= run.upper < 0.2692
-        assert "proved against the hull" in run.note
+        assert "upper bound proved" in run.note
         assert run.forces is not None
         assert run.mechanism is not None
 
