@@ -24,8 +24,8 @@ it asks about scenes that nobody has seen.
 | any scene, no interaction with bending | `solve(scene)`, the default | every answer carries a bracket computed outside the solver; none of those below was wrong |
 | friction above 1e5 beside friction below 1e-5 | the default, and read its bracket | it may stay open: the status says so and the bounds hold |
 | a single solver you call yourself | any, but check its answer: `Certifier` | each of those tried says "optimal" to wrong numbers where weights, sizes or loads lie far apart |
-| interaction with bending | `interaction="certified"` | a bracket; it may be wide, but nothing refuted one |
-| to reproduce the paper's iteration | `interaction="fixed-point"`, old-value weight 0.8 | with independent moments, or with little blending, it wanders, cycles or dies on most walls |
+| interaction with bending | `method="certified"` | a bracket; it may be wide, but nothing refuted one |
+| to reproduce the paper's iteration | `method="fixed-point"`, old-value weight 0.8 | with independent moments, or with little blending, it wanders, cycles or dies on most walls |
 | a value of that iteration that others should find again | signed moments, and two orders of the blocks | their ends lie up to 6 % apart; `FixedPoint(epsilon=1e-2, regularisation=1e-3)` helps on some walls, not on all |
 | blocks wedged between supports | the default | a solver left alone returns any of infinitely many states of self-stress |
 

@@ -249,7 +249,7 @@ class TiedMoments(Moments):
     ...     def lever(self, e):
     ...         return 0.5 * e
     >>> from cvxlimit import builtin_scene, solve
-    >>> found = solve(builtin_scene("single-block"), interaction="certified", moments=Halfway())
+    >>> found = solve(builtin_scene("single-block"), method="certified", moments=Halfway())
     >>> round(found.lower, 4), round(found.upper, 4)
     (0.4, 0.4)
     """
