@@ -196,16 +196,14 @@ def _distance(iteration: Result, bracket: Result | None) -> float | None:
 
 def spread(path: Path, pairs: Sequence[Pair]) -> None:
     """The paper's reading over axes, block orders and settings, beside the paper's figure."""
-    figure = Figure(figsize=(_WIDTH, 9.0), layout="constrained")
-    axes = figure.subplots(len(PANELS), 1)
+    rows = {scene: _varied(pairs, scene) for scene in PANELS}
+    heights = [0.18 * len(found) + 0.9 for found in rows.values()]
+    figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+    axes = figure.subplots(len(PANELS), 1, height_ratios=heights)
     for ax, (scene, (last, experiment)) in zip(axes, PANELS.items(), strict=True):
         labels = []
-        for e, r in sorted(pairs, key=lambda pair: list(KINDS).index(_kind(pair[0]))):
-            later = [f for f in r.factors[2:] if f is not None]
-            kind = _kind(e)
-            if e.scene != scene or not later or not kind:
-                continue
-            y, colour = len(labels), KINDS[kind]
+        for y, (e, kind, later) in enumerate(rows[scene]):
+            colour = KINDS[kind]
             ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
             ax.plot(later[-1], y, "o", ms=4, c=colour)
             labels.append(_label(e, kind))
@@ -220,6 +218,16 @@ def spread(path: Path, pairs: Sequence[Pair]) -> None:
 
 KINDS = {"axes": "tab:green", "order": "tab:grey", "setting": "tab:purple", "": ""}
 """What is varied in :func:`spread`, and its colour."""
+
+
+def _varied(pairs: Sequence[Pair], scene: str) -> list[tuple[Experiment, str, list[float]]]:
+    """What was varied on a scene, by kind, with the iterates from the third on."""
+    found = []
+    for e, r in sorted(pairs, key=lambda pair: list(KINDS).index(_kind(pair[0]))):
+        later = [f for f in r.factors[2:] if f is not None]
+        if e.scene == scene and later and _kind(e):
+            found.append((e, _kind(e), later))
+    return found
 
 
 def _kind(e: Experiment) -> str:
