@@ -141,7 +141,7 @@ def _dispatch(arguments: list[str]) -> int:
         if not hasattr(error, "format_message"):
             raise
         reason = " ".join(error.format_message().split()).rstrip(".")
-        if reason.startswith("No such option: --friction"):
+        if getattr(error, "option_name", None) == "--friction":
             reason = "friction is the scene's: set it there, or cvxlimit sweep --vary friction=0.5"
         return refuse(ExitCode.BAD_INPUT, f"{reason}; see cvxlimit {_helped(arguments)}--help")
     return int(job()) if callable(job) else ExitCode.SOLVED
