@@ -301,7 +301,8 @@ class Witnesses:
         """None as soon as ``patience`` iterations leave more than half of what was missing."""
         z, missing = self._carried(np.zeros(len(self._balance.weights))), list[float]()
         for _ in range(iterations):
-            missing.append(float((0.1 * compression - z[self._balance.model.nonneg]).max()))
+            short = 0.1 * compression - z[self._balance.model.nonneg]
+            missing.append(float(short.max(initial=0.0)))
             if len(missing) > patience and 0.0 < 0.5 * missing[-1 - patience] < missing[-1]:
                 return None
             if missing[-1] <= 0.0 and all(y.max() < 0.0 for y, _ in self._excess(z)):
