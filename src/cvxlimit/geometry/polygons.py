@@ -135,11 +135,10 @@ def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[F
     reach = np.abs(points - centres[:, None]).max(axis=(1, 2))
     both = np.broadcast_to(points, (len(centres), *points.shape[-2:]))
     found, count = _common(both, 2.0 * centres[:, None] - points, 1e-12 * reach)
-    regions = [region[:n] for region, n in zip(found, count.tolist(), strict=True)]
-    return [
-        x if len(x) > 2 and area_and_centroid(x)[0] > 1e-12 * r**2 else _ends(x, 1e-9 * r)
-        for x, r in zip(regions, reach.tolist(), strict=True)
-    ]
+    area = _doubled(np.where(_meant(found, count)[:, :, None], found, found[:, :1])) / 2.0
+    wide = (count > 2) & (area > 1e-12 * reach**2)
+    regions = zip(found, count.tolist(), wide.tolist(), reach.tolist(), strict=True)
+    return [x[:n] if is_wide else _ends(x[:n], 1e-9 * r) for x, n, is_wide, r in regions]
 
 
 def _ends(points: FloatArray, tolerance: float) -> FloatArray:

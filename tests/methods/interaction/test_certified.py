@@ -203,6 +203,21 @@ def test_dead_load_that_cannot_stand(moments: str) -> None:
     assert power > 0.0
 
 
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("moments", "width"), [("signed", 0.05), ("paper", 0.08), ("independent", 0.3)]
+)
+def test_a_dome_of_trapezoids(moments: str, width: float) -> None:
+    """Both bounds proved, with every pressure centre free to lie on an edge that slants."""
+    scene = builtin_scene("dome")
+    found = solve(scene, method=Certified(moments=moments, branching_seconds=0.0))
+    assert found.is_proved
+    assert found.bracket.width <= width
+    residual = Statics.of(scene).residual(found.forces, found.load_factor)
+    assert np.abs(residual).max() <= 1e-9 * scene.total_weight
+    assert interaction_excess(found.forces, scene.contacts, moments).max() <= 0.0
+
+
 def pebble_beside_a_boulder(size: float, small: float) -> Scene:
     """Only the pebble is pushed, with its own weight: friction 0.5 holds half of that."""
     blocks = [

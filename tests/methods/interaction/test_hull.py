@@ -42,6 +42,7 @@ from hull_in_cvxpy import copy_forces
 
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
 ROUNDING = 1e-12
+NAMES = ("independent", "signed", "signed-torsion-bending", "paper")
 
 
 def block_of(sides: tuple[float, float], friction: float = 0.6) -> Contacts:
@@ -289,6 +290,18 @@ def assert_history(run: Run) -> None:
     assert known
     assert run.best.bracket.upper == min(known)
     assert all(run.clock.seconds[phase] > 0.0 for phase in ("compile", "solve", "certify"))
+
+
+@pytest.mark.parametrize("moments", NAMES)
+def test_on_polygons_mechanisms_prove_what_relaxations_carry(moments: str) -> None:
+    """Copies of cells have no states but those that the support function has, and all of them."""
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    push = Load(acceleration=(0.6, 0.8, 0.0), forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 0.5)})
+    scene = Scene((ground, prism("b1", 5, 0.0, 0.4)), ("ground",), push, friction=0.6)
+    run, search = upper_bound(scene, moments)
+    assert search.state is not None
+    assert run.best.bracket.upper_is_proved
+    assert run.best.bracket.upper == pytest.approx(search.state.load_factor, rel=1e-4)
 
 
 @pytest.mark.exhaustive_cases("hexagons-signed", "hexagons-independent")

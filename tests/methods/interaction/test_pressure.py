@@ -130,6 +130,14 @@ def test_clipped_polygons_give_eq_26(x: FloatArray) -> None:
     np.testing.assert_allclose(clipped, at.arm, rtol=1e-6)
 
 
+@given(COMPONENT, COMPONENT)
+def test_beyond_an_edge_the_arm_is_that_of_the_nearest_point(x: float, y: float) -> None:
+    """As Eq. 26 has it by its sides, which end at zero: rounding at an edge takes no arm away."""
+    e1, e2 = np.array([x * L1]), np.array([y * L2])
+    expected = effective_arm(e1, e2, brick())
+    np.testing.assert_allclose(effective_arm(e1, e2, as_polygon(brick())), expected, atol=1e-9)
+
+
 @given(pressed(), st.floats(0.0, 2.0 * np.pi))
 def test_signed_moments_do_not_depend_on_the_frame(x: FloatArray, angle: float) -> None:
     """t1 and t2 turned about n by ``angle``: corners and force components turn back."""

@@ -17,6 +17,7 @@ class SupportSettings:
     edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
     boxes: float = 1e-8  # the same over boxes, which close more slowly
     sections: int = 44  # golden sections of the share of Eq. 30: 6e-10 of the range is left
+    most_whole: int = 500  # polygons whose cells, 0.02 s each, are found even of whole contacts
     cells: int = 2  # along each side of a polygon's box, besides cuts at zero
     rounding: float = 1e-9  # share of a contact's size, or area, that counts as nothing
     stations: int = 48  # positions along a contact that ends of inscribed rectangles try,

@@ -49,7 +49,7 @@ class InteractionFlow:
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Above the exact one by 1e-10 of the largest power at most; with independent signs on
-        polygons by what friction at the corners allows more."""
+        very many polygons by what friction at the corners allows more."""
         return Shortfall(self.worst(rates)[0], np.zeros(0))
 
     def opened(self, rates: FloatArray) -> Shortfall:

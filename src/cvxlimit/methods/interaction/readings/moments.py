@@ -17,7 +17,12 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.methods.interaction.states.cells import Cells, independent_power, levered_power
+from cvxlimit.methods.interaction.states.cells import (
+    Cells,
+    corners_in,
+    independent_power,
+    levered_power,
+)
 from cvxlimit.methods.interaction.states.copies import (
     Copies,
     copies_of,
@@ -159,16 +164,43 @@ class Moments(ABC):
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         by_corners = self.has_corner_hull(contacts, boxes)
-        signed = self.slopes is not None  # else one half of a range stands for both
-        rows, centre = corner_places(boxes, 0.0 if signed else free_sign(boxes).astype(float))
-        inside = (contacts.is_rectangle & ~by_corners)[rows]
         cells = self.cells(contacts, boxes)
         place = cells.place / half_extent(contacts)[cells.contact]
         arm = cells.arm / contacts.torsion_arm[cells.contact]  # of their own
-        about = self.lever(place) if signed else np.nan
-        split = copies_of(cells.contact, place, 0.0, about, self.is_limited, arm, cells.drag)
-        within = self.copies_at(rows[inside], centre[inside], boxes)
+        split = self._pressed(cells.contact, place, arm, cells.drag, cells.cell)
+        within = self._on_rectangles(contacts, boxes, by_corners)
         return corner_copies(contacts, by_corners).joined(split, within)
+
+    def trial_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
+        """The same for searches, not for bounds: other polygons press at the corners of what boxes
+        leave of them, with the arms that they have there, which takes much less time."""
+        polygons = np.flatnonzero(~contacts.is_rectangle)
+        if not len(polygons):
+            return self.box_copies(contacts, boxes)
+        by_corners = self.has_corner_hull(contacts, boxes) & contacts.is_rectangle
+        split = self._pressed(*corners_in(contacts, polygons, boxes))
+        within = self._on_rectangles(contacts, boxes, by_corners)
+        return corner_copies(contacts, by_corners).joined(split, within)
+
+    def _pressed(
+        self,
+        rows: IntArray,
+        place: FloatArray,
+        arm: FloatArray | float = np.nan,
+        drag: FloatArray | float = np.nan,
+        cell: IntArray | int = -1,
+    ) -> Copies:
+        about = np.nan if self.slopes is None else self.lever(place)
+        return copies_of(rows, place, 0.0, about, self.is_limited, arm, drag, cell)
+
+    def _on_rectangles(
+        self, contacts: Contacts, boxes: FloatArray, by_corners: BoolArray
+    ) -> Copies:
+        # with independent signs one half of a range stands for both
+        side = 0.0 if self.slopes is not None else free_sign(boxes).astype(float)
+        rows, centre = corner_places(boxes, side)
+        inside = (contacts.is_rectangle & ~by_corners)[rows]
+        return self.copies_at(rows[inside], centre[inside], boxes)
 
     def split(self, low: float, high: float, at: float) -> list[float]:
         """Ends of the ranges into which branching cuts [low, high] near ``at``: at zero first."""
@@ -208,8 +240,9 @@ class Independent(Moments):
         return np.abs(e)
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
-        """Polygons that press anywhere: a hull that is larger than needed."""
-        return ~contacts.is_rectangle & is_whole(boxes)
+        """Polygons that press anywhere, where they are many: a hull that is larger than needed."""
+        other = ~contacts.is_rectangle
+        return other & is_whole(boxes) & (other.sum() > SUPPORT.most_whole)
 
     def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
         return spread_copies(rows, centre, free_sign(boxes[rows]))

@@ -142,20 +142,25 @@ class CopyColumns:
 
     def _limit_torsion(self, twists: IntArray, tau: IntArray) -> None:
         """Eq. 27: torsion of their own for limited copies, which with what their shear does about
-        the contact's centre is at most c mu N."""
+        the contact's centre is at most c mu N; for the copies of one cell all together, since a
+        state in it may have more at one of its corners."""
         limited = np.flatnonzero(self.copies.limited[self.shears])
         k, about = self.shears[limited], self.about[limited]
         own = self._new(len(twists))
         self._give("MT", self.copies.contact[twists], own, 1.0)
         place = np.searchsorted(k, twists)
+        cell = self.copies.cell[k]
+        _, shared = np.unique(np.where(cell < 0, k, len(self.copies) + cell), return_inverse=True)
         for sign in (1.0, -1.0):
             self._at_most_zero((own, sign), (tau, -self.arm[twists]))
-            rows = self._at_most_zero(
-                (self.shear[0][limited], -sign * about[:, 1]),
-                (self.shear[1][limited], sign * about[:, 0]),
-                (self.pressed[k], -self.arm[k] * self.friction[k]),
-            )
-            self.signs.append((rows[place], own, np.full(len(own), sign)))
+            rows = self.nonneg + shared
+            self.nonneg += int(shared.max(initial=-1)) + 1
+            self.signs += [
+                (rows, self.shear[0][limited], -sign * about[:, 1]),
+                (rows, self.shear[1][limited], sign * about[:, 0]),
+                (rows, self.pressed[k], -self.arm[k] * self.friction[k]),
+                (rows[place], own, np.full(len(own), sign)),
+            ]
 
     def _drag(self, axis: int) -> _Entry:
         k, copies = self.shears, self.copies

@@ -20,6 +20,7 @@ from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import centres
+from cvxlimit.methods.interaction.states.support import whole_boxes
 
 
 class Boxes:
@@ -45,11 +46,10 @@ class Boxes:
     def copies(self) -> Copies:
         reach = self.size[:, None]
         ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
-        return self.moments.box_copies(self.contacts, np.clip(ends, -1.0, 1.0))
+        return self.moments.trial_copies(self.contacts, np.clip(ends, -1.0, 1.0))
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
-        over[~self.contacts.is_rectangle] = 0.0  # their boxes stay whole: cells take too long
         self.excess, self.largest = float(over.sum()), float(over.max())
         self._move(forces)
         shrink, growth = (CLIMB.shrink, CLIMB.growth) if exploring else (CLIMB.settle, 1.0)
@@ -68,10 +68,12 @@ class InnerMethod(SafeProblems):
     _mark = -np.inf
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle."""
-        by_boxes = self.moments.is_about_centre
-        way = self._settled(start) if by_boxes else self._stepped(start)
-        return self._search("middle" if start is None else "relaxation", way)
+        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle. Boxes
+        of polygons lead near, but without leeway frozen problems on them rarely have states."""
+        way = self._stepped
+        if self.moments.is_about_centre:
+            way = self._settled if self.contacts.is_rectangle.all() else self._narrowed
+        return self._search("middle" if start is None else "relaxation", way(start))
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
@@ -81,7 +83,8 @@ class InnerMethod(SafeProblems):
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
         run = self.run
         self.begin(f"{stricter} relaxation")
-        relaxed = self.relaxed("hull", stricter.box_copies(run.contacts))
+        whole = whole_boxes(run.contacts)
+        relaxed = self.relaxed("hull", stricter.trial_copies(run.contacts, whole))
         yield relaxed
         near = relaxed.state.forces
         if near is None or relaxed.load_factor <= run.best.bracket.lower:

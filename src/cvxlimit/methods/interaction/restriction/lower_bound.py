@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import PROOF
+from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -24,7 +27,7 @@ from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, clarabel_at, default_ladder
+from cvxlimit.solvers import LimitState, clarabel_at, default_ladder, tight_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 
@@ -188,15 +191,16 @@ def prove(run: Run) -> None:
     convex. But with the centres held it is. So the frozen problem at the forces' own centres is
     solved once more with a little less friction, in a contact that is a little smaller, and its
     forces are put into balance by changes that leave the centres where they are. What is left over
-    is larger than what solver and rounding leave, and the checker has the last word.
+    is larger than what solver and rounding leave, and the checker has the last word. Where forces
+    are determinate once the centres are held, safe steps with as much less friction follow.
     """
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
         return
     spare = max(PROOF.most_of_width * best.bracket.width, PROOF.most_spent) * best.bracket.unit
-    for margin in PROOF.margins:
+    for tried, margin in product((_proof, _stepped), PROOF.margins):
         with run.clock.phase("certify"):
-            found = _proof(run, checker, best.forces, margin)
+            found = tried(run, checker, best.forces, margin)
         if found is None or not found.is_proved:
             continue
         if found.value >= best.bracket.lower - spare:
@@ -204,14 +208,28 @@ def prove(run: Run) -> None:
         return
 
 
+def _stepped(
+    run: Run, checker: LowerBounds, forces: FloatArray, margin: float
+) -> LowerBound | None:
+    step = SafeStep(_slippery(run, margin), run.moments)
+    point = step.point(forces, Point.middle(step.statics.contacts), PROOF.pressed)
+    state = step.solve(point.shrunk(run.moments.shrink), tight_ladder()[0])
+    if state.forces is None or state.load_factor is None:
+        return None
+    return checker.of(state.forces, state.load_factor)
+
+
+def _slippery(run: Run, margin: float) -> Assemblage:
+    less = replace(run.contacts, friction=(1.0 - margin) * run.contacts.friction)
+    return replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
+
+
 def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) -> LowerBound | None:
     contacts, extent = run.contacts, half_extent(run.contacts)
-    centre = np.clip(centres(forces, contacts), margin - 1.0, 1.0 - margin)
+    centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
     copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
-    less = replace(contacts, friction=(1.0 - margin) * contacts.friction)
-    slippery = replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
-    state = HullProblem(slippery).solve(copies, clarabel_at(1e-11)[0])
+    state = HullProblem(_slippery(run, margin)).solve(copies, clarabel_at(1e-11)[0])
     if state.forces is None or state.load_factor is None:
         return None
     held = _held(contacts, centre * extent, np.flatnonzero(~is_idle))

@@ -17,8 +17,14 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
 from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.methods.interaction.states.pressure import areas_and_arms
-from cvxlimit.methods.interaction.states.support import Lever, Shares, half_extent, shear_support
+from cvxlimit.methods.interaction.states.pressure import areas_and_arms, outlines_of
+from cvxlimit.methods.interaction.states.support import (
+    Lever,
+    Shares,
+    half_extent,
+    shear_support,
+    within_quadrants,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +124,29 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
         return []
     high = np.maximum(high, low + 1e3 * least)  # a range without width still has states
     steps = [_ticks(a, b) for a, b in zip(low, high, strict=True)]
-    boxes = np.array(list(product(*(pairwise(along) for along in steps))))  # (b, axis, end)
-    parts = np.broadcast_to(polygon, (len(boxes), *polygon.shape))
-    count = np.full(len(boxes), len(polygon))
+    boxes = np.array(list(product(*(pairwise(along) for along in steps))))
+    parts = _in_boxes(np.broadcast_to(polygon, (len(boxes), *polygon.shape)), boxes)
+    return [part for part in parts if len(part) > 2]
+
+
+def corners_in(
+    contacts: Contacts, rows: IntArray, boxes: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Corners of what boxes (n, 2, 2) leave of contacts ``rows`` in each quadrant: of which contact
+    (k,), and where (k, 2) as fractions of :func:`half_extent`."""
+    quadrant, ends = within_quadrants(boxes[rows])
+    j = rows[quadrant]
+    half = half_extent(contacts)[j]
+    parts = _in_boxes(outlines_of(contacts, j), np.moveaxis(ends * half, 0, 2))
+    contact = np.repeat(j, [len(part) for part in parts])
+    place = np.concatenate([part / h for part, h in zip(parts, half, strict=True)])
+    found = np.unique(np.column_stack([contact, place]), axis=0)
+    return found[:, 0].astype(int), found[:, 1:]
+
+
+def _in_boxes(parts: FloatArray, boxes: FloatArray) -> list[FloatArray]:
+    """What boxes (b, axis, end) leave of convex polygons (b, k, 2)."""
+    count = np.full(len(boxes), parts.shape[1])
     for axis, end in product(range(2), range(2)):
         limit = boxes[:, axis, end, None]
         inside = parts[:, :, axis] - limit
@@ -128,7 +154,7 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
         # exactly in the box: a state beyond it would belong to no cell
         reach = parts[:, :, axis]
         parts[:, :, axis] = np.maximum(reach, limit) if end == 0 else np.minimum(reach, limit)
-    return [part[:n] for part, n in zip(parts, count.tolist(), strict=True) if n > 2]
+    return [part[:n] for part, n in zip(parts, count.tolist(), strict=True)]
 
 
 def _ticks(low: float, high: float) -> FloatArray:

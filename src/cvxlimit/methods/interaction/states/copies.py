@@ -29,7 +29,8 @@ class Copies:
     ``centre`` (k, 2) is a fraction of :func:`half_extent`; with ``spread`` (k, 2) it may lie
     anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. Torsion is
     taken about ``lever`` (k, 2), a fraction too; NaN where every sign is on its own. ``limited``
-    (k,) says where Eq. 27 stands beside Eq. 30. ``arm`` (k,), over the contact's c_T, and ``drag``
+    (k,) says where Eq. 27 stands beside Eq. 30; copies of one ``cell`` (k,) share it, those of none
+    (-1) have it to themselves. ``arm`` (k,), over the contact's c_T, and ``drag``
     (k, 2), kappa, are NaN but where they are not those of the centre.
     """
 
@@ -40,6 +41,7 @@ class Copies:
     limited: BoolArray
     arm: FloatArray
     drag: FloatArray
+    cell: IntArray
 
     def __len__(self) -> int:
         return len(self.contact)
@@ -69,11 +71,14 @@ def copies_of(
     is_limited: bool = False,
     arm: FloatArray | float = np.nan,
     drag: FloatArray | float = np.nan,
+    cell: IntArray | int = -1,
 ) -> Copies:
     pairs = (np.broadcast_to(values, centre.shape) for values in (spread, lever, drag))
     spreads, levers, drags = pairs
     arms, limited = np.broadcast_to(arm, rows.shape), np.full(len(rows), is_limited)
-    return Copies(rows, centre, spreads, levers, limited, arms, drags)
+    return Copies(
+        rows, centre, spreads, levers, limited, arms, drags, np.broadcast_to(cell, rows.shape)
+    )
 
 
 def spread_copies(rows: IntArray, centre: FloatArray, free: BoolArray) -> Copies:

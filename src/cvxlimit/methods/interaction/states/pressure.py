@@ -9,6 +9,7 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.mesh import turn
 from cvxlimit.geometry.polygons import (
     effective_regions,
     mean_distance_on_segment,
@@ -46,16 +47,20 @@ def eccentricities(forces: FloatArray, epsilon: float = 0.0) -> FloatArray:
     return np.where(normal > 0.0, moments / np.where(normal > 0.0, normal + epsilon, 1.0), 0.0)
 
 
-def centres(forces: FloatArray, contacts: Contacts) -> FloatArray:
-    """The same as fractions of :func:`half_extent`, within the contacts."""
-    return np.clip(eccentricities(forces) / half_extent(contacts), -1.0, 1.0)
+def centres(forces: FloatArray, contacts: Contacts, size: float = 1.0) -> FloatArray:
+    """The same as fractions of :func:`half_extent`, within the contacts shrunk to ``size``."""
+    at, rows = eccentricities(forces), np.flatnonzero(~contacts.is_rectangle)
+    if len(rows):
+        at[rows] = _within(size * outlines_of(contacts, rows), at[rows])
+    return np.clip(at / half_extent(contacts), -size, size)
 
 
 def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatArray:
     """c_T (n,) of the effective regions around pressure centres (e1, e2).
 
     For a rectangle the effective area of Eq. 26; for other convex polygons P the region
-    P ∩ (2 e - P), which is the same for a rectangle, and the mean distance from e over it.
+    P ∩ (2 e - P), which is the same for a rectangle, and the mean distance from e over it. Beyond
+    an edge it is that of the nearest point: to be outside at all is left to Eq. 9.
     """
     l1, l2 = contacts.sides.T
     with np.errstate(invalid="ignore"):
@@ -70,10 +75,28 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
 def polygon_arms(contacts: Contacts, rows: IntArray, centres: FloatArray) -> FloatArray:
     if not len(rows):
         return np.zeros(0)
+    corners = outlines_of(contacts, rows)
+    inside = _within(corners, centres)
+    return areas_and_arms(effective_regions(corners, inside), inside)[1]
+
+
+def outlines_of(contacts: Contacts, rows: IntArray) -> FloatArray:
+    """Corners (k, m, 2) of contacts ``rows``, the last one repeated where there are fewer."""
     start, size = contacts.corner_start[rows], np.diff(contacts.corner_start)[rows]
     corner = np.minimum(np.arange(int(size.max())), size[:, None] - 1)
-    regions = effective_regions(contacts.corner_xy[start[:, None] + corner], centres)
-    return areas_and_arms(regions, centres)[1]
+    return np.asarray(contacts.corner_xy[start[:, None] + corner])
+
+
+def _within(corners: FloatArray, points: FloatArray) -> FloatArray:
+    """The nearest points (k, 2) of convex polygons (k, m, 2), counter-clockwise."""
+    along = np.roll(corners, -1, axis=1) - corners
+    away = points[:, None] - corners
+    outside = np.any(turn(along, away) < 0.0, axis=1, keepdims=True)
+    square = (along**2).sum(axis=2)
+    share = (away * along).sum(axis=2) / np.where(square > 0.0, square, 1.0)
+    on_edges = corners + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    nearest = ((points[:, None] - on_edges) ** 2).sum(axis=2).argmin(axis=1)
+    return np.where(outside, on_edges[np.arange(len(points)), nearest], points)
 
 
 def areas_and_arms(
