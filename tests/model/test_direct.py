@@ -71,6 +71,25 @@ def test_all_reductions(name: str, model: str, surface: str) -> None:
     assert_same_matrices(problem_of(builtin_scene(name), surface, model=model, most=2.0))
 
 
+@pytest.mark.parametrize("name", ["arch", "tuff-wall", "dome", "s10-panel"])
+@pytest.mark.parametrize("model", ["full", "least"])
+def test_dead_load_alone(name: str, model: str) -> None:
+    """Another load on the same rows is the problem written anew."""
+    problem = problem_of(builtin_scene(name), "conic", model=model)
+    alone = problem.dead_alone()
+    assert_same_matrices(alone)
+    anew = replaced(problem)
+    assert alone.program is not None and anew.program is not None
+    assert abs(alone.program.matrix - anew.program.matrix).max() <= 1e-15
+    assert np.array_equal(alone.program.right, anew.program.right)
+
+
+def replaced(problem: DirectProblem) -> DirectProblem:
+    """The same of an assemblage that has the dead load for its live one, and no other."""
+    alone = problem.assemblage.alone(problem.assemblage.statics.dead)
+    return DirectProblem(alone, problem.surfaces, problem.reduction, most=1.0)
+
+
 class Own(YieldSurface):
     """Norms of all kinds: weighted, with constants, of one component and of three."""
 

@@ -24,7 +24,6 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
-from cvxlimit.surfaces import YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 TOLERANCE = 1e-5
@@ -118,7 +117,6 @@ class Inquiry:
         self.run, self.tolerance, self.budget = run, tolerance, budget
         self.surfaces = needed_surfaces(run.surfaces)
         self.asked: set[str] = set()
-        self.ladder: Sequence[SolverSettings] = run.ladder or ()
         self._take(model)
 
     def _take(self, model: str) -> None:
@@ -127,25 +125,31 @@ class Inquiry:
             self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
         with run.clock.phase("certify"):
             self.certifier = Certifier(self.reductions.assemblage, self.surfaces, run.formulation)
+        self._state(None)
 
-    def _compile(self, reduction: Reduction) -> None:
-        run, assemblage = self.run, self.reductions.assemblage
-        run.reductions = reduction.names
+    def _state(self, dead_state: FloatArray | None) -> None:
+        run, found = self.run, self.reductions
         with run.clock.phase("compile"):
-            self.problem = DirectProblem(assemblage, run.surfaces, reduction, repeats=run.repeats)
-            self.ladder = run.ladder or self.problem.ladder(self.tolerance)
+            reduction = found.best(dead_state)
+            run.reductions = reduction.names
+            self.problem = DirectProblem(
+                found.assemblage, run.surfaces, reduction, repeats=run.repeats
+            )
+
+    @property
+    def ladder(self) -> Sequence[SolverSettings]:
+        with self.run.clock.phase("compile"):
+            return self.run.ladder or self.problem.ladder(self.tolerance)
 
     def ladder_climbed(self) -> Steps:
         """All rungs with the model that suffices, then with the full one."""
-        self._compile(self.reductions.best())
         if self.dead_load_falls():
             return Status.DEAD_LOAD_UNSTABLE
         if self.reductions.loaded is not None:
-            self._compile(self.reductions.best(self.certifier.witnesses.easy_dead_state))
+            self._state(self.certifier.witnesses.easy_dead_state)
         status = yield from self._climbed()
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")
-            self._compile(self.reductions.best())
             status = yield from self._climbed()
         if status is None and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
@@ -256,7 +260,13 @@ class Inquiry:
         run, what = self.run, "dead load alone"
         run.tell("checking that the dead load can stand")
         enough = 0.5 if self.certifier.strength.is_cone else _N.whole
-        for state, certificate in self._shares(dead, what, run.surfaces, run.formulation):
+        with run.clock.phase("compile"):
+            problem = self.problem
+            if problem.reduction.still is not None:  # forces that carry some of it already
+                whole = self.reductions.best()
+                problem = DirectProblem(self.reductions.assemblage, run.surfaces, whole)
+            problem = problem.dead_alone()
+        for state, certificate in self._shares(problem, what, run.formulation):
             forces = self.certifier.given(state)
             if forces is not None and state.load_factor and state.load_factor > enough:
                 if self.certifier.offer_dead_state(forces / state.load_factor):
@@ -287,7 +297,14 @@ class Inquiry:
         run.tell("checking whether the live load does any harm")
         surfaces, formulation = self.certifier.strength.recession()
         loaded = self.reductions.assemblage.under(live, live)
-        for state, certificate in self._shares(live, "live load alone", surfaces, formulation):
+        with run.clock.phase("compile"):
+            alone, reduction = loaded.alone(live), self.reductions.best()
+            if formulation is not run.formulation:
+                reduction = Reduction.none(alone.statics, formulation)
+            # Where a load grazes, forces are inside by 1e-8, and the order of rows decides whether
+            # solvers find such: CVXPY's did on 295 of 295 scenes, the other on 293.
+            problem = DirectProblem(alone, surfaces, reduction, most=1.0).modelled
+        for state, certificate in self._shares(problem, "live load alone", formulation):
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
@@ -301,29 +318,17 @@ class Inquiry:
         return False
 
     def _shares(
-        self,
-        load: FloatArray,
-        what: str,
-        surfaces: Sequence[YieldSurface],
-        formulation: Formulation,
+        self, problem: DirectProblem | LimitProblem, what: str, formulation: Formulation
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Which share <= 1 of a load alone is carried, by the first rungs, and its certificate."""
-        run, found = self.run, self.reductions
-        with run.clock.phase("compile"):
-            assemblage, reduction = found.assemblage.alone(load), found.best()
-            if formulation is not run.formulation:
-                reduction = Reduction.none(assemblage.statics, formulation)
-            problem: DirectProblem | LimitProblem
-            problem = DirectProblem(assemblage, surfaces, reduction, most=1.0)
-            if load is run.assemblage.statics.live:
-                # Where a load grazes, forces are inside by 1e-8, and the order of rows decides
-                # whether solvers find such: CVXPY's did on 295 of 295 scenes, the other on 293.
-                problem = problem.modelled
+        run = self.run
 
         def certificate(state: LimitState) -> Certificate:
-            return self._certificate(state, Certifier(assemblage, problem.surfaces, formulation))
+            return self._certificate(
+                state, Certifier(problem.assemblage, problem.surfaces, formulation)
+            )
 
-        rungs = self.ladder or problem.ladder(self.tolerance)
+        rungs = self.ladder
         if rungs[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
             others = (rung for rung in rungs if rung.name != "BLOCKWISE")
             rungs = (settings_for("BLOCKWISE", _N.aside), *others)

@@ -8,6 +8,7 @@ same rows here; everything else is left to CVXPY.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -153,6 +154,31 @@ class DirectProblem:
             sum(len(form.constant) for form in rows.linear),
             tuple(len(cone) for cone in rows.cones for _ in cone[0].constant),
         )
+
+    def dead_alone(self) -> DirectProblem:
+        """Which share, at most all, of the dead load alone is carried: these rows, another load."""
+        assemblage, before = self.assemblage, self.program
+        alone = assemblage.alone(assemblage.statics.dead)
+        result = DirectProblem(alone, self.surfaces, self.reduction, most=1.0)
+        if before is None or alone.scaling.force != assemblage.scaling.force:
+            return result
+        matrix, dead, _, rows = self._equilibrium
+        loaded, at = np.flatnonzero(dead), before.zero + before.nonneg
+        kept = slice(before.matrix.indptr[-2])
+        below, values = before.matrix.indices[kept], before.matrix.data[kept]
+        entries = (
+            np.concatenate([values, dead[loaded], [1.0]]),
+            np.concatenate([below + (below >= at), loaded, [at]]),
+            np.append(before.matrix.indptr[:-1], len(values) + len(loaded) + 1),
+        )
+        shape = before.matrix.shape[0] + 1, before.matrix.shape[1]
+        right = np.insert(before.right, at, 1.0)
+        right[: before.zero] = 0.0
+        result.__dict__["_equilibrium"] = matrix, np.zeros_like(dead), dead, rows
+        result.__dict__["program"] = replace(
+            before, matrix=sp.csc_array(entries, shape), right=right, nonneg=before.nonneg + 1
+        )
+        return result
 
     @cached_property
     def _equilibrium(self) -> tuple[sp.csr_array, FloatArray, FloatArray, IntArray]:
