@@ -79,7 +79,8 @@ def test_dead_load_alone(name: str, model: str) -> None:
     alone = problem.dead_alone()
     assert_same_matrices(alone)
     anew = replaced(problem)
-    assert alone.program is not None and anew.program is not None
+    assert alone.program is not None
+    assert anew.program is not None
     assert abs(alone.program.matrix - anew.program.matrix).max() <= 1e-15
     assert np.array_equal(alone.program.right, anew.program.right)
 

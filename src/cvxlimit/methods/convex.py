@@ -8,6 +8,7 @@ from functools import partial
 from operator import attrgetter
 
 import numpy as np
+from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import known
@@ -151,17 +152,23 @@ class Inquiry:
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")
             status = yield from self._climbed()
-        if status is None and self._is_harmless():
+        best = self.run.best.bracket
+        is_harmful = best.upper_is_proved and not self.run.is_boundless(best.upper)
+        if status is None and not is_harmful and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
         return status or Status.NOT_CERTIFIED
 
     def _climbed(self) -> _Ends:
-        is_cut = False
+        is_cut, stalled = False, set[str]()
         for settings in self.ladder:
+            if settings.name in stalled and self.run.best.bracket.has_both:
+                continue
             if self._is_too_long(settings):
                 is_cut = True
                 continue
             state = self._attempt(settings)
+            if settings.name == "BLOCKWISE" and state.outcome.status == OPTIMAL_INACCURATE:
+                stalled.add(settings.name)  # by rounding, on a way that no tolerance changes
             bracket = self.run.best.bracket
             if bracket.is_below_zero and self._falls(*self._late_fall()):
                 return Status.DEAD_LOAD_UNSTABLE

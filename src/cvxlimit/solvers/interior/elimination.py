@@ -27,8 +27,10 @@ class Limits:
     ``widest`` is the most variables of one block; ``chunk`` blocks at a time stay in the cache, a
     third of the time of all at once. A variable in more than the ``densest`` number of
     equations (the load factor is) borders the Schur complement, together with at most ``border``.
-    ``regularisation`` is added to diagonals, relatively; refinement takes its effect out again: it
-    ends after so many ``rounds``, when every part of the residual is below the ``target``, relative
+    ``regularisation`` is added to diagonals, relatively. Blocks whose squares have a pivot below
+    ``hard`` are eliminated by reflections, none of whose pivots is below the share ``softest`` of
+    its column: softer ones cost equilibrium more than they bring the flow rule. Refinement takes
+    these effects out again: it ends after so many ``rounds``, when every part of the residual is below the ``target``, relative
     to its own right-hand side or the share ``floor`` of the largest, or when a round gains less
     than the factor ``slow``. Plain steps are kept up while they gain the factor ``fast``. Where a
     wide gap is asked for the target is up to ``loosest``: the same brackets in three fifths of the
@@ -40,12 +42,14 @@ class Limits:
     densest: int = 200
     border: int = 20
     regularisation: float = 1e-14
+    hard: float = 1e-6
+    softest: float = 1e-9
     rounds: int = 6
     slow: float = 0.9
     fast: float = 0.1
     target: float = 1e-6
     loosest: float = 1e-3
-    floor: float = 1e-6
+    floor: float = 1e-8
 
 
 LIMITS = Limits()
@@ -298,22 +302,64 @@ def largest(v: FloatArray) -> float:
 
 def _inverse_root(rows: FloatArray) -> FloatArray:
     """R (c, c, k) with R' R the inverse of rows' rows, for rows (r, c, k)."""
+    root, least = _root_of_squares(rows)
+    hard = np.flatnonzero(~(least > LIMITS.hard))
+    if len(hard):
+        root[:, :, hard] = _root_by_reflections(rows[:, :, hard])
+    return root
+
+
+def _root_of_squares(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """By Cholesky's factors of rows' rows, and their least pivots (k,), at most 1."""
     gram = np.einsum("rik,rjk->ijk", rows, rows)
     c = len(gram)
     scale = 1.0 / np.sqrt(np.einsum("iik->ik", gram) * (1.0 + LIMITS.regularisation))
     gram *= scale[:, None] * scale
-    root = np.zeros_like(gram)
-    lower = np.zeros_like(gram)
+    root, lower = np.zeros_like(gram), np.zeros_like(gram)
+    least = np.ones(gram.shape[2])
     for i in range(c):
         for j in range(i):
             inner = np.einsum("ik,ik->k", lower[i, :j], lower[j, :j])
             lower[i, j] = (gram[i, j] - inner) / lower[j, j]
         pivot = 1.0 + LIMITS.regularisation - np.einsum("ik,ik->k", lower[i, :i], lower[i, :i])
+        least = np.minimum(least, pivot)
         lower[i, i] = np.sqrt(pivot)
         root[i, :i] = -np.einsum("jk,jik->ik", lower[i, :i], root[:i, :i]) / lower[i, i]
         root[i, i] = 1.0 / lower[i, i]
     root *= scale[None]
-    return root
+    return root, least
+
+
+def _root_by_reflections(rows: FloatArray) -> FloatArray:
+    """By Householder reflections of the rows themselves, whose squares rounding would not tell
+    apart once it spoils the openings. The largest column and row that are left come first: rows
+    differ by all that lies between open and pressed corners (A. J. Cox, N. J. Higham, Stability of
+    Householder QR factorization for weighted least squares problems, 1998).
+    """
+    left, (c, k) = rows.copy(), rows.shape[1:]
+    order, each = np.tile(np.arange(c)[:, None], k), np.arange(k)
+    least = LIMITS.softest * np.sqrt(np.einsum("rik,rik->ik", rows, rows))
+    for i in range(c):
+        rest = left[i:, i:]
+        column = i + np.einsum("rik,rik->ik", rest, rest).argmax(axis=0)
+        left[:, i], left[:, column, each] = left[:, column, each], left[:, i].copy()
+        order[i], order[column, each] = order[column, each], order[i].copy()
+        row = i + np.abs(left[i:, i]).argmax(axis=0)
+        left[i], left[row, :, each] = left[row, :, each].T, left[i].T.copy()
+        mirror = left[i:, i].copy()
+        size = np.sqrt(np.einsum("rk,rk->k", mirror, mirror))
+        pivot = -np.copysign(np.maximum(size, least[order[i], each]), mirror[0])
+        mirror[0] -= pivot
+        share = np.einsum("rk,rjk->jk", mirror, left[i:, i + 1 :]) / (pivot * mirror[0])
+        left[i:, i + 1 :] += mirror[:, None] * share
+        left[i, i] = pivot
+    root = np.zeros((c, c, k))
+    for i in range(c):
+        root[i, :i] = -np.einsum("jk,jik->ik", left[:i, i], root[:i, :i]) / left[i, i]
+        root[i, i] = 1.0 / left[i, i]
+    result = np.empty_like(root)
+    result[:, order, each] = root
+    return result
 
 
 class _Blocks:

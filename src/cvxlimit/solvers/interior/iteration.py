@@ -37,8 +37,8 @@ class Numbers:
     ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
     start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
-    less than ``floor`` times the mean of the other unknowns of its side. Down to the tolerance
-    ``unrefined`` directions need no refinement: the next one takes their errors out.
+    less than ``floor`` times the mean of the other unknowns of its side. While errors are
+    below the share ``light`` of the gap directions need no refinement: the next one takes them out.
     """
 
     reach: float = 0.99
@@ -55,7 +55,7 @@ class Numbers:
     no_answer: float = 1e-9
     middle: float = 1e-2
     floor: float = 0.1
-    unrefined: float = 1e-5
+    light: float = 1e-2
     shift: float = 0.1
 
 
@@ -158,7 +158,6 @@ class InteriorPoint:
         at = self._warm(start) or self._cold()
         best, scores, worst, count = at, [np.inf], np.inf, 0
         rank, enough = (True, np.inf), max(NUMBERS.solved, tolerance)
-        rounds = 0 if tolerance >= NUMBERS.unrefined else LIMITS.rounds
         middle: Point | None = None
         outcome: tuple[str, Point] | None = None
         while True:
@@ -172,7 +171,7 @@ class InteriorPoint:
             outcome = self._no_answer(at)
             if outcome is not None or self._is_done(found, tolerance, scores, worst):
                 break
-            moved = self._moved(at, found, rounds) if count < max_iter else None
+            moved = self._moved(at, found) if count < max_iter else None
             if moved is None:
                 break
             at, count = moved, count + 1
@@ -270,10 +269,10 @@ class InteriorPoint:
         p = NUMBERS.patience
         return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
 
-    def _moved(self, at: Point, found: _Measure, rounds: int) -> Point | None:
+    def _moved(self, at: Point, found: _Measure) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            best = _Newton(self, at, found, rounds).best()
+            best = _Newton(self, at, found).best()
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
         if not best.change.is_finite:
@@ -305,8 +304,9 @@ class _Direction:
 class _Newton:
     """Search directions from one iterate."""
 
-    def __init__(self, program: InteriorPoint, at: Point, found: _Measure, rounds: int) -> None:
-        self.rounds = rounds
+    def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
+        is_light = found.score - found.gap < NUMBERS.light * found.gap
+        self.rounds = 0 if is_light else LIMITS.rounds
         self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
         self.system.factorise(self.scaling)
