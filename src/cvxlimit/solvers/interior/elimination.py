@@ -30,11 +30,11 @@ class Limits:
     ``regularisation`` is added to diagonals, relatively. Blocks whose squares have a pivot below
     ``hard`` are eliminated by reflections, none of whose pivots is below the share ``softest`` of
     its column: softer ones cost equilibrium more than they bring the flow rule. Refinement takes
-    these effects out again: it ends after so many ``rounds``, when every part of the residual is below the ``target``, relative
-    to its own right-hand side or the share ``floor`` of the largest, or when a round gains less
-    than the factor ``slow``. Plain steps are kept up while they gain the factor ``fast``. Where a
-    wide gap is asked for the target is up to ``loosest``: the same brackets in three fifths of the
-    eliminations.
+    these effects out again: it ends after so many ``rounds``, when every part of the residual is
+    below the ``target``, relative to its own right-hand side or the share ``floor`` of the largest,
+    or when a round gains less than the factor ``slow``. Plain steps are kept up while they gain the
+    factor ``fast``. Where a wide gap is asked for the target is up to ``loosest``: the same
+    brackets in three fifths of the eliminations.
     """
 
     widest: int = 128
