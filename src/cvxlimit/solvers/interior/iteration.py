@@ -38,7 +38,7 @@ class Numbers:
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
     start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
     less than ``floor`` times the mean of the other unknowns of its side. While errors are
-    below the share ``light`` of the gap directions need no refinement: the next one takes them out.
+    below the share ``light`` of the gap directions are refined once: the next one takes them out.
     """
 
     reach: float = 0.99
@@ -306,7 +306,7 @@ class _Newton:
 
     def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
         is_light = found.score - found.gap < NUMBERS.light * found.gap
-        self.rounds = 0 if is_light else LIMITS.rounds
+        self.rounds = 1 if is_light else LIMITS.rounds
         self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
         self.system.factorise(self.scaling)
