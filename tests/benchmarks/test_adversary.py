@@ -61,6 +61,7 @@ class Adversary:
         self.scene, self.moments, self.contacts = scene, moments, scene.contacts
         self.matrix, self.dead, self.live = hand_equilibrium(scene)
         self.load = float(np.abs(self.dead).sum())
+        self.edges = [outward_of(self.contacts.corners_of(j)) for j in range(len(self.contacts))]
         self.linear, self.frozen = self._linear(), self._frozen()
 
     def _common(self) -> tuple[cp.Variable, cp.Variable, list[cp.Constraint]]:
@@ -84,13 +85,9 @@ class Adversary:
         sizes = np.ones((n, 6))
         sizes[:, 3:] = np.sqrt(self.contacts.area)[:, None]
         limits.append(cp.abs(change) <= self.region * sizes)
-        for j in range(n):
-            corners = self.contacts.corners_of(j)
-            along = np.roll(corners, -1, axis=0) - corners
-            normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
-            reach = (normal * corners).sum(axis=1)
+        for j, outward in enumerate(self.edges):
             pressed = cp.hstack([-forces[j, 4], forces[j, 3]])
-            limits.append(normal @ pressed <= reach * forces[j, 2])
+            limits.append(outward @ pressed <= forces[j, 2])
         self.linear_forces = forces
         return cp.Problem(cp.Maximize(factor), limits)
 
@@ -153,19 +150,29 @@ class Adversary:
         self, forces: FloatArray, epsilon: float, settings: dict[str, float]
     ) -> tuple[float, FloatArray] | None:
         at = Pressure.of(forces, self.contacts, epsilon)
-        self.e.value = np.stack([at.e1, at.e2], axis=1)
+        outer = np.maximum(self._reach(at.e1, at.e2), 1.0)  # Eq. 9: none beyond the contact
+        e1, e2 = at.e1 / outer, at.e2 / outer
+        self.e.value = np.stack([e1, e2], axis=1)
         self.eps.value = np.abs(self.e.value)
-        self.arm.value = effective_arm(at.e1, at.e2, self.contacts)
+        self.arm.value = effective_arm(e1, e2, self.contacts)
         if not _is_solved(self.frozen, settings) or self.factor.value is None:
             return None
         factor, state = float(self.factor.value), np.array(self.frozen_forces.value)
         return (factor, state) if self.is_true(state * self.load, factor) else None
 
     def is_true(self, forces: FloatArray, factor: float, within: float = TRUSTED) -> bool:
-        """Equilibrium by hand, and Eq. 30 by the checker."""
+        """Equilibrium and Eq. 9 by hand, Eq. 30 by the checker."""
         rest = self.matrix @ forces.ravel() + self.dead + factor * self.live
         excess = interaction_excess(forces, self.contacts, self.moments)
-        return bool(max(np.abs(rest).max(), excess.max()) <= within * self.load)
+        normal = forces[:, 2]
+        beyond = np.maximum(self._reach(-forces[:, 4], forces[:, 3]) - normal, -normal)
+        worst = max(np.abs(rest).max(), excess.max(), beyond.max())
+        return bool(worst <= within * self.load)
+
+    def _reach(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """How far out points (n,) are in their contacts: 1 at the edge."""
+        points = zip(self.edges, x, y, strict=True)
+        return np.array([(outward @ [a, b]).max() for outward, a, b in points])
 
     def _linearised(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excess of Eq. 30 as constant (n,) and slope (n, 6), by differences."""
@@ -198,6 +205,13 @@ class Adversary:
                 e = rng.dirichlet(np.ones(len(corners))) @ corners
                 forces[j, 3], forces[j, 4] = forces[j, 2] * e[1], -forces[j, 2] * e[0]
             yield forces
+
+
+def outward_of(corners: FloatArray) -> FloatArray:
+    """Normals (k, 2) of the edges of a convex polygon about the origin, over their distance."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(normal / (normal * corners).sum(axis=1, keepdims=True))
 
 
 def _is_solved(problem: cp.Problem, settings: dict[str, float] | None = None) -> bool:

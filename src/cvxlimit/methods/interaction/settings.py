@@ -66,8 +66,9 @@ class ClimbSettings:
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     first_ratio: float = 0.7  # of one gain to the one before, until there are two
     most_boxed: int = 500  # contacts up to which boxes are tried unasked
-    # prices of slack, scaled, where forces are sought that carry a load alone; None: a safe step
-    prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, None)
+    # prices of slack, scaled, where forces are sought that carry a load alone, the last one until
+    # little of it is left; None: a safe step
+    prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
     first: float = 0.8  # half width of boxes about given pressure centres
     largest: float = 2.0  # the whole contact from wherever the centre is
     exploring: int = 8  # boxes that may grow
