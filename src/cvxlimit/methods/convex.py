@@ -125,7 +125,9 @@ class Inquiry:
         with run.clock.phase("compile"):
             self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
         with run.clock.phase("certify"):
-            self.certifier = Certifier(self.reductions.assemblage, self.surfaces, run.formulation)
+            self.certifier = Certifier(
+                self.reductions.assemblage, self.surfaces, run.formulation, width=self.tolerance
+            )
         self._state(None)
 
     def _state(self, dead_state: FloatArray | None) -> None:

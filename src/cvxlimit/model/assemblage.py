@@ -124,12 +124,14 @@ class Balance:
     @cached_property
     def solve(self) -> Solve:
         """Solver of B W B' for the equilibrium matrix B of internal forces and their weights W."""
-        square = self.matrix @ sp.diags_array(self.weights) @ self.transposed
-        each = sp.eye_array(square.shape[0])
+        weighted = self.matrix.copy()
+        weighted.data *= self.weights[weighted.indices]
+        square = weighted @ self.transposed
         if self.statics.guide is not None:  # rates that guides prevent: any value will do
-            square = square + (each - self.statics.guide)
+            square = square + (sp.eye_array(square.shape[0]) - self.statics.guide)
         if self.held is not None:  # ways to move that nothing resists; no load does work on them
-            square = square + _IDLE * float(square.diagonal().max()) * each
+            idle = _IDLE * float(square.diagonal().max())
+            square = square + idle * sp.eye_array(square.shape[0])
         return factorised(square.tocsc())
 
     def change(self, residual: FloatArray) -> FloatArray:

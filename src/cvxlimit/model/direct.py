@@ -186,9 +186,9 @@ class DirectProblem:
         statics, scaling = self.assemblage.statics, self.assemblage.scaling
         lift, rates = self.reduction.forces, self.reduction.rates
         down = np.tile(np.repeat([1.0, 1.0 / scaling.length], 3), len(statics.dead) // DOF)
-        meaning = self.model.meaning @ sp.diags_array(self._unit)
-        matrix = statics.matrix @ (meaning if lift is None else lift @ meaning)
-        matrix = (sp.diags_array(down) @ matrix).tocsr()
+        meaning = self.model.meaning
+        matrix = (statics.matrix @ (meaning if lift is None else lift @ meaning)).tocsr()
+        matrix.data *= np.repeat(down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         loads = np.stack([down * statics.dead / scaling.force, down * statics.live / scaling.live])
         size = np.abs(loads).sum(axis=0)
         if rates is not None:

@@ -79,8 +79,11 @@ class _Rows:
         row, column, value, self.constant = map(np.concatenate, zip(*found, strict=True))
         shape = self.size, model.meaning.shape[1]
         self.matrix = sp.csr_array((value, (row, column)), shape=shape)
-        self.transposed = self.matrix.T.tocsr()
         self.contact = np.concatenate(contacts)
+
+    @cached_property
+    def transposed(self) -> sp.csc_array:
+        return self.matrix.T
 
 
 class StrengthRows:
@@ -147,17 +150,20 @@ class FlowRule(StrengthRows):
         # the others make up for them.
         self._is_linear = np.zeros(self._resistance.size, dtype=bool)
         self._is_coupled = np.zeros(self._norms.size, dtype=bool)
-        free = self._resistance.matrix[:, self._free]
+        free = np.diff(self._resistance.matrix[:, self._free].indptr)
         for _, where, rows in self._conditions:
             self._is_linear[where] = not rows
             for row in chain(*rows):
-                self._is_coupled[row] = free[where].nnz > 0
-        self._linear = self._resistance.matrix.multiply(self._is_linear[:, None]).tocsr()
-        kept = self._norms.matrix.multiply(~self._is_coupled[:, None])
-        self._loose = kept.tocsr()[:, self._free]
+                self._is_coupled[row] = free[where].any()
         is_open = self._is_linear.any() or self._is_coupled.any()
         self._is_unique = not is_open and self._norms.size <= len(self._free)
         self._nothing = np.zeros(self._norms.size), np.zeros(self._resistance.size)
+
+    @cached_property
+    def _loose(self) -> sp.csr_array:
+        """Norm rows that are not coupled, on the free rates."""
+        rows = self._norms.matrix[:, self._free]
+        return rows.multiply(~self._is_coupled[:, None]).tocsr() if self._is_coupled.any() else rows
 
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
         """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation,
@@ -210,7 +216,7 @@ class FlowRule(StrengthRows):
         norms, resistance = self._norms, self._resistance
         rest, held = rates, np.where(self._is_coupled, flows, 0.0)
         if multipliers.any():
-            rest = rest - self._linear.T @ multipliers
+            rest = rest - resistance.transposed @ np.where(self._is_linear, multipliers, 0.0)
         idle, solve = self._normal
         target = rest
         if held.any():
@@ -237,9 +243,11 @@ class FlowRule(StrengthRows):
     @cached_property
     def _normal(self) -> tuple[BoolArray, Callable[[FloatArray], FloatArray]]:
         """Solver of G' G for loose norm rows G on the free rates, and where nobody resists."""
-        square = (self._loose.T @ self._loose).tocsc()
+        square = self._loose.T @ self._loose
         idle = square.diagonal() == 0.0
-        return idle, splu((square + sp.diags_array(idle.astype(float))).tocsc()).solve
+        if idle.any():
+            square = square + sp.diags_array(idle.astype(float))
+        return idle, splu(square.tocsc()).solve
 
     def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
         """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of

@@ -97,6 +97,16 @@ class Statics:
         whole = equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
         return whole if self.guide is None else (self.guide @ whole).tocsr()
 
+    @cached_property
+    def transposed(self) -> sp.csc_array:
+        """A^T."""
+        return self.matrix.T
+
+    @cached_property
+    def sizes(self) -> sp.csr_array:
+        """The absolute values of A."""
+        return abs(self.matrix)
+
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
         result = self.matrix @ forces.ravel() + self.dead + load_factor * self.live
@@ -111,7 +121,7 @@ class Statics:
 
     def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
         """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
-        total = abs(self.matrix) @ np.abs(forces).ravel()
+        total = self.sizes @ np.abs(forces).ravel()
         total += np.abs(self.dead) + np.abs(load_factor * self.live)
         return block_sizes(total.reshape(-1, DOF), length)
 
@@ -124,7 +134,7 @@ class Statics:
 
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
-        return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+        return np.asarray(self.transposed @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
 
 
 def block_sizes(generalised: FloatArray, length: float) -> FloatArray:

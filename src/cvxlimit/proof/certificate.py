@@ -76,6 +76,8 @@ class _Numbers:
     price: float = 1e-06
     """What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
     width of bracket that counts as certified."""
+    width: float = 1e-05
+    """The width of bracket that counts as certified unless another one is asked for."""
 
 
 _N = _Numbers()
@@ -139,7 +141,9 @@ class Certifier:
     a tighter bound with the assumption, which a pebble on a boulder breaks.
 
     ``formulation`` matters where it states conditions of its own: forces are then its internal
-    ones. ``flow`` replaces the flow rule in upper bounds; any sublinear shortfall does.
+    ones. ``flow`` replaces the flow rule in upper bounds; any sublinear shortfall does. Where the
+    lower bound loses more than half of the relative ``width`` that is wanted, it is sought without
+    the contacts that carry next to nothing as well.
     """
 
     def __init__(
@@ -148,6 +152,7 @@ class Certifier:
         surfaces: Sequence[YieldSurface],
         formulation: Formulation = corner_compressions,
         flow: Flow | None = None,
+        width: float = _N.width,
     ) -> None:
         if isinstance(surfaces, str):
             raise ModelError(
@@ -159,7 +164,7 @@ class Certifier:
         self.strength = Strength(self.assemblage, surfaces, formulation, flow)
         self.witnesses = Witnesses(self.assemblage, self.strength)
         self.surfaces, self.formulation = tuple(surfaces), formulation
-        self._can_reduce = flow is None
+        self._can_reduce, self._width = flow is None, width
         self.size = self.statics.contacts.typical_size
 
     def with_flow(self, flow: Flow) -> Certifier:
@@ -243,7 +248,7 @@ class Certifier:
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate)
-            if not lower[1] or load_factor - lower[0] > _N.price * abs(load_factor):
+            if not lower[1] or load_factor - lower[0] > 0.5 * self._width * abs(load_factor):
                 lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
@@ -393,7 +398,7 @@ class Certifier:
 
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
-        size = abs(self.statics.matrix.T) @ np.abs(u).ravel()
+        size = np.abs(u).ravel() @ self.statics.sizes
         weights = self.strength.rate_sizes
         return np.asarray(_N.epsilon * (size.reshape(-1, DOF) * weights).sum(axis=1))
 

@@ -116,12 +116,15 @@ class Reductions:
             kept = kept & (np.arange(len(kept)) <= mirror.contacts)
         is_whole = bool(kept.all())
         across = None if plane is None else plane.normal
+        rates = self.assemblage.balance.rates if plane is not None else None
+        if rates is None or mirror is not None or not moving.all():
+            rates = _rates(len(moving), across, mirror, np.flatnonzero(moving))
         return replace(
             full,
             names=names,
             contacts=full.contacts if is_whole else full.contacts.take(np.flatnonzero(kept)),
             forces=None if is_whole else _forces(mirror, kept),
-            rates=_rates(len(moving), across, mirror, np.flatnonzero(moving)),
+            rates=rates,
             formulation=self.formulation if plane is None else plane.taking(kept).model,
             still=still,
         )
