@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from cvxlimit import Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
+from cvxlimit.methods.convex import Convex
 from cvxlimit.model.formulations import corner_compressions, resultants
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.solvers import SolverSettings
@@ -149,7 +150,7 @@ class TestLinprog:
     @settings(max_examples=25, deadline=None)
     def test_random_scenes(self, scene: Scene) -> None:
         answer = linear_load_factor(scene)
-        solution = solve(scene, "octagon")
+        solution = solve(scene, "octagon", Convex(tolerance=1e-6))
         if answer.status == 0:
             assert_certified(solution, scene, proved=False)
             assert solution.load_factor == pytest.approx(answer.load_factor, rel=1e-6)
