@@ -142,7 +142,7 @@ class Certifier:
 
     ``formulation`` matters where it states conditions of its own: forces are then its internal
     ones. ``flow`` replaces the flow rule in upper bounds; any sublinear shortfall does. Where the
-    lower bound loses more than half of the relative ``width`` that is wanted, it is sought without
+    bracket is wider than the relative ``width`` that is wanted, the lower bound is sought without
     the contacts that carry next to nothing as well.
     """
 
@@ -245,16 +245,17 @@ class Certifier:
         lower: _Bound = (-np.inf, False, np.nan, np.nan)
         upper: _Bound = (np.inf, False, np.nan, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
-        if x is not None and load_factor is not None and np.isfinite(load_factor):
-            rate = max(rate, self.statics.rate_of_the_lightest(self.size))
-            lower = self._lower(x, load_factor, rate)
-            if not lower[1] or load_factor - lower[0] > 0.5 * self._width * abs(load_factor):
-                lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         if u is not None:
             upper = self._upper(u, self._largest_force(x))
             if not upper[1] or self.statics.contacts.friction.max() > _N.gripping:
                 for share in _N.stuck:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
+        if x is not None and load_factor is not None and np.isfinite(load_factor):
+            rate = max(rate, self.statics.rate_of_the_lightest(self.size))
+            lower = self._lower(x, load_factor, rate)
+            end = upper[0] if np.isfinite(upper[0]) else load_factor
+            if not lower[1] or end - lower[0] > self._width * abs(end):
+                lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
             lower[2], lower[3], upper[2], upper[3],
