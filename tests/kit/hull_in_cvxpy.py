@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
+from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LargestFactor, StaticProblem, Terms
@@ -59,7 +59,8 @@ class _CopyForces:
         self.half = half_extent(contacts)[copies.contact]
         self.arm = copy_arms(copies, contacts)
         self.friction = contacts.friction[copies.contact]
-        self.shears = np.flatnonzero(copies.signed | (self.arm > 0.0))
+        self.along = sheared(copies, self.arm)
+        self.shears = np.flatnonzero(self.along.any(axis=1))
         self.twists = np.flatnonzero(self.arm > 0.0)
         self.compression = cp.Variable(len(copies), name="N")
         self.maps: list[tuple[cp.Variable, sp.csr_array]] = []
@@ -96,7 +97,7 @@ class _CopyForces:
             return
         along, arms = np.arange(len(k)), self._lever(k)
         self._map(shear, [
-            ("V1", k, along, np.ones(len(k))), ("V2", k, along + len(k), np.ones(len(k))),
+            ("V1", k, along, self.along[k, 0]), ("V2", k, along + len(k), self.along[k, 1]),
             ("MT", k, along, -arms[:, 1]), ("MT", k, along + len(k), arms[:, 0]),
         ])  # fmt: skip
         remaining = cp.multiply(self.friction[k], self.compression[k])
@@ -145,10 +146,8 @@ class _CopyForces:
         fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
         eps = self.half[k] * (fixed + self.copies.spread[k])
         total = cp.Constant(np.zeros(len(k)))
-        given = np.isfinite(self.copies.drag[k]).all(axis=1) & ~self.copies.signed[k]
         for column in (0, 1):
             weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
-            weight = np.where(given, self.copies.drag[k, column], weight)
             rows = np.flatnonzero(weight > 0.0)
             if len(rows):
                 size = cp.Variable(len(rows))

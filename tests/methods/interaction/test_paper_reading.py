@@ -196,7 +196,7 @@ class TestUpperBounds:
         facets' share (1 / cos(pi / 720) - 1 = 1e-5) and the enclosure's."""
         contacts, rates = brick(), random_rates(12, 13)
         flow = InteractionFlow(many(contacts, len(rates)), moments)
-        missing, centre = flow.worst(rates)
+        missing, centre, _ = flow.worst(rates)
         for w, found, at in zip(-rates, missing, centre, strict=True):
             e = at * contacts.sides[0] / 2.0
             power = _largest_power(w, e, moments.lever(e), contacts)

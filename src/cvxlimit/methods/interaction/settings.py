@@ -14,11 +14,14 @@ class SupportSettings:
     """Support functions, arms and shapes of contacts."""
 
     halvings: int = 45  # of pieces at most: they are then as short as rounding
+    most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
     edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
     boxes: float = 1e-8  # the same over boxes, which close more slowly
     sections: int = 44  # golden sections of the share of Eq. 30: 6e-10 of the range is left
-    most_whole: int = 500  # polygons whose cells, 0.02 s each, are found even of whole contacts
-    cells: int = 2  # along each side of a polygon's box, besides cuts at zero
+    shares: int = 5  # of Eq. 30 tried to tell which triangles may have the largest power
+    most_whole: int = 500  # polygons whose arms, 5 ms each, are bounded even of whole contacts
+    cells: int = 4  # along a polygon's sides, two or more along its box's: bounds with 8 are alike
+    digits: int = 40  # binary ones of a polygon's size in which equal ones agree
     rounding: float = 1e-9  # share of a contact's size, or area, that counts as nothing
     stations: int = 48  # positions along a contact that ends of inscribed rectangles try,
     angles: int = 24  # and directions, besides those of the contact's edges

@@ -10,7 +10,6 @@ from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.support import (
     Asked,
-    Support,
     corner_support,
     half_extent,
     whole_boxes,
@@ -38,7 +37,7 @@ class InteractionFlow:
     ) -> None:
         self.contacts, self.moments, self.is_coarse = contacts, moments, is_coarse
         self.precision = precision
-        self._asked, self._worst = np.zeros(0), (np.zeros(0), np.zeros(0))
+        self._asked, self._worst = np.zeros(0), (np.zeros(0),) * 3
         self._given, self._opened = np.zeros(0), Shortfall(np.zeros(0), np.zeros(0))
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
@@ -63,9 +62,10 @@ class InteractionFlow:
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         return self._support(-rates, 0)[0]
 
-    def worst(self, rates: FloatArray) -> Support:
-        """Shortfall (n,), and the pressure centres (n, 2) that have it, NaN where not known; kept,
-        for what is missed is asked for after the bound."""
+    def worst(self, rates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Shortfall (n,), the pressure centres (n, 2) that have it, and their arms (n,) over c_T;
+        NaN where not known, or the centre's own. Kept, for what is missed is asked for after the
+        bound."""
         if not np.array_equal(rates, self._asked):
             floor = rates[:, COLUMN["N"]] if self.is_coarse else None
             self._worst = self._support(-rates, SUPPORT.halvings, floor)
@@ -76,21 +76,27 @@ class InteractionFlow:
         """The rule in boxes, for one of many mechanisms: coarse."""
         return InteractionFlow(self.contacts, self.moments, boxes, True, precision)
 
-    def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> Support:
+    def _support(
+        self, w: FloatArray, halvings: int, floor: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
-        friction, rows, cells = self.contacts.friction, self._corners, self._cells
-        if len(rows):
+        arm, friction = np.full(len(w), np.nan), self.contacts.friction
+        least = np.full(len(w), -np.inf) if floor is None else floor
+        precision = 0.0 if floor is None else self.precision
+        asked = Asked(w, self.half, friction, self.boxes, least, precision)
+        if len(rows := self._corners):
             power[rows] = corner_support(w, self.contacts)[rows]
-        if len(cells.cell):
-            j = cells.contact
-            found = self.moments.cell_power(w[j], friction[j], cells)
-            np.maximum.at(power, j[cells.start], found)
-        rows = self._rectangles
-        if len(rows):
-            least = np.full(len(rows), -np.inf) if floor is None else floor[rows]
-            precision = 0.0 if floor is None else self.precision
-            asked = Asked(
-                w[rows], self.half[rows], friction[rows], self.boxes[rows], least, precision
-            )
-            power[rows], centre[rows] = self.moments.support(asked, halvings)
-        return power + w[:, COLUMN["N"]], centre
+        if len(rows := self._rectangles):
+            power[rows], centre[rows] = self.moments.support(asked.take(rows), halvings)
+        if len(self._cells):
+            rows = np.unique(self._cells.contact)
+            most, where = self.moments.cell_support(asked, self._cells, halvings)
+            power[rows], centre[rows] = (most + self._rounding(w))[rows], where[rows, :2]
+            arm[rows] = (where[:, 2] / self.contacts.torsion_arm)[rows]
+        return power + w[:, COLUMN["N"]], centre, arm
+
+    def _rounding(self, w: FloatArray) -> FloatArray:
+        """What power may gain where a polygon's cells end short of it."""
+        turned = np.abs(w[:, COLUMN["M1"]]) + np.abs(w[:, COLUMN["M2"]])
+        turned += self.contacts.friction * np.abs(w[:, COLUMN["MT"]])
+        return np.asarray(2.0 ** (1 - SUPPORT.digits) * self.half.max(axis=1) * turned)

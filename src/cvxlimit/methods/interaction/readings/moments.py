@@ -20,8 +20,8 @@ from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.cells import (
     Cells,
     corners_in,
-    independent_power,
-    levered_power,
+    independent_cells,
+    levered_cells,
 )
 from cvxlimit.methods.interaction.states.copies import (
     Copies,
@@ -40,7 +40,6 @@ from cvxlimit.methods.interaction.states.support import (
     Asked,
     Support,
     free_sign,
-    half_extent,
     independent_support,
     is_whole,
     levered_support,
@@ -112,17 +111,24 @@ class Moments(ABC):
         """Largest power of true states on rectangles: see :mod:`~.states.support`."""
 
     @abstractmethod
-    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-        """An upper bound (g,) on the power of true states with N = 1 pressed in each cell, but for
-        w_N; rates (k, 6) and friction (k,) are those of the cells' corners."""
+    def cell_support(self, asked: Asked, cells: Cells, halvings: int) -> Support:
+        """The same on the triangles of polygons; contacts without any have none."""
 
     @abstractmethod
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """True (n,) for contacts whose states friction at the corners stands for."""
 
     @abstractmethod
-    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2)."""
+    def copies_at(
+        self,
+        contacts: Contacts,
+        rows: IntArray,
+        centre: FloatArray,
+        boxes: FloatArray,
+        arm: FloatArray | float = np.nan,
+    ) -> Copies:
+        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2), with their own arms or others
+        (k,)."""
 
     @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
@@ -164,43 +170,15 @@ class Moments(ABC):
         """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         by_corners = self.has_corner_hull(contacts, boxes)
-        cells = self.cells(contacts, boxes)
-        place = cells.place / half_extent(contacts)[cells.contact]
-        arm = cells.arm / contacts.torsion_arm[cells.contact]  # of their own
-        split = self._pressed(cells.contact, place, arm, cells.drag, cells.cell)
-        within = self._on_rectangles(contacts, boxes, by_corners)
-        return corner_copies(contacts, by_corners).joined(split, within)
-
-    def trial_copies(self, contacts: Contacts, boxes: FloatArray) -> Copies:
-        """The same for searches, not for bounds: other polygons press at the corners of what boxes
-        leave of them, with the arms that they have there, which takes much less time."""
-        polygons = np.flatnonzero(~contacts.is_rectangle)
-        if not len(polygons):
-            return self.box_copies(contacts, boxes)
-        by_corners = self.has_corner_hull(contacts, boxes) & contacts.is_rectangle
-        split = self._pressed(*corners_in(contacts, polygons, boxes))
-        within = self._on_rectangles(contacts, boxes, by_corners)
-        return corner_copies(contacts, by_corners).joined(split, within)
-
-    def _pressed(
-        self,
-        rows: IntArray,
-        place: FloatArray,
-        arm: FloatArray | float = np.nan,
-        drag: FloatArray | float = np.nan,
-        cell: IntArray | int = -1,
-    ) -> Copies:
-        about = np.nan if self.slopes is None else self.lever(place)
-        return copies_of(rows, place, 0.0, about, self.is_limited, arm, drag, cell)
-
-    def _on_rectangles(
-        self, contacts: Contacts, boxes: FloatArray, by_corners: BoolArray
-    ) -> Copies:
+        others = np.flatnonzero(~contacts.is_rectangle & ~by_corners)
+        rows, place = corners_in(contacts, others, boxes)
+        found = corner_copies(contacts, by_corners)
+        found = found.joined(self.copies_at(contacts, rows, place, boxes))
         # with independent signs one half of a range stands for both
         side = 0.0 if self.slopes is not None else free_sign(boxes).astype(float)
-        rows, centre = corner_places(boxes, side)
+        rows, place = corner_places(boxes, side)
         inside = (contacts.is_rectangle & ~by_corners)[rows]
-        return self.copies_at(rows[inside], centre[inside], boxes)
+        return found.joined(self.copies_at(contacts, rows[inside], place[inside], boxes))
 
     def split(self, low: float, high: float, at: float) -> list[float]:
         """Ends of the ranges into which branching cuts [low, high] near ``at``: at zero first."""
@@ -228,7 +206,7 @@ class Independent(Moments):
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
     largest_arm = staticmethod(own_arm)
     support = staticmethod(independent_support)
-    cell_power = staticmethod(independent_power)
+    cell_support = staticmethod(independent_cells)
     balance = 2.0
     reach = 1.0
 
@@ -244,8 +222,16 @@ class Independent(Moments):
         other = ~contacts.is_rectangle
         return other & is_whole(boxes) & (other.sum() > SUPPORT.most_whole)
 
-    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        return spread_copies(rows, centre, free_sign(boxes[rows]))
+    def copies_at(
+        self,
+        contacts: Contacts,
+        rows: IntArray,
+        centre: FloatArray,
+        boxes: FloatArray,
+        arm: FloatArray | float = np.nan,
+    ) -> Copies:
+        free = free_sign(boxes[rows]) & contacts.is_rectangle[rows, None]
+        return spread_copies(rows, centre, free, arm)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -336,15 +322,22 @@ class TiedMoments(Moments):
     def support(self, asked: Asked, halvings: int) -> Support:
         return levered_support(self.lever, self.is_limited, asked, halvings)
 
-    def cell_power(self, w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-        return levered_power(self.lever, self.is_limited, w, friction, cells)
+    def cell_support(self, asked: Asked, cells: Cells, halvings: int) -> Support:
+        return levered_cells(self.lever, self.is_limited, asked, cells, halvings)
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Whole contacts of any shape about the pressure centre, where it is the exact hull."""
         return is_whole(boxes) & (self.is_about_centre and not self.is_limited)
 
-    def copies_at(self, rows: IntArray, centre: FloatArray, boxes: FloatArray) -> Copies:
-        return copies_of(rows, centre, 0.0, self.lever(centre), self.is_limited)
+    def copies_at(
+        self,
+        contacts: Contacts,
+        rows: IntArray,
+        centre: FloatArray,
+        boxes: FloatArray,
+        arm: FloatArray | float = np.nan,
+    ) -> Copies:
+        return copies_of(rows, centre, 0.0, self.lever(centre), self.is_limited, arm)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.states.copies import Copies, copy_arms
+from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
@@ -98,7 +98,8 @@ class CopyColumns:
         self.width, self.nonneg = (1 if price is None else 2), 0
         self.gives: list[_Entry] = []
         self.signs: list[_Entry] = []
-        self.shears = np.flatnonzero(copies.signed | (self.arm > 0.0))
+        self.along = sheared(copies, self.arm)
+        self.shears = np.flatnonzero(self.along.any(axis=1))
         self.twists = np.flatnonzero(self.arm > 0.0)
         self._add_compression()
         self._add_shear()
@@ -128,7 +129,7 @@ class CopyColumns:
         self.shear = self._new(len(k)), self._new(len(k))
         contact = self.copies.contact[k]
         for axis, component in enumerate(("V1", "V2")):
-            self._give(component, contact, self.shear[axis], 1.0)
+            self._give(component, contact, self.shear[axis], self.along[k, axis])
         self._give("MT", contact, self.shear[0], -self.about[:, 1])
         self._give("MT", contact, self.shear[1], self.about[:, 0])
 
@@ -142,33 +143,26 @@ class CopyColumns:
 
     def _limit_torsion(self, twists: IntArray, tau: IntArray) -> None:
         """Eq. 27: torsion of their own for limited copies, which with what their shear does about
-        the contact's centre is at most c mu N; for the copies of one cell all together, since a
-        state in it may have more at one of its corners."""
+        the contact's centre is at most c mu N."""
         limited = np.flatnonzero(self.copies.limited[self.shears])
         k, about = self.shears[limited], self.about[limited]
         own = self._new(len(twists))
         self._give("MT", self.copies.contact[twists], own, 1.0)
         place = np.searchsorted(k, twists)
-        cell = self.copies.cell[k]
-        _, shared = np.unique(np.where(cell < 0, k, len(self.copies) + cell), return_inverse=True)
         for sign in (1.0, -1.0):
             self._at_most_zero((own, sign), (tau, -self.arm[twists]))
-            rows = self.nonneg + shared
-            self.nonneg += int(shared.max(initial=-1)) + 1
-            self.signs += [
-                (rows, self.shear[0][limited], -sign * about[:, 1]),
-                (rows, self.shear[1][limited], sign * about[:, 0]),
-                (rows, self.pressed[k], -self.arm[k] * self.friction[k]),
-                (rows[place], own, np.full(len(own), sign)),
-            ]
+            rows = self._at_most_zero(
+                (self.shear[0][limited], -sign * about[:, 1]),
+                (self.shear[1][limited], sign * about[:, 0]),
+                (self.pressed[k], -self.arm[k] * self.friction[k]),
+            )
+            self.signs.append((rows[place], own, np.full(len(own), sign)))
 
     def _drag(self, axis: int) -> _Entry:
         k, copies = self.shears, self.copies
         fixed = np.where(copies.signed[k], 0.0, np.abs(copies.centre[k, 1 - axis]))
         eps = self.half[k, 1 - axis] * (fixed + copies.spread[k, 1 - axis])
         weight = eps / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
-        given = np.isfinite(copies.drag[k]).all(axis=1) & ~copies.signed[k]
-        weight = np.where(given, copies.drag[k, axis], weight)
         rows = np.flatnonzero(weight > 0.0)
         size = self._new(len(rows))
         for sign in (1.0, -1.0):

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
@@ -41,7 +41,7 @@ def missed_copies(
     live = float(statics.live @ mechanism.ravel())
     mechanism = mechanism / live if live > 0.0 else mechanism  # as the certificate has it
     rates = statics.relative_rates(mechanism)
-    missing, centre = flow.worst(rates)
+    missing, centre, arm = flow.worst(rates)
     noise = BRACKET.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
     chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
     if field is not None:
@@ -49,13 +49,17 @@ def missed_copies(
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
         chosen &= missing * price > worth * -flow.opened(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
-    result = flow.moments.copies_at(rows, centre[rows], flow.boxes)
+
+    def at(rows: IntArray, place: FloatArray) -> Copies:
+        return flow.moments.copies_at(flow.contacts, rows, place, flow.boxes, arm[rows])
+
+    result = at(rows, centre[rows])
     if beside > 0.0:
         ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
-        inner = ~ends.all(axis=1)
+        inner = ~ends.all(axis=1) & flow.contacts.is_rectangle[rows]
         for step in (-beside, beside):
             moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
-            result = result.joined(flow.moments.copies_at(rows[inner], moved, flow.boxes))
+            result = result.joined(at(rows[inner], moved))
     return result
 
 

@@ -46,7 +46,7 @@ class Boxes:
     def copies(self) -> Copies:
         reach = self.size[:, None]
         ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
-        return self.moments.trial_copies(self.contacts, np.clip(ends, -1.0, 1.0))
+        return self.moments.box_copies(self.contacts, np.clip(ends, -1.0, 1.0))
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
@@ -84,7 +84,7 @@ class InnerMethod(SafeProblems):
         run = self.run
         self.begin(f"{stricter} relaxation")
         whole = whole_boxes(run.contacts)
-        relaxed = self.relaxed("hull", stricter.trial_copies(run.contacts, whole))
+        relaxed = self.relaxed("hull", stricter.box_copies(run.contacts, whole))
         yield relaxed
         near = relaxed.state.forces
         if near is None or relaxed.load_factor <= run.best.bracket.lower:

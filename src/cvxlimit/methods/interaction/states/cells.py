@@ -1,7 +1,7 @@
-"""States of polygons that press in a box: cells of pressure centres with bounds on their arms.
+"""Largest power of states of polygons that press in a box: triangles with bounds on their arms.
 
-On a cell c(e) <= sum of lambda_k t_k for e = sum of lambda_k e_k, so forces pressed in it are sums
-of forces pressed at its corners with arms t_k: docs/evidence/interaction-bounds.md.
+On a triangle c(e) <= sum of lambda_k t_k for e = sum of lambda_k e_k, with proved t_k; power is
+then bounded from its corners: docs/evidence/interaction-bounds.md.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
 from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.methods.interaction.states.pressure import areas_and_arms, outlines_of
+from cvxlimit.methods.interaction.states.pressure import areas_and_arms, around, outlines_of
 from cvxlimit.methods.interaction.states.support import (
+    Asked,
     Lever,
+    Pieces,
     Shares,
+    Support,
     half_extent,
     shear_support,
     within_quadrants,
@@ -29,20 +32,15 @@ from cvxlimit.methods.interaction.states.support import (
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Corners of cells of contacts in boxes, k of them: of which contact and which cell of all,
-    ``place`` (k, 2) and ``arm`` t_k in the contacts' unit of length; ``drag`` (k, 2) is kappa2 and
-    kappa1: what abs(V1) and abs(V2) cost beside abs(V), with independent signs.
-    """
+    """Triangles of pressure centres of contacts in boxes, t of them, none across an axis: of which
+    ``contact`` (t,), and their ``corners`` (3, t, 3): place and t_k, in the contacts' unit of
+    length."""
 
     contact: IntArray
-    cell: IntArray
-    place: FloatArray
-    arm: FloatArray
-    drag: FloatArray
+    corners: FloatArray
 
-    @property
-    def start(self) -> IntArray:
-        return np.flatnonzero(np.diff(self.cell, prepend=-1))
+    def __len__(self) -> int:
+        return len(self.contact)
 
     @classmethod
     def of(
@@ -54,67 +52,118 @@ class Cells:
     ) -> Cells:
         """``most`` (n,) is the largest arm that a contact may have under the reading."""
         half, largest = half_extent(contacts), np.broadcast_to(most, (len(contacts),))
-        parts, start = [], 0
+        contact, parts = [np.zeros(0, dtype=int)], [np.zeros((0, 3, 3))]
         for j in np.flatnonzero(chosen).tolist():
             low, high = (half[j] * boxes[j, :, side] for side in (0, 1))
-            for place, arm in cells(contacts.corners_of(j), low, high):
-                capped = np.full(len(arm), largest[j]) if arm.min() >= largest[j] else arm
-                drag = np.tile(np.abs(place).min(axis=0)[::-1] / capped.max(), (len(arm), 1))
-                index = np.full((2, len(arm)), [[j], [start]])
-                parts.append((*index, place, capped, drag))
-                start += 1
-        nothing = np.zeros((2, 0), dtype=int)
-        parts.append((*nothing, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2))))
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+            found = triangles(contacts.corners_of(j), low, high)
+            arm = found[..., 2]
+            is_capped = arm.min(axis=1, keepdims=True) >= largest[j]
+            capped = np.where(is_capped, largest[j], arm)
+            parts.append(np.dstack([found[..., :2], capped]))
+            contact.append(np.full(len(found), j))
+        return cls(np.concatenate(contact), np.swapaxes(np.concatenate(parts), 0, 1))
 
 
-def cells(
-    corners: FloatArray, low: FloatArray, high: FloatArray
-) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Corners (m, 2) and arms t_k (m,) of the cells of a convex polygon between low and high."""
-    return _cells(corners.tobytes(), low.tobytes(), high.tobytes())
+def triangles(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Triangles (t, 3, 3) of a convex polygon between low and high: places of their corners, and
+    bounds t_k on their arms. Polygons that are equal but for :func:`grid_of` share theirs."""
+    unit = grid_of(corners)
+    on_grid = np.round(corners / unit), np.floor(low / unit), np.ceil(high / unit)
+    return _triangles(unit, *(numbers.tobytes() for numbers in on_grid))
+
+
+def grid_of(corners: FloatArray) -> float:
+    """What a polygon is rounded to: bounds on arms have a margin that is a thousand times that."""
+    return float(2.0 ** (np.ceil(np.log2(np.ptp(corners, axis=0).max())) - SUPPORT.digits))
 
 
 @lru_cache(maxsize=4096)
-def _cells(corners: bytes, low: bytes, high: bytes) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    polygon = np.frombuffer(corners).reshape(-1, 2)
-    regions = _regions(polygon, np.frombuffer(low), np.frombuffer(high))
-    if not regions:
-        return ()
-    fans = [np.array([(0, k, k + 1) for k in range(1, len(r) - 1)]) for r in regions]
-    triangles = [region[fan] for region, fan in zip(regions, fans, strict=True)]
-    bounds = ArmBounds(polygon).over(np.concatenate(triangles))
-    ends = np.cumsum([len(fan) for fan in fans])[:-1]
-    found = []
-    for region, fan, bound in zip(regions, fans, np.split(bounds, ends), strict=True):
-        arm = np.zeros(len(region))
-        np.maximum.at(arm, fan, bound)
-        found.append((region, arm))
-    return tuple(found)
+def _triangles(unit: float, corners: bytes, low: bytes, high: bytes) -> FloatArray:
+    polygon, *ends = (unit * np.frombuffer(numbers) for numbers in (corners, low, high))
+    bounds = ArmBounds(polygon.reshape(-1, 2))
+    regions = _regions(bounds.polygon, *ends)
+    fans = [region[[0, k, k + 1]] for region in regions for k in range(1, len(region) - 1)]
+    found = np.array(fans).reshape(-1, 3, 2)
+    return np.dstack([found, bounds.over(found)])
 
 
-def independent_power(w: FloatArray, friction: FloatArray, cells: Cells) -> FloatArray:
-    """An upper bound (g,) in each cell; ``w`` (k, 6) and ``friction`` are the corners'."""
-    torsion = cells.arm * np.abs(w[:, COLUMN["MT"]])
-    shear = np.abs(w[:, [COLUMN["V1"], COLUMN["V2"]]])
-    slope = shear_support(shear, np.ones(len(w)), cells.drag)
-    e = cells.place
-    moments = w[:, COLUMN["M1"]] * e[:, 1] - w[:, COLUMN["M2"]] * e[:, 0]
-    return np.maximum.reduceat(moments + friction * np.maximum(torsion, slope), cells.start)
+def independent_cells(asked: Asked, cells: Cells, halvings: int) -> Support:
+    """With independent signs. Torsion alone is largest at corners. Shear has c1 m(c1, eps) with
+    c1 = sum of lambda_k t_k and m convex, so below m1 = sum of lambda_k m_k: b . e + mu c1 m1 is
+    below the largest of its Bernstein coefficients. And c1 m is largest at corners on its own."""
+    twist, rates = np.abs(asked.w[:, COLUMN["MT"]]), np.abs(asked.w[:, _SHEAR])
+    speed, (i, k) = np.hypot(*rates.T), _PAIRS.T
+
+    def found(j: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        mu, arm, eps = asked.friction[j], at[..., 2], np.abs(at[..., 1::-1])
+        moment = _moment(asked.w[j], at)
+        slopes = [shear_support(rates[j], c, e) for c, e in zip(arm, eps, strict=True)]
+        m = np.stack(slopes)
+        crossed = 0.5 * (moment[i] + moment[k] + mu * (arm[i] * m[k] + arm[k] * m[i]))
+        slip = mu * np.fmin(arm * m, speed[j])  # m is infinite in a corner on an axis
+        apart = moment.max(axis=0) + slip.max(axis=0)
+        torsion = moment + mu * arm * twist[j]
+        bound = np.maximum(np.fmin(crossed.max(axis=0), apart), torsion.max(axis=0))
+        return at, np.maximum(torsion, moment + slip), bound
+
+    return _largest(asked, cells.contact, cells.corners, found, halvings)
 
 
-def levered_power(
-    lever: Lever, is_limited: bool, w: FloatArray, friction: FloatArray, cells: Cells
-) -> FloatArray:
-    """The same with torsion about a lever: at the corners, and with Eq. 27 for all of a cell's."""
+def levered_cells(
+    lever: Lever, is_limited: bool, asked: Asked, cells: Cells, halvings: int
+) -> Support:
+    """With torsion about a lever: at corners, and with Eq. 27 for all of a triangle's together."""
+
+    def shares(j: IntArray, at: FloatArray) -> Shares:
+        return Shares(lever, asked.w[j], asked.friction[j], at[..., :2], at[..., 2])
+
+    def found(j: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        there = shares(j, at)
+        if is_limited:
+            return at, there.each(), there.together()
+        power = there.power(there.twist)
+        return at, power, power.max(axis=0)
+
+    j, at = cells.contact, cells.corners
     if not is_limited:
-        shares = Shares(lever, w, friction, cells.place[None], cells.arm[None])
-        return np.maximum.reduceat(shares.power(shares.twist)[0], cells.start)
-    size = np.diff([*cells.start, len(cells.cell)])
-    corner = np.arange(int(size.max()))[:, None]
-    rows = cells.start + np.minimum(corner, size - 1)  # (corners, cells), the last one repeated
-    at = cells.start
-    return Shares(lever, w[at], friction[at], cells.place[rows], cells.arm[rows]).together()
+        return _largest(asked, j, at, found, 0)
+    rough, least = shares(j, at).roughly(), asked.floor.copy()
+    order = np.lexsort((-rough, j))
+    first = order[np.flatnonzero(np.diff(j[order], prepend=-1))]
+    reached = shares(j[first], at[:, first]).each().max(axis=0)
+    least[j[first]] = np.maximum(least[j[first]], reached)
+    kept = rough >= least[j]
+    upper, where = _largest(asked, j[kept], at[:, kept], found, halvings)
+    np.maximum.at(upper, j[~kept], rough[~kept])
+    return upper, where
+
+
+def _largest(
+    asked: Asked, rows: IntArray, corners: FloatArray, found: Pieces, halvings: int
+) -> Support:
+    return asked.largest(rows, corners, found, SUPPORT.boxes, 2 * halvings, _halved_triangles)
+
+
+def _halved_triangles(corners: FloatArray, half: FloatArray) -> FloatArray:
+    """Triangles (3, k, 3) cut across their longest side: (3, 2 k, 3)."""
+    opposite = (np.roll(corners, 1, axis=0) - np.roll(corners, -1, axis=0))[..., :2] / half
+    longest, every = (opposite**2).sum(axis=2).argmax(axis=0), np.arange(corners.shape[1])
+    ends = [(longest + step) % 3 for step in (1, 2)]
+    middle = 0.5 * (corners[ends[0], every] + corners[ends[1], every])
+    halves = [corners.copy(), corners.copy()]
+    for part, end in zip(halves, ends, strict=True):
+        part[end, every] = middle
+    return np.concatenate(halves, axis=1)
+
+
+_SHEAR = [COLUMN["V1"], COLUMN["V2"]]
+
+_PAIRS = np.array(list(combinations_with_replacement(range(3), 2)))
+"""Bernstein coefficients of a quadratic over a triangle, as pairs of corners."""
+
+
+def _moment(w: FloatArray, at: FloatArray) -> FloatArray:
+    return np.asarray(w[:, COLUMN["M1"]] * at[..., 1] - w[:, COLUMN["M2"]] * at[..., 0])
 
 
 def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[FloatArray]:
@@ -123,7 +172,8 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
     if (high < low - least).any():
         return []
     high = np.maximum(high, low + 1e3 * least)  # a range without width still has states
-    steps = [_ticks(a, b) for a, b in zip(low, high, strict=True)]
+    extent = np.ptp(polygon, axis=0)
+    steps = [_ticks(a, b, size) for a, b, size in zip(low, high, extent, strict=True)]
     boxes = np.array(list(product(*(pairwise(along) for along in steps))))
     parts = _in_boxes(np.broadcast_to(polygon, (len(boxes), *polygon.shape)), boxes)
     return [part for part in parts if len(part) > 2]
@@ -134,6 +184,8 @@ def corners_in(
 ) -> tuple[IntArray, FloatArray]:
     """Corners of what boxes (n, 2, 2) leave of contacts ``rows`` in each quadrant: of which contact
     (k,), and where (k, 2) as fractions of :func:`half_extent`."""
+    if not len(rows):
+        return rows, np.zeros((0, 2))
     quadrant, ends = within_quadrants(boxes[rows])
     j = rows[quadrant]
     half = half_extent(contacts)[j]
@@ -157,8 +209,9 @@ def _in_boxes(parts: FloatArray, boxes: FloatArray) -> list[FloatArray]:
     return [part[:n] for part, n in zip(parts, count.tolist(), strict=True)]
 
 
-def _ticks(low: float, high: float) -> FloatArray:
-    ticks = np.linspace(low, high, SUPPORT.cells + 1)
+def _ticks(low: float, high: float, extent: float) -> FloatArray:
+    count = max(2, int(np.ceil(SUPPORT.cells * (high - low) / extent - SUPPORT.rounding)))
+    ticks = np.linspace(low, high, count + 1)
     return np.union1d(ticks, [0.0]) if low < 0.0 < high else ticks
 
 
@@ -195,75 +248,101 @@ class ArmBounds:
     def over(self, triangles: FloatArray) -> FloatArray:
         """t (p, 3) of triangles (p, 3, 2) of pressure centres in the polygon: the least found."""
         centres = np.concatenate([triangles, triangles.mean(axis=1, keepdims=True)], axis=1)
-        regions = effective_regions(self.polygon, centres.reshape(-1, 2))
-        areas, arms = areas_and_arms(regions, centres.reshape(-1, 2))
-        found = [
-            self._over(at, regions[4 * k : 4 * k + 4], areas[4 * k : 4 * k + 4], arm[:3])
-            for k, (at, arm) in enumerate(zip(centres, arms.reshape(-1, 4), strict=True))
-        ]
-        return np.array(found).reshape(-1, 3) + SUPPORT.rounding * self.size
-
-    def _over(
-        self, at: FloatArray, regions: Sequence[FloatArray], areas: FloatArray, arm: FloatArray
-    ) -> FloatArray:
-        widths = self.widths(at)
-        bounds = [*self._by_parallelograms(widths[:3]), self._by_radii(widths[:3])]
-        best: FloatArray = min(bounds, key=np.sum)
-        if (best - arm).max() <= SUPPORT.rounding * self.size:
-            return best
-        sectors = [
-            self._sectors(region - centre, there)
-            for region, centre, there, area in zip(regions, at, widths, areas, strict=True)
-            if area > SUPPORT.rounding * self.size**2  # else it is no e0
-        ]
-        return min(best, arm + self._margin(sectors, widths[:3], areas[:3], arm), key=np.sum)
+        places, which = np.unique(centres.reshape(-1, 2), axis=0, return_inverse=True)
+        which = which.reshape(-1, 4)
+        regions = effective_regions(self.polygon, places)
+        areas, arms = areas_and_arms(regions, places)
+        widths, arm = self.widths(places), arms[which[:, :3]]
+        corners = widths[which[:, :3]]
+        found = np.concatenate(
+            [self._by_parallelograms(corners), self._by_radii(corners)[:, None]], axis=1
+        )
+        best = _least_of(found)
+        far = (best - arm).max(axis=1) > SUPPORT.rounding * self.size
+        if far.any():
+            margin = self._margin(
+                self._sectors(regions, places, widths, areas),
+                which[far],
+                corners[far],
+                areas[which[far, :3]],
+                arm[far],
+            )
+            best[far] = _least_of(np.stack([best[far], arm[far] + margin[:, None]], axis=1))
+        return best + SUPPORT.rounding * self.size
 
     def _by_parallelograms(self, widths: FloatArray) -> FloatArray:
+        """Of widths (p, 3, edges) (p, pairs, 3), infinite where they are no bound."""
         pairs, edges = self.pairs, self.edges
-        half = widths[:, pairs].transpose(1, 2, 0)[:, :, :, None] * edges[:, :, None, :]
-        first, second = half[:, 0], half[:, 1]
+        half = widths[:, :, pairs].transpose(0, 2, 3, 1)[..., None] * edges[:, :, None, :]
+        first, second = half[:, :, 0], half[:, :, 1]
         # diagonals cut them into triangles of one area, with 2/3 of the mean of their outer side
         p, q = first + second, second - first
         mean = (mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0
         reach = np.abs(first @ self.normals.T) + np.abs(second @ self.normals.T)
-        idle = (reach <= widths * (1.0 + 1e-12)).all(axis=1)
-        far = widths.min(axis=0) >= mean.max(axis=1)[:, None]
-        own = np.zeros(idle.shape, dtype=bool)
+        idle = (reach <= widths[:, None] * (1.0 + 1e-12)).all(axis=2)
+        far = widths.min(axis=1)[:, None] >= mean.max(axis=2)[:, :, None]
+        own = np.zeros(idle.shape[1:], dtype=bool)
         np.put_along_axis(own, pairs, True, axis=1)
-        return np.asarray(mean[(idle | far | own).all(axis=1)])
+        is_bound = (idle | far | own).all(axis=2)
+        return np.where(is_bound[:, :, None], mean, np.inf)
 
     def _by_radii(self, widths: FloatArray) -> FloatArray:
-        most = widths.max(axis=0)
-        half = most[self.pairs][:, :, None] * self.edges
-        corners = np.concatenate([half.sum(axis=1), half[:, 0] - half[:, 1]])
-        inside = (np.abs(corners @ self.normals.T) <= most + SUPPORT.rounding * self.size).all(
-            axis=1
-        )
-        radius = np.linalg.norm(corners[inside], axis=1).max(initial=0.0)
-        return np.full(3, 2.0 / 3.0 * float(radius))
+        most = widths.max(axis=1)
+        half = most[:, self.pairs][..., None] * self.edges
+        corners = np.concatenate([half.sum(axis=2), half[:, :, 0] - half[:, :, 1]], axis=1)
+        reach = most[:, None] + SUPPORT.rounding * self.size
+        inside = (np.abs(corners @ self.normals.T) <= reach).all(axis=2)
+        radius = np.where(inside, np.linalg.norm(corners, axis=2), 0.0).max(axis=1, initial=0.0)
+        return np.repeat(2.0 / 3.0 * radius[:, None], 3, axis=1)
 
     def _margin(
-        self, sectors: Sequence[_Sectors], widths: FloatArray, areas: FloatArray, arm: FloatArray
-    ) -> float:
-        """What the arms at the corners must be raised by to be a bound, by the best e0."""
-        (j, k, m), root, margin = _TRIPLES.T, np.sqrt(areas), np.inf
-        pairs = (root[k] * root[m], root[j] * root[m], root[j] * root[k])
+        self,
+        sectors: _Sectors,
+        which: IntArray,
+        widths: FloatArray,
+        areas: FloatArray,
+        arm: FloatArray,
+    ) -> FloatArray:
+        """What the arms at corners must be raised by to be bounds (p,), by the best e0 of four."""
+        (j, k, m), root = _TRIPLES.T, np.sqrt(areas)
+        pairs = root[:, k] * root[:, m], root[:, j] * root[:, m], root[:, j] * root[:, k]
         weight = sum(pairs) / 3.0
-        given = (arm[j] * pairs[0] + arm[k] * pairs[1] + arm[m] * pairs[2]) / 3.0
-        for slabs, there, moments in sectors:
-            ratio = widths[:, slabs] / there
-            over = (ratio[j] * ratio[k] * ratio[m]) @ moments - given
-            needed = np.divide(over, weight, out=np.full(len(over), np.inf), where=weight > 0.0)
-            margin = min(margin, float(np.where(over > 0.0, needed, 0.0).max()))
+        given = (arm[:, j] * pairs[0] + arm[:, k] * pairs[1] + arm[:, m] * pairs[2]) / 3.0
+        margin = np.full(len(which), np.inf)
+        for e0 in which.T:
+            slabs, there, moments, is_e0 = (part[e0] for part in sectors)
+            ratio = np.take_along_axis(widths, slabs[:, None], axis=2) / there[:, None]
+            over = ((ratio[:, j] * ratio[:, k] * ratio[:, m]) @ moments[:, :, None])[..., 0] - given
+            needed = np.divide(over, weight, out=np.full(over.shape, np.inf), where=weight > 0.0)
+            raised = np.where(over > 0.0, needed, 0.0).max(axis=1)
+            margin = np.minimum(margin, np.where(is_e0, raised, np.inf))
         return margin
 
-    def _sectors(self, corners: FloatArray, widths: FloatArray) -> _Sectors:
-        """Slabs behind the edges of S(e0), given by corners from e0; b_i(e0); M_i of sectors."""
-        ahead = np.roll(corners, -1, axis=0)
+    def _sectors(
+        self,
+        regions: Sequence[FloatArray],
+        centres: FloatArray,
+        widths: FloatArray,
+        areas: FloatArray,
+    ) -> _Sectors:
+        corners, _ = around(regions, centres)
+        ahead = np.roll(corners, -1, axis=1)
         middle = 0.5 * (corners + ahead)
-        slab = np.abs(np.abs(middle @ self.normals.T) - widths).argmin(axis=1)
-        doubled = np.abs(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0])
-        return slab, widths[slab], doubled / 3.0 * mean_distance_on_segment(corners, ahead)
+        slab = np.abs(np.abs(middle @ self.normals.T) - widths[:, None]).argmin(axis=2)
+        doubled = np.abs(corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0])
+        moments = doubled / 3.0 * mean_distance_on_segment(corners, ahead)
+        there = np.take_along_axis(widths, slab, axis=1)
+        is_e0 = areas > SUPPORT.rounding * self.size**2
+        is_used = is_e0[:, None] & (moments > 0.0)  # not a corner repeated
+        return slab, np.where(is_used, there, 1.0), moments, is_e0
 
 
-_Sectors = tuple[IntArray, FloatArray, FloatArray]
+def _least_of(bounds: FloatArray) -> FloatArray:
+    """Of bounds (p, b, 3) those (p, 3) with the least sum."""
+    least = bounds.sum(axis=2).argmin(axis=1)
+    return np.asarray(bounds[np.arange(len(bounds)), least])
+
+
+_Sectors = tuple[IntArray, FloatArray, FloatArray, BoolArray]
+"""Of regions S(e0) (r, k): slabs behind their edges, b_i(e0), and M_i of sectors; and which (r,)
+are wide enough to be an e0."""

@@ -29,9 +29,8 @@ class Copies:
     ``centre`` (k, 2) is a fraction of :func:`half_extent`; with ``spread`` (k, 2) it may lie
     anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. Torsion is
     taken about ``lever`` (k, 2), a fraction too; NaN where every sign is on its own. ``limited``
-    (k,) says where Eq. 27 stands beside Eq. 30; copies of one ``cell`` (k,) share it, those of none
-    (-1) have it to themselves. ``arm`` (k,), over the contact's c_T, and ``drag``
-    (k, 2), kappa, are NaN but where they are not those of the centre.
+    (k,) says where Eq. 27 stands beside Eq. 30. ``arm`` (k,) is NaN but where it is not that of the
+    centre.
     """
 
     contact: IntArray
@@ -40,8 +39,6 @@ class Copies:
     lever: FloatArray
     limited: BoolArray
     arm: FloatArray
-    drag: FloatArray
-    cell: IntArray
 
     def __len__(self) -> int:
         return len(self.contact)
@@ -70,20 +67,18 @@ def copies_of(
     lever: FloatArray | float = np.nan,
     is_limited: bool = False,
     arm: FloatArray | float = np.nan,
-    drag: FloatArray | float = np.nan,
-    cell: IntArray | int = -1,
 ) -> Copies:
-    pairs = (np.broadcast_to(values, centre.shape) for values in (spread, lever, drag))
-    spreads, levers, drags = pairs
+    spreads, levers = (np.broadcast_to(values, centre.shape) for values in (spread, lever))
     arms, limited = np.broadcast_to(arm, rows.shape), np.full(len(rows), is_limited)
-    return Copies(
-        rows, centre, spreads, levers, limited, arms, drags, np.broadcast_to(cell, rows.shape)
-    )
+    return Copies(rows, centre, spreads, levers, limited, arms)
 
 
-def spread_copies(rows: IntArray, centre: FloatArray, free: BoolArray) -> Copies:
+def spread_copies(
+    rows: IntArray, centre: FloatArray, free: BoolArray, arm: FloatArray | float = np.nan
+) -> Copies:
     """Copies with unsigned torsion: pressed from -centre to centre where ``free`` (k, 2)."""
-    return copies_of(rows, np.where(free, 0.0, centre), np.where(free, np.abs(centre), 0.0))
+    spread = np.where(free, np.abs(centre), 0.0)
+    return copies_of(rows, np.where(free, 0.0, centre), spread, arm=arm)
 
 
 def corner_copies(contacts: Contacts, chosen: BoolArray) -> Copies:
@@ -111,5 +106,13 @@ def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
     arm[given] = (copies.arm * contacts.torsion_arm[copies.contact])[given]
     k = np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given)
     arm[k] = polygon_arms(contacts, copies.contact[k], half[k] * copies.centre[k])
-    own = np.where(copies.signed | given, np.inf, own_arm(contacts)[copies.contact])
-    return np.where(arm > SUPPORT.rounding * half.min(axis=1), np.minimum(arm, own), 0.0)
+    own = np.where(copies.signed, np.inf, own_arm(contacts)[copies.contact])
+    least = 4.0 * SUPPORT.rounding * half.max(axis=1)  # bounds have a margin even in corners
+    return np.where(arm > least, np.minimum(arm, own), 0.0)
+
+
+def sheared(copies: Copies, arm: FloatArray) -> BoolArray:
+    """Along which axes (k, 2) copies shear. With unsigned torsion and no arm that is the one on
+    which they press, as in a polygon's corner: eps2 abs(V1) + eps1 abs(V2) + abs(MT) <= 0."""
+    is_on_axis = np.abs(copies.centre) + copies.spread <= SUPPORT.rounding
+    return np.asarray((copies.signed | (arm > 0.0))[:, None] | is_on_axis[:, ::-1])

@@ -104,18 +104,25 @@ def areas_and_arms(
 ) -> tuple[FloatArray, FloatArray]:
     """Areas (k,) of effective regions, and the mean distances (k,) of their points from their
     centres (k, 2); regions without area are the segments or points that are left of them."""
-    size = np.array([len(region) for region in regions])
-    corner = np.arange(max(int(size.max(initial=0)), 2))
-    corners = np.zeros((len(regions), len(corner), 2))
-    for own, region, centre in zip(corners, regions, centres, strict=True):
-        if len(region):
-            own[:] = region[np.minimum(corner, len(region) - 1)] - centre
+    corners, size = around(regions, centres)
     ahead = np.roll(corners, -1, axis=1)
     doubled = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
     on_edges = mean_distance_on_segment(corners, ahead)
     area = np.where(size > 2, doubled.sum(axis=1) / 2.0, 0.0)
     arm = (doubled * on_edges).sum(axis=1) / np.where(area > 0.0, 3.0 * area, 1.0)
     return area, np.where(area > 0.0, arm, on_edges[:, 0])
+
+
+def around(regions: Sequence[FloatArray], centres: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Corners (k, m, 2) of regions from their centres (k, 2), the last one repeated where there are
+    fewer, and how many they have (k,)."""
+    size = np.array([len(region) for region in regions], dtype=int)
+    corner = np.arange(max(int(size.max(initial=0)), 2))
+    corners = np.zeros((len(regions), len(corner), 2))
+    for own, region, centre in zip(corners, regions, centres, strict=True):
+        if len(region):
+            own[:] = region[np.minimum(corner, len(region) - 1)] - centre
+    return corners, size
 
 
 def own_arm(contacts: Contacts) -> FloatArray:

@@ -18,10 +18,27 @@ from cvxlimit.methods.interaction.settings import SUPPORT
 
 Support = tuple[FloatArray, FloatArray]
 """Largest power w . X (n,) of states X with N = 1, but for w_N; and the pressure centres (n, 2)
-that have it as fractions of the half sides, NaN where they are not known."""
+that have it as fractions of the half sides, NaN where they are not known. On polygons beside them
+the arm that counts there: (n, 3)."""
 
 Lever = Callable[[FloatArray], FloatArray]
 """From pressure centres (..., 2) to the points about which torsion is taken, (..., 2)."""
+
+
+Pieces = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Of pieces (q, k, d) of contacts (k,): places (p, k, d), the power at each of them (p, k), and an
+upper bound (k,) on that all over the piece."""
+
+
+def _halved_boxes(ends: FloatArray, half: FloatArray) -> FloatArray:
+    """Boxes (2, k, 2), their lowest and highest ends, cut across their longer side: (2, 2 k, 2)."""
+    size = np.abs(ends[1] - ends[0]) / half
+    axis = (size[:, 1] > size[:, 0]).astype(int)
+    every, k = np.arange(len(half)), len(half)
+    middle = 0.5 * (ends[0] + ends[1])[every, axis]
+    halves = np.tile(ends, (1, 2, 1))
+    halves[1, every, axis] = halves[0, k + every, axis] = middle
+    return halves
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +56,18 @@ class Asked:
     floor: FloatArray
     precision: float
 
+    def take(self, rows: IntArray) -> Asked:
+        w, half, friction = self.w[rows], self.half[rows], self.friction[rows]
+        return Asked(w, half, friction, self.boxes[rows], self.floor[rows], self.precision)
+
     def largest(
-        self, rows: IntArray, ends: FloatArray, found: _Found, precision: float, halvings: int
+        self,
+        rows: IntArray,
+        pieces: FloatArray,
+        found: Pieces,
+        precision: float,
+        halvings: int,
+        halved: Callable[[FloatArray, FloatArray], FloatArray] = _halved_boxes,
     ) -> Support:
         """The largest power over pieces, enclosed from both sides: those whose bound exceeds the
         best value found are halved. The upper end of the enclosure is what counts."""
@@ -49,33 +76,28 @@ class Asked:
         shear = w[:, COLUMN["V1"]] + w[:, COLUMN["V2"]]
         twist = w[:, COLUMN["MT"]] * np.hypot(*self.half.T)
         tolerance = max(precision, self.precision) * (moments + self.friction * (shear + twist))
-        best, dropped, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros((n, 2))
+        best, dropped, where = (
+            np.full(n, -np.inf),
+            np.full(n, -np.inf),
+            np.zeros((n, pieces.shape[2])),
+        )
         before = np.full(len(rows), np.inf)
         for left in reversed(range(halvings + 1)):
-            places, powers, bound = found(rows, ends)
+            places, powers, bound = found(rows, pieces)
             bound = np.minimum(bound, before)
             for place, power in zip(places, powers, strict=True):
                 np.maximum.at(best, rows, power)
                 top = power >= best[rows]
                 where[rows[top]] = place[top]
             enough = np.maximum(best, self.floor)[rows] + tolerance[rows]
-            open_ = (bound > enough) & (left > 0)
+            open_ = (bound > enough) & (left > 0 and len(rows) <= SUPPORT.most_pieces)
             np.maximum.at(dropped, rows[~open_], bound[~open_])
             if not open_.any():
                 break
-            rows, ends, before = rows[open_], ends[:, open_], np.tile(bound[open_], 2)
-            size = np.abs(ends[1] - ends[0]) / self.half[rows]
-            axis = (size[:, 1] > size[:, 0]).astype(int)
-            every, k = np.arange(len(rows)), len(rows)
-            middle = 0.5 * (ends[0] + ends[1])[every, axis]
-            rows, ends = np.tile(rows, 2), np.tile(ends, (1, 2, 1))
-            ends[1, every, axis] = ends[0, k + every, axis] = middle
-        return np.maximum(best, dropped), where / self.half
-
-
-_Found = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Of pieces of contacts (k,) with ends (2, k, 2): places (p, k, 2), the power at each of them
-(p, k), and an upper bound (k,) on that all over the piece."""
+            pieces = halved(pieces[:, open_], self.half[rows[open_]])
+            rows, before = np.tile(rows[open_], 2), np.tile(bound[open_], 2)
+        where[:, :2] /= self.half
+        return np.maximum(best, dropped), where
 
 
 def independent_support(asked: Asked, halvings: int) -> Support:
@@ -158,6 +180,13 @@ class Shares:
         slip = np.hypot(self.v1 - share * self.d2, self.v2 + share * self.d1)
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
+
+    def roughly(self) -> FloatArray:
+        """An upper bound (k,) on :meth:`together`, by a few shares."""
+        low, high = self.low.min(axis=0), self.high.max(axis=0)
+        tried = np.linspace(0.0, 1.0, SUPPORT.shares)
+        powers = [self.power(low + share * (high - low)).max(axis=0) for share in tried]
+        return np.asarray(np.min(powers, axis=0))
 
     def each(self) -> FloatArray:
         """The least power (p, k), every centre with a share of its own."""
