@@ -16,14 +16,24 @@ from numpy.typing import NDArray
 from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import SolverError
 from cvxlimit.masonry import arch, panel, running_bond, wall
+from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import resultants
 from cvxlimit.model.problem import LargestFactor, LimitProblem
-from cvxlimit.solvers import Blockwise, Shape, SolverSettings, default_ladder, limit_ladder
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.solvers import (
+    Blockwise,
+    Outcome,
+    Shape,
+    SolverSettings,
+    default_ladder,
+    limit_ladder,
+)
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
 from cvxlimit.solvers.interior.elimination import NewtonSystem
 from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
 from cvxlimit.solvers.sparse import BACKENDS
-from cvxlimit.surfaces.coulomb import surfaces_of
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, surfaces_of
 from helpers import assert_certified, named_scene, scenes
 from kinematics import KinematicProblem
 
@@ -307,13 +317,26 @@ class TestWarmStarts:
         found = program.minimise(1e-8, 100, other.middle)
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
-    def test_iterates_are_strictly_admissible(self, program: InteriorPoint, cold: Result) -> None:
-        """In equilibrium to rounding, and inside all cones: a state with a reserve."""
-        middle = cold.middle
+    def test_iterates_are_strictly_admissible(self) -> None:
+        """Inside all cones, and so near to equilibrium that the state still is inside all surfaces
+        once it is put there: its bound loses nothing."""
+        assemblage = Assemblage.of(builtin_scene("tuff-wall"))
+        problem = DirectProblem(assemblage, DEFAULT_SURFACES, Reduction.none(assemblage.statics))
+        given = problem.program
+        assert given is not None
+        matrix, cones = sp.csr_array(given.matrix), list(given.cones)
+        own = InteriorPoint(
+            given.cost, matrix, given.right, given.zero, given.nonneg, cones, "superlu"
+        )
+        middle = own.minimise(1e-8, 100).middle
         assert middle is not None
-        system = program.system
-        np.testing.assert_allclose(system.E @ middle.x, program.f, atol=1e-12)
-        assert system.cones.margin(program.h - system.G @ middle.x) > 0.0
+        assert own.cones.margin(own.h - own.system.G @ middle.x) > 0.0
+        x = np.empty_like(middle.x)
+        x[own.system.columns] = middle.x
+        state = problem.state(Outcome("on the way", 0.0, 0.0), x, middle.y)
+        bounds = Certifier(assemblage, DEFAULT_SURFACES).of(state)
+        assert bounds.lower_is_proved
+        assert bounds.lower == pytest.approx(state.load_factor, rel=1e-12)
 
     def test_cvxpy_hands_the_start_over(self) -> None:
         """The second answer, warm, is that of a solver which has seen nothing else."""

@@ -6,6 +6,7 @@ Eliminating them leaves a Schur complement with six rows per masonry block.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -30,11 +31,11 @@ class Limits:
     ``regularisation`` is added to diagonals, relatively. Blocks whose squares have a pivot below
     ``hard`` are eliminated by reflections, none of whose pivots is below the share ``softest`` of
     its column: softer ones cost equilibrium more than they bring the flow rule. Refinement takes
-    these effects out again: it ends after so many ``rounds``, when every part of the residual is
-    below the ``target``, relative to its own right-hand side or the share ``floor`` of the largest,
-    or when a round gains less than the factor ``slow``. Plain steps are kept up while they gain the
-    factor ``fast``. Where a wide gap is asked for the target is up to ``loosest``: the same
-    brackets in three fifths of the eliminations.
+    these effects out again: it ends after so many ``rounds``, when every part of the residual does
+    no harm or is below the ``target``, relative to its own right-hand side or the share ``floor``
+    of the largest, or when a round gains less than the factor ``slow``. Plain steps are kept up
+    while they gain the factor ``fast``. Where a wide gap is asked for the target is up to
+    ``loosest``: the same brackets in three fifths of the eliminations.
     """
 
     widest: int = 128
@@ -222,22 +223,26 @@ class NewtonSystem:
         n, p = self.variables, self.equations
         return v[:n], v[n : n + p], v[n + p :]
 
-    def solve(self, right: FloatArray, rounds: int = LIMITS.rounds) -> FloatArray:
+    def solve(
+        self, right: FloatArray, rounds: int = LIMITS.rounds, allowed: Sequence[float] = (0.0,) * 3
+    ) -> FloatArray:
         """(x, y, z) by elimination, improved by generalised conjugate residuals (S. C. Eisenstat,
         H. C. Elman, M. H. Schultz, 1983): rounding makes elimination wrong in a few directions,
-        which iterative refinement takes out slowly.
+        which iterative refinement takes out slowly. ``allowed`` are residuals of x, y and z that
+        do no harm.
         """
         at = self._once(right)
         if not rounds:
             return at
         sizes = np.array([largest(part) for part in self.parts(right)])
-        units = np.maximum(sizes, LIMITS.floor * (sizes.max() or 1.0))
+        least = self.target * np.maximum(sizes, LIMITS.floor * (sizes.max() or 1.0))
+        units = np.maximum(least, allowed)
         unit = np.repeat(units, [len(part) for part in self.parts(right)])
         left = self._residual(right, at) / unit
         error = largest(left)
         tried: list[tuple[FloatArray, FloatArray]] = []
         for _ in range(rounds):
-            if not error > self.target:
+            if not error > 1.0:
                 break
             change = self._once(unit * left)
             new = self._residual(right, at + change) / unit

@@ -2,7 +2,8 @@
 
 Nesterov-Todd scaling; Mehrotra's predictor and corrector; further correctors after J. Gondzio,
 Multiple centrality corrections, 1996. After the first full step every iterate satisfies its
-equations exactly and is strictly inside the cones, so that its bounds lose nothing but the gap.
+equations to far less than its gap and is strictly inside the cones, so that its bounds lose nothing
+but the gap.
 """
 
 from __future__ import annotations
@@ -37,8 +38,10 @@ class Numbers:
     ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
     start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
-    less than ``floor`` times the mean of the other unknowns of its side. While errors are
-    below the share ``light`` of the gap directions are refined once: the next one takes them out.
+    less than ``floor`` times the mean of the other unknowns of its side. Directions are refined
+    until what they leave costs the bounds the share ``light`` of the gap that the next point may
+    have at best, ``ahead`` of this one's or the one asked for: forty times as much was lost where
+    corners are about to open, for these costs are those of typical loads.
     """
 
     reach: float = 0.99
@@ -55,7 +58,8 @@ class Numbers:
     no_answer: float = 1e-9
     middle: float = 1e-2
     floor: float = 0.1
-    light: float = 1e-2
+    light: float = 1e-3
+    ahead: float = 0.1
     shift: float = 0.1
 
 
@@ -101,9 +105,11 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class _Measure:
-    """The residuals (n + p + m,) at a point, and how good the point is."""
+    """The residuals (n + p + m,) at a point, what one of 1 costs the bounds, relatively, and how
+    good the point is."""
 
     missing: FloatArray
+    costs: tuple[float, float]
     mu: float
     gap: float
     infeasibility: float
@@ -112,6 +118,11 @@ class _Measure:
     def is_within(self, tolerance: float) -> bool:
         enough = max(NUMBERS.solved, NUMBERS.balance * tolerance)
         return self.gap < tolerance and self.infeasibility < enough
+
+    def allowed(self, tolerance: float) -> tuple[float, float, float]:
+        """What the next point may lack in rates, equilibrium and slacks."""
+        share = NUMBERS.light * max(NUMBERS.ahead * min(self.gap, 1.0), tolerance)
+        return share / self.costs[0], share / self.costs[1], 0.0
 
 
 class InteriorPoint:
@@ -171,7 +182,7 @@ class InteriorPoint:
             outcome = self._no_answer(at)
             if outcome is not None or self._is_done(found, tolerance, scores, worst):
                 break
-            moved = self._moved(at, found) if count < max_iter else None
+            moved = self._moved(at, found, tolerance) if count < max_iter else None
             if moved is None:
                 break
             at, count = moved, count + 1
@@ -237,12 +248,13 @@ class InteriorPoint:
         infeasibility = max(max(largest(ry), largest(rz)) / primal_size, missing)
         # What the certificate may lose: above, it has to open contacts where rates break the flow
         # rule, and loads do work on that; below, forces have to be put into equilibrium again.
-        missing = max(missing, largest(rx) * self._loads / max(abs(primal), 1e-6))
+        costs = self._loads / max(abs(primal), 1e-6), 1.0 / self._unit
+        missing = max(missing, largest(rx) * costs[0])
         outside = -self.cones.margin(slack)
-        violation = (largest(ry) + max(outside, 0.0)) / self._unit
+        violation = (largest(ry) + max(outside, 0.0)) * costs[1]
         mu = product / self.cones.degree
         right = np.concatenate([rx, ry, rz])
-        return _Measure(right, mu, gap, infeasibility, gap + missing + violation)
+        return _Measure(right, costs, mu, gap, infeasibility, gap + missing + violation)
 
     def _no_answer(self, at: Point) -> tuple[str, Point] | None:
         """A proof that there is no optimum: a certificate of infeasibility or a ray."""
@@ -269,10 +281,10 @@ class InteriorPoint:
         p = NUMBERS.patience
         return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
 
-    def _moved(self, at: Point, found: _Measure) -> Point | None:
+    def _moved(self, at: Point, found: _Measure, tolerance: float) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            best = _Newton(self, at, found).best()
+            best = _Newton(self, at, found, found.allowed(tolerance)).best()
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
         if not best.change.is_finite:
@@ -304,20 +316,21 @@ class _Direction:
 class _Newton:
     """Search directions from one iterate."""
 
-    def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
-        is_light = found.score - found.gap < NUMBERS.light * found.gap
-        self.rounds = 1 if is_light else LIMITS.rounds
+    def __init__(
+        self, program: InteriorPoint, at: Point, found: _Measure, allowed: Sequence[float]
+    ) -> None:
+        self.allowed = allowed
         self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
         self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
 
-    def direction(self, aim: FloatArray, rounds: int = 0) -> _Direction:
+    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> _Direction:
         """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim."""
         times, own = self.scaling.times, self.cones.quotient(aim, self.lam)
         right = self.found.missing.copy()
         self.system.parts(right)[2][:] -= times(own)
-        x, y, z = self.system.parts(self.system.solve(right, rounds))
+        x, y, z = self.system.parts(self.system.solve(right, rounds, self.allowed))
         scaled_z = times(z)
         scaled = own - scaled_z, scaled_z
         lengths = [min(1.0, NUMBERS.reach * self.cones.step(self.lam, d)) for d in scaled]
@@ -326,11 +339,11 @@ class _Newton:
     def best(self) -> _Direction:
         cones, lam, mu = self.cones, self.lam, self.found.mu
         squares = cones.product(lam, lam)
-        best = self.direction(-squares)
+        best = self.direction(-squares, 0)
         ahead = float((lam + best.primal * best.ds) @ (lam + best.dual * best.dz)) / cones.degree
         goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, 1e-8) * mu
         aim = goal * cones.identity - squares - cones.product(best.ds, best.dz)
-        best = self.direction(aim, self.rounds)
+        best = self.direction(aim)
         for _ in range(NUMBERS.correctors):
             if best.step > NUMBERS.long_step:
                 break
@@ -338,7 +351,7 @@ class _Newton:
             products = cones.product(lam + wider * best.ds, lam + wider * best.dz)
             inside = cones.clipped(products, NUMBERS.band * goal, goal / NUMBERS.band)
             aim = aim + np.maximum(inside - products, -goal / NUMBERS.band)
-            new = self.direction(aim, self.rounds)
+            new = self.direction(aim)
             pays = new.step >= best.step + NUMBERS.gain * NUMBERS.widen
             best = new if new.step > best.step else best
             if not pays:
