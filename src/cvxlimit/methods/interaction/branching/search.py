@@ -88,6 +88,8 @@ class BranchAndBound:
     def _start(self, outer: UpperBound | None) -> None:
         boxes, best = whole_boxes(self.run.contacts), self.run.best
         state = None if outer is None else outer.state
+        # the searches before began there: where tightening changed nothing they are not repeated
+        self._searched = None if state is None else state.forces
         if outer is not None and state is not None and state.load_factor is not None:
             known = state.forces, state.load_factor, best.mechanism
             root = Node(best.bracket.upper, boxes, Copies.none(), *known)
@@ -153,7 +155,9 @@ class BranchAndBound:
             before, self._waited = self.lower, 0
             self._raise_lower(best)
             self._wait = 1 if self.lower > before else min(2 * self._wait, BRANCH.rarely)
-        if self.nodes in BRANCH.climbs and best.forces is not None:
+        is_new = best.forces is not None and best.forces is not self._searched
+        if self.nodes in BRANCH.climbs and is_new:
+            self._searched = best.forces
             for _ in InnerMethod(self.run, BRANCH.climb_solves).iterates(best.forces):
                 self.solves += 1
             known = self.run.best

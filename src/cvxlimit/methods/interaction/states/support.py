@@ -195,20 +195,21 @@ class Shares:
     def together(self) -> FloatArray:
         """The least (k,) of what a share of all centres of a contact leaves to the best of them."""
         low, high = self.low.min(axis=0), self.high.max(axis=0)
-        return _least(lambda share: self.power(share).max(axis=0), low, high)
+        return _least(lambda shares: self.power(shares[:, None]).max(axis=1), low, high)
 
 
 def _least(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
-    golden = 0.5 * (5.0**0.5 - 1.0)
-    best = np.minimum(f(low), f(high))
+    """The least of a convex function, some shares (m, ...) at a time: calls of NumPy cost most."""
+    best = f(np.stack([low, high])).min(axis=0)
+    steps = np.arange(1.0, SUPPORT.at_a_time + 1.0).reshape(-1, *np.ones(low.ndim, dtype=int))
     for _ in range(SUPPORT.sections):
-        span = golden * (high - low)
-        left, right = high - span, low + span
-        at_left, at_right = f(left), f(right)
-        best = np.minimum(best, np.minimum(at_left, at_right))
-        is_left = at_left <= at_right
-        low, high = np.where(is_left, low, left), np.where(is_left, right, high)
-    return best
+        span = (high - low) / (SUPPORT.at_a_time + 1.0)
+        found = f(low + steps * span)
+        least = found.argmin(axis=0)
+        best = np.minimum(best, found.min(axis=0))
+        low = low + least * span
+        high = low + 2.0 * span
+    return np.asarray(best)
 
 
 def corner_support(w: FloatArray, contacts: Contacts) -> FloatArray:
