@@ -330,7 +330,8 @@ class TestExplain:
             scene = builtin_scene(name)
             found, solution = explain(scene), solve(scene)
             assert tuple(found.sizes)[1:] == solution.model
-            assert solution.history[-1].solver == found.solver
+            # the one that leads: whether others follow depends on the processor's rounding
+            assert solution.history[0].solver.split(",")[0] == found.solver
             assert str(found).startswith(f"{name}: {len(scene.free)} free blocks")
             assert found.seconds > 0.0
 
