@@ -12,6 +12,7 @@ certified bracket. Both come with the extra ``referees``.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import itertools
 import math
 import sys
@@ -247,6 +248,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=60.0, help="for each answer")
     parser.add_argument("--picture", type=Path, help="time against width")
     asked = parser.parse_args(arguments)
+    missing = [name for name in ("unopy", "pyscipopt") if importlib.util.find_spec(name) is None]
+    if missing:
+        parser.error(f'{missing[0]} is not installed: pip install -e ".[dev,referees]"')
     walls = small_walls(asked.walls)
     given = {
         "Uno": (ask_uno, [*map(builtin_scene, asked.scenes), *walls]),
