@@ -100,7 +100,7 @@ def prisms(corners: int) -> Contacts:
 
 
 @pytest.mark.parametrize("name", sorted(MOMENTS))
-@pytest.mark.parametrize("corners", [3, 5, 6, 8])
+@pytest.mark.parametrize("corners", [3, 4, 5, 6, 8])
 def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str) -> None:
     """True states pressed anywhere in a box, against the support that certificates use."""
     contacts, rng = prisms(corners), np.random.default_rng(corners)

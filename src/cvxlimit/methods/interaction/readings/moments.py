@@ -118,7 +118,6 @@ class Moments(ABC):
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """True (n,) for contacts whose states friction at the corners stands for."""
 
-    @abstractmethod
     def copies_at(
         self,
         contacts: Contacts,
@@ -128,7 +127,11 @@ class Moments(ABC):
         arm: FloatArray | float = np.nan,
     ) -> Copies:
         """Copies of contacts ``rows`` pressed at ``centre`` (k, 2), with their own arms or others
-        (k,)."""
+        (k,); with independent signs at both signs that a box allows alike."""
+        is_tied = self.slopes is not None
+        free = free_sign(boxes[rows]) & contacts.is_rectangle[rows, None] & (not is_tied)
+        about = self.lever(centre) if is_tied else np.nan
+        return spread_copies(rows, centre, free, about, self.is_limited, arm)
 
     @abstractmethod
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
@@ -221,17 +224,6 @@ class Independent(Moments):
         """Polygons that press anywhere, where they are many: a hull that is larger than needed."""
         other = ~contacts.is_rectangle
         return other & is_whole(boxes) & (other.sum() > SUPPORT.most_whole)
-
-    def copies_at(
-        self,
-        contacts: Contacts,
-        rows: IntArray,
-        centre: FloatArray,
-        boxes: FloatArray,
-        arm: FloatArray | float = np.nan,
-    ) -> Copies:
-        free = free_sign(boxes[rows]) & contacts.is_rectangle[rows, None]
-        return spread_copies(rows, centre, free, arm)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
@@ -328,16 +320,6 @@ class TiedMoments(Moments):
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Whole contacts of any shape about the pressure centre, where it is the exact hull."""
         return is_whole(boxes) & (self.is_about_centre and not self.is_limited)
-
-    def copies_at(
-        self,
-        contacts: Contacts,
-        rows: IntArray,
-        centre: FloatArray,
-        boxes: FloatArray,
-        arm: FloatArray | float = np.nan,
-    ) -> Copies:
-        return copies_of(rows, centre, 0.0, self.lever(centre), self.is_limited, arm)
 
     def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any

@@ -74,11 +74,16 @@ def copies_of(
 
 
 def spread_copies(
-    rows: IntArray, centre: FloatArray, free: BoolArray, arm: FloatArray | float = np.nan
+    rows: IntArray,
+    centre: FloatArray,
+    free: BoolArray,
+    lever: FloatArray | float = np.nan,
+    is_limited: bool = False,
+    arm: FloatArray | float = np.nan,
 ) -> Copies:
-    """Copies with unsigned torsion: pressed from -centre to centre where ``free`` (k, 2)."""
+    """Copies pressed at ``centre``, or from -centre to centre where ``free`` (k, 2)."""
     spread = np.where(free, np.abs(centre), 0.0)
-    return copies_of(rows, np.where(free, 0.0, centre), spread, arm=arm)
+    return copies_of(rows, np.where(free, 0.0, centre), spread, lever, is_limited, arm)
 
 
 def corner_copies(contacts: Contacts, chosen: BoolArray) -> Copies:

@@ -76,11 +76,7 @@ class Asked:
         shear = w[:, COLUMN["V1"]] + w[:, COLUMN["V2"]]
         twist = w[:, COLUMN["MT"]] * np.hypot(*self.half.T)
         tolerance = max(precision, self.precision) * (moments + self.friction * (shear + twist))
-        best, dropped, where = (
-            np.full(n, -np.inf),
-            np.full(n, -np.inf),
-            np.zeros((n, pieces.shape[2])),
-        )
+        (best, dropped), where = np.full((2, n), -np.inf), np.zeros((n, pieces.shape[2]))
         before = np.full(len(rows), np.inf)
         for left in reversed(range(halvings + 1)):
             places, powers, bound = found(rows, pieces)
