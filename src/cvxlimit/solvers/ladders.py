@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -53,7 +54,7 @@ problem: by its factorisation where Clarabel is the other choice, and at least t
 is installed."""
 
 
-_REFINED = {"ir_tol": 1e-10, "max_ir_iters": 20}
+_REFINED: dict[str, Any] = {"ir_tol": 1e-10, "max_ir_iters": 20}
 """Of QOCO's refinement of directions where its forces bound the load factor: with its own, 1e-6,
 one dome in twenty lacks so much equilibrium that a bracket of 1e-5 stays open. Nodes, which need no
 such forces, are a tenth faster without."""
