@@ -118,10 +118,17 @@ def test_table_csv_and_front_agree(tuff, tmp_path):
     assert float(rows[0]["load_factor"]) == tuff.rows[0].load_factor
 
 
+def as_known(row: Row, width: float = 1e-6) -> Row:
+    """With a reference of that relative width: how narrow ours is, depends on solvers."""
+    low, high = TUFF_CONIC * (1 - width / 2), TUFF_CONIC * (1 + width / 2)
+    return replace(row, reference_lower=low, reference_upper=high)
+
+
 def test_plot_draws_every_line_and_the_front(tuff):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
 
+    tuff = Comparison(tuff.scene, tuple(as_known(row) for row in tuff.rows))
     figure = tuff.plot()
     labels = figure.axes[0].get_legend_handles_labels()[1]
     expected = {row.line for row in tuff.rows if not row.failed}
@@ -140,7 +147,7 @@ def test_without_matplotlib_the_error_names_the_extra(tuff, monkeypatch):
 
 def test_scenes_with_and_without_interaction_have_fronts_of_their_own(tuff):
     """Their truths differ, so each has its reference and its legend entries."""
-    plain = next(row for row in tuff.rows if row.method == "cvxlimit")
+    plain = as_known(next(row for row in tuff.rows if row.method == "cvxlimit"))
     other = replace(plain, method="certified", line="certified", interaction="certified",
                     moments="signed", reference_lower=0.3628, reference_upper=0.3643)  # fmt: skip
     figure = Comparison("mixed", (plain, other)).plot()

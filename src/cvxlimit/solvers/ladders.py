@@ -57,7 +57,7 @@ is installed."""
 _REFINED: dict[str, Any] = {"ir_tol": 1e-10, "max_ir_iters": 20}
 """Of QOCO's refinement of directions where its forces bound the load factor: with its own, 1e-6,
 one dome in twenty lacks so much equilibrium that a bracket of 1e-5 stays open. Nodes, which need no
-such forces, are a tenth faster without."""
+such forces, are a tenth faster without; strong stone on a weak joint is not solved with it."""
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -227,9 +227,10 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
         return (enough, replace(own, label="BLOCKWISE tight"), first, *others)
     if not has_qoco:
         return (first, own, *others)
-    quick = settings_for("QOCO", NUMBERS.lean if kind == "lean" else None, **_REFINED)
+    asked = NUMBERS.lean if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
-        return (first, quick, own, *others)
+        return (first, settings_for("QOCO", asked), own, *others)
+    quick = settings_for("QOCO", asked, **_REFINED)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
     is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
     before = (settings_for("QOCO", loose, **_REFINED),) if is_loose else ()
