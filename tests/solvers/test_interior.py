@@ -92,7 +92,7 @@ class TestCones:
         rng = np.random.default_rng(seed)
         cones = random_cones(rng)
         u, d = inside(cones, rng), rng.normal(size=cones.size)
-        t = cones.step(u, d)
+        t = float(cones.steps(u, d[None])[0])
         if np.isinf(t):
             assert cones.margin(d) >= -1e-12
         else:

@@ -69,17 +69,19 @@ class Cones:
         least += [(a[0] - _norm(a[1:])).min() for a in self.parts(u)]
         return float(np.min(least))
 
-    def step(self, u: FloatArray, direction: FloatArray) -> float:
-        """Largest t with u + t direction in the cones, for u inside."""
-        worst = float((-direction[: self.orthant] / u[: self.orthant]).max(initial=0.0))
-        for a, b in zip(self.parts(u), self.parts(direction), strict=True):
+    def steps(self, u: FloatArray, directions: FloatArray) -> FloatArray:
+        """Largest t (n,) with u + t d in the cones, for u inside and directions d (n, size)."""
+        plain = -directions[:, : self.orthant] / u[: self.orthant]
+        worst = plain.max(axis=1, initial=0.0)
+        for a, at in zip(self.parts(u), self.places, strict=True):
             root = np.sqrt(_determinant(a))
-            a, b = a / root, b / root
-            first = a[0] * b[0] - _dot(a[1:], b[1:])
-            share = (first + b[0]) / (1.0 + a[0])
-            rest = _norm(b[1:] - share * a[1:])
-            worst = max(worst, float((rest - first).max(initial=0.0)))
-        return 1.0 / worst if worst > 0.0 else np.inf
+            a, b = a / root, directions[:, at].reshape(-1, *a.shape) / root
+            first = a[0] * b[:, 0] - np.einsum("dk,ndk->nk", a[1:], b[:, 1:])
+            share = (first + b[:, 0]) / (1.0 + a[0])
+            off = b[:, 1:] - share[:, None] * a[1:]
+            rest = np.sqrt(np.einsum("ndk,ndk->nk", off, off)) - first
+            worst = np.maximum(worst, rest.max(axis=1, initial=0.0))
+        return np.divide(1.0, worst, out=np.full_like(worst, np.inf), where=worst > 0.0)
 
 
 class NesterovTodd:

@@ -223,17 +223,18 @@ class NewtonSystem:
         n, p = self.variables, self.equations
         return v[:n], v[n : n + p], v[n + p :]
 
-    def solve(
-        self, right: FloatArray, rounds: int = LIMITS.rounds, allowed: Sequence[float] = (0.0,) * 3
+    def solve(self, right: FloatArray) -> FloatArray:
+        """(x, y, z) by elimination, refined until nothing of the residual does harm."""
+        return self.refined(right, self.eliminated(right))
+
+    def refined(
+        self, right: FloatArray, at: FloatArray, allowed: Sequence[float] = (0.0,) * 3
     ) -> FloatArray:
-        """(x, y, z) by elimination, improved by generalised conjugate residuals (S. C. Eisenstat,
-        H. C. Elman, M. H. Schultz, 1983): rounding makes elimination wrong in a few directions,
-        which iterative refinement takes out slowly. ``allowed`` are residuals of x, y and z that
-        do no harm.
+        """A solution improved by generalised conjugate residuals (S. C. Eisenstat, H. C. Elman,
+        M. H. Schultz, 1983): rounding makes elimination wrong in a few directions, which iterative
+        refinement takes out slowly. ``allowed`` are residuals of x, y and z that do no harm; the
+        solution itself is returned where no more are left.
         """
-        at = self._once(right)
-        if not rounds:
-            return at
         sizes = np.array([largest(part) for part in self.parts(right)])
         least = self.target * np.maximum(sizes, LIMITS.floor * (sizes.max() or 1.0))
         units = np.maximum(least, allowed)
@@ -241,10 +242,10 @@ class NewtonSystem:
         left = self._residual(right, at) / unit
         error = largest(left)
         tried: list[tuple[FloatArray, FloatArray]] = []
-        for _ in range(rounds):
+        for _ in range(LIMITS.rounds):
             if not error > 1.0:
                 break
-            change = self._once(unit * left)
+            change = self.eliminated(unit * left)
             new = self._residual(right, at + change) / unit
             effect = left - new
             if largest(new) < LIMITS.fast * error:
@@ -264,7 +265,7 @@ class NewtonSystem:
                 break
             at, left, error = at + step * change, new, largest(new)
         if tried:  # only whole steps satisfy the equations to rounding
-            last = at + self._once(unit * left)
+            last = at + self.eliminated(unit * left)
             if largest(self._residual(right, last) / unit) < error:
                 return last
         return at
@@ -275,7 +276,8 @@ class NewtonSystem:
         result[self.variables + self.equations :] += self.scaling.squared(z)
         return result
 
-    def _once(self, right: FloatArray) -> FloatArray:
+    def eliminated(self, right: FloatArray) -> FloatArray:
+        """(x, y, z) by elimination alone."""
         (rx, ry, rz), squared, edge = self.parts(right), self.scaling.squared, self._edge
         rx = rx + self.Gt @ squared(rz, -1.0)
         y = self._schur(self.E @ self._local(rx) - ry)
@@ -316,23 +318,20 @@ def _inverse_root(rows: FloatArray) -> FloatArray:
 
 def _root_of_squares(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     """By Cholesky's factors of rows' rows, and their least pivots (k,), at most 1."""
-    gram = np.einsum("rik,rjk->ijk", rows, rows)
-    c = len(gram)
-    scale = 1.0 / np.sqrt(np.einsum("iik->ik", gram) * (1.0 + LIMITS.regularisation))
+    c, k = rows.shape[1:]
+    both = np.zeros((c, 2 * c, k))  # beside the squares what turns them into the unit matrix
+    gram = np.einsum("rik,rjk->ijk", rows, rows, out=both[:, :c])
+    i = np.arange(c)
+    scale = 1.0 / np.sqrt(gram[i, i] * (1.0 + LIMITS.regularisation))
     gram *= scale[:, None] * scale
-    root, lower = np.zeros_like(gram), np.zeros_like(gram)
-    least = np.ones(gram.shape[2])
+    gram[i, i], both[i, c + i] = 1.0 + LIMITS.regularisation, 1.0
+    least = np.ones(k)
     for i in range(c):
-        for j in range(i):
-            inner = np.einsum("ik,ik->k", lower[i, :j], lower[j, :j])
-            lower[i, j] = (gram[i, j] - inner) / lower[j, j]
-        pivot = 1.0 + LIMITS.regularisation - np.einsum("ik,ik->k", lower[i, :i], lower[i, :i])
-        least = np.minimum(least, pivot)
-        lower[i, i] = np.sqrt(pivot)
-        root[i, :i] = -np.einsum("jk,jik->ik", lower[i, :i], root[:i, :i]) / lower[i, i]
-        root[i, i] = 1.0 / lower[i, i]
-    root *= scale[None]
-    return root, least
+        least = np.minimum(least, both[i, i])
+        row = both[i, i + 1 : c + i + 1]
+        row /= np.sqrt(both[i, i])
+        both[i + 1 :, i + 1 : c + i + 1] -= row[: c - i - 1, None] * row
+    return both[:, c:] * scale, least
 
 
 def _root_by_reflections(rows: FloatArray) -> FloatArray:

@@ -287,14 +287,15 @@ class InteriorPoint:
     def _moved(self, at: Point, found: _Measure, tolerance: float) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            best = _Newton(self, at, found, found.allowed(tolerance)).best()
+            newton = _Newton(self, at, found, found.allowed(tolerance))
+            best = newton.best()
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
-        if not best.change.is_finite:
+        change, primal, dual = newton.change(best), best.primal, best.dual
+        if not change.is_finite:
             return None
-        primal, dual = best.primal, best.dual
         while max(primal, dual) > NUMBERS.shortest:
-            moved = at.moved(primal, dual, best.change)
+            moved = at.moved(primal, dual, change)
             if self.cones.margin(moved.s) > 0.0 and self.cones.margin(moved.z) > 0.0:
                 return moved
             primal, dual = 0.8 * primal, 0.8 * dual
@@ -303,9 +304,12 @@ class InteriorPoint:
 
 @dataclass(frozen=True, eq=False)
 class _Direction:
-    """The change of a point, the scaled W^-1 ds and W dz, and how far to go of both sides."""
+    """A solution (x, y, z) of the Newton system with ``right``, for W dz + W^-1 ds = ``own``: its
+    scaled W^-1 ds and W dz, and how far to go of both sides."""
 
-    change: Point
+    right: FloatArray
+    own: FloatArray
+    solution: FloatArray
     ds: FloatArray
     dz: FloatArray
     primal: float
@@ -328,21 +332,32 @@ class _Newton:
         self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
 
-    def direction(self, aim: FloatArray, rounds: int = LIMITS.rounds) -> _Direction:
-        """Removes the residuals and aims at lam o (W dz + W^-1 ds) = aim."""
-        times, own = self.scaling.times, self.cones.quotient(aim, self.lam)
+    def direction(self, aim: FloatArray) -> _Direction:
+        """Removes the residuals, as far as elimination does, and aims at
+        lam o (W dz + W^-1 ds) = aim."""
+        own = self.cones.quotient(aim, self.lam)
         right = self.found.missing.copy()
-        self.system.parts(right)[2][:] -= times(own)
-        x, y, z = self.system.parts(self.system.solve(right, rounds, self.allowed))
-        scaled_z = times(z)
-        scaled = own - scaled_z, scaled_z
-        lengths = [min(1.0, NUMBERS.reach * self.cones.step(self.lam, d)) for d in scaled]
-        return _Direction(Point(x, y, z, times(scaled[0])), *scaled, *lengths)
+        self.system.parts(right)[2][:] -= self.scaling.times(own)
+        return self._along(right, own, self.system.eliminated(right))
+
+    def _along(self, right: FloatArray, own: FloatArray, solution: FloatArray) -> _Direction:
+        dz = self.scaling.times(self.system.parts(solution)[2])
+        both = np.stack([own - dz, dz])
+        lengths = np.minimum(1.0, NUMBERS.reach * self.cones.steps(self.lam, both))
+        return _Direction(right, own, solution, *both, *lengths.tolist())
+
+    def refined(self, d: _Direction) -> _Direction:
+        """The direction without what elimination has left of the residuals."""
+        solution = self.system.refined(d.right, d.solution, self.allowed)
+        return d if solution is d.solution else self._along(d.right, d.own, solution)
+
+    def change(self, d: _Direction) -> Point:
+        return Point(*self.system.parts(d.solution), self.scaling.times(d.ds))
 
     def best(self) -> _Direction:
         cones, lam, mu = self.cones, self.lam, self.found.mu
         squares = cones.product(lam, lam)
-        best = self.direction(-squares, 0)
+        best = self.direction(-squares)
         ahead = float((lam + best.primal * best.ds) @ (lam + best.dual * best.dz)) / cones.degree
         goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, 1e-8) * mu
         aim = goal * cones.identity - squares - cones.product(best.ds, best.dz)
@@ -359,4 +374,4 @@ class _Newton:
             best = new if new.step > best.step else best
             if not pays:
                 break
-        return best
+        return self.refined(best)
