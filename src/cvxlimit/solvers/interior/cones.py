@@ -107,15 +107,17 @@ class NesterovTodd:
             self.frames.append((np.sqrt(ds / dz), w))
         self.lam = self.times(z)
 
-    def times(self, v: FloatArray) -> FloatArray:
+    def times(self, v: FloatArray, sign: float = 1.0) -> FloatArray:
+        """W v, or W^-1 v with sign -1."""
         result = np.empty_like(v)
         n = self.cones.orthant
-        result[:n] = v[:n] * self.diagonal
+        result[:n] = v[:n] * self.diagonal if sign > 0.0 else v[:n] / self.diagonal
         parts = zip(self.frames, self.cones.parts(v), self.cones.parts(result), strict=True)
         for (size, w), a, r in parts:
-            cross = _dot(w[1:], a[1:])
-            r[0] = size * (w[0] * a[0] + cross)
-            r[1:] = size * (a[1:] + (a[0] + cross / (1.0 + w[0])) * w[1:])
+            cross = sign * _dot(w[1:], a[1:])
+            scale = size if sign > 0.0 else 1.0 / size
+            r[0] = scale * (w[0] * a[0] + cross)
+            r[1:] = scale * (a[1:] + sign * (a[0] + cross / (1.0 + w[0])) * w[1:])
         return result
 
     def squared(self, v: FloatArray, sign: float = 1.0) -> FloatArray:

@@ -85,14 +85,14 @@ class _Group:
             at = end
         return scaled
 
-    def eliminated(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def eliminated(self, rows: FloatArray, hard: float) -> tuple[FloatArray, FloatArray]:
         """R (c, c, k) with R' R the inverse of ``rows``' rows, and E R' R E' (k, e, e)."""
         c, k = rows.shape[1:]
         e = len(self.equations)
         roots, parts = np.empty((c, c, k)), np.empty((k, e, e))
         for start in range(0, k, LIMITS.chunk):
             at = slice(start, start + LIMITS.chunk)
-            roots[:, :, at] = root = _inverse_root(rows[:, :, at])
+            roots[:, :, at] = root = _inverse_root(rows[:, :, at], hard)
             half = root.transpose(2, 0, 1) @ self._by_block[at]
             np.matmul(half.transpose(0, 2, 1), half, out=parts[at])
         return roots, parts
@@ -200,8 +200,9 @@ class NewtonSystem:
     def factorise(self, scaling: NesterovTodd) -> None:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
         self.scaling, self._roots, parts = scaling, [], []
+        hard = LIMITS.hard * LIMITS.target / self.target
         for group in self.groups:
-            root, part = group.eliminated(group.scaled_rows(scaling))
+            root, part = group.eliminated(group.scaled_rows(scaling), hard)
             self._roots.append(root)
             parts.append(part.ravel())
         sums = np.bincount(self._slot, np.concatenate(parts), len(self._indices) + 1)
@@ -225,7 +226,7 @@ class NewtonSystem:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """(x, y, z) by elimination, refined until nothing of the residual does harm."""
-        return self.refined(right, self.eliminated(right))
+        return self.refined(right, self._eliminated(right))
 
     def refined(
         self, right: FloatArray, at: FloatArray, allowed: Sequence[float] = (0.0,) * 3
@@ -245,7 +246,7 @@ class NewtonSystem:
         for _ in range(LIMITS.rounds):
             if not error > 1.0:
                 break
-            change = self.eliminated(unit * left)
+            change = self._eliminated(unit * left)
             new = self._residual(right, at + change) / unit
             effect = left - new
             if largest(new) < LIMITS.fast * error:
@@ -265,7 +266,7 @@ class NewtonSystem:
                 break
             at, left, error = at + step * change, new, largest(new)
         if tried:  # only whole steps satisfy the equations to rounding
-            last = at + self.eliminated(unit * left)
+            last = at + self._eliminated(unit * left)
             if largest(self._residual(right, last) / unit) < error:
                 return last
         return at
@@ -276,10 +277,14 @@ class NewtonSystem:
         result[self.variables + self.equations :] += self.scaling.squared(z)
         return result
 
-    def eliminated(self, right: FloatArray) -> FloatArray:
-        """(x, y, z) by elimination alone."""
-        (rx, ry, rz), squared, edge = self.parts(right), self.scaling.squared, self._edge
-        rx = rx + self.Gt @ squared(rz, -1.0)
+    def _eliminated(self, right: FloatArray) -> FloatArray:
+        rx, ry, rz = self.parts(right)
+        x, y = self.halved(rx + self.Gt @ self.scaling.squared(rz, -1.0), ry)
+        return np.concatenate([x, y, self.scaling.squared(self.G @ x - rz, -1.0)])
+
+    def halved(self, rx: FloatArray, ry: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """x and y of [G' W^-2 G, E'; E, 0] (x, y) = right-hand side, by elimination alone."""
+        edge = self._edge
         y = self._schur(self.E @ self._local(rx) - ry)
         if edge.size:
             border = self._corner @ (rx[self.border] - edge.T @ y)
@@ -287,7 +292,7 @@ class NewtonSystem:
         x = self._local(rx - self.Et @ y)
         if edge.size:
             x[self.border] = border
-        return np.concatenate([x, y, squared(self.G @ x - rz, -1.0)])
+        return x, y
 
     def _schur(self, right: FloatArray) -> FloatArray:
         result = np.empty_like(right)
@@ -307,12 +312,12 @@ def largest(v: FloatArray) -> float:
     return float(np.abs(v).max(initial=0.0))
 
 
-def _inverse_root(rows: FloatArray) -> FloatArray:
+def _inverse_root(rows: FloatArray, hard: float) -> FloatArray:
     """R (c, c, k) with R' R the inverse of rows' rows, for rows (r, c, k)."""
     root, least = _root_of_squares(rows)
-    hard = np.flatnonzero(~(least > LIMITS.hard))
-    if len(hard):
-        root[:, :, hard] = _root_by_reflections(rows[:, :, hard])
+    worst = np.flatnonzero(~(least > hard))
+    if len(worst):
+        root[:, :, worst] = _root_by_reflections(rows[:, :, worst])
     return root
 
 

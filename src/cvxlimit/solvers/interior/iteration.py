@@ -181,7 +181,7 @@ class InteriorPoint:
             worst = min(worst, max(found.gap, found.infeasibility))
             if middle is None and worst < NUMBERS.middle:
                 middle = at
-            outcome = self._no_answer(at)
+            outcome = self._no_answer(at, found)
             if outcome is not None or self._is_done(found, tolerance, scores, worst):
                 break
             moved = self._moved(at, found, tolerance) if count < max_iter else None
@@ -259,7 +259,7 @@ class InteriorPoint:
         score = gap + missing + NUMBERS.thin * violation
         return _Measure(right, costs, mu, gap, infeasibility, score)
 
-    def _no_answer(self, at: Point) -> tuple[str, Point] | None:
+    def _no_answer(self, at: Point, found: _Measure) -> tuple[str, Point] | None:
         """A proof that there is no optimum: a certificate of infeasibility or a ray."""
         system = self.system
         if len(empty := self._empty):  # equations without variables that ask for something
@@ -271,7 +271,8 @@ class InteriorPoint:
             return INFEASIBLE, Point(at.x, at.y / dual, at.z / dual, at.s)
         primal = float(self.c @ at.x)
         if primal < 0.0:
-            moves = max(largest(system.E @ at.x), largest(system.G @ at.x + at.s))
+            _, ry, rz = system.parts(found.missing)
+            moves = max(largest(self.f - ry), largest(self.h - rz))
             if moves < -NUMBERS.no_answer * primal:
                 return UNBOUNDED, Point(at.x / -primal, at.y, at.z, at.s / -primal)
         return None
@@ -287,13 +288,13 @@ class InteriorPoint:
     def _moved(self, at: Point, found: _Measure, tolerance: float) -> Point | None:
         """The next iterate, or None where rounding ends the iteration."""
         try:
-            newton = _Newton(self, at, found, found.allowed(tolerance))
-            best = newton.best()
+            newton = _Newton(self, at, found)
+            best, change = newton.refined(newton.best(), found.allowed(tolerance))
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError):
             return None
-        change, primal, dual = newton.change(best), best.primal, best.dual
         if not change.is_finite:
             return None
+        primal, dual = best.primal, best.dual
         while max(primal, dual) > NUMBERS.shortest:
             moved = at.moved(primal, dual, change)
             if self.cones.margin(moved.s) > 0.0 and self.cones.margin(moved.z) > 0.0:
@@ -304,12 +305,12 @@ class InteriorPoint:
 
 @dataclass(frozen=True, eq=False)
 class _Direction:
-    """A solution (x, y, z) of the Newton system with ``right``, for W dz + W^-1 ds = ``own``: its
-    scaled W^-1 ds and W dz, and how far to go of both sides."""
+    """Changes of x and y, the scaled W^-1 ds and W dz, which add up to ``own``, and how far to go
+    of both sides."""
 
-    right: FloatArray
     own: FloatArray
-    solution: FloatArray
+    x: FloatArray
+    y: FloatArray
     ds: FloatArray
     dz: FloatArray
     primal: float
@@ -323,36 +324,42 @@ class _Direction:
 class _Newton:
     """Search directions from one iterate."""
 
-    def __init__(
-        self, program: InteriorPoint, at: Point, found: _Measure, allowed: Sequence[float]
-    ) -> None:
-        self.allowed = allowed
+    def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
         self.system, self.found, self.cones = program.system, found, program.cones
         self.scaling = NesterovTodd(program.cones, at.s, at.z)
         self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
+        rx, self._ry, self._rz = self.system.parts(found.missing)
+        self._rx = rx + self.system.Gt @ self.scaling.squared(self._rz, -1.0)
 
     def direction(self, aim: FloatArray) -> _Direction:
         """Removes the residuals, as far as elimination does, and aims at
         lam o (W dz + W^-1 ds) = aim."""
+        system, times = self.system, self.scaling.times
         own = self.cones.quotient(aim, self.lam)
+        x, y = system.halved(self._rx - system.Gt @ times(own, -1.0), self._ry)
+        ds = times(self._rz - system.G @ x, -1.0)
+        return self._along(own, x, y, ds, own - ds)
+
+    def _along(
+        self, own: FloatArray, x: FloatArray, y: FloatArray, *scaled: FloatArray
+    ) -> _Direction:
+        lengths = NUMBERS.reach * self.cones.steps(self.lam, np.stack(scaled))
+        return _Direction(own, x, y, *scaled, *np.minimum(1.0, lengths).tolist())
+
+    def refined(self, d: _Direction, allowed: Sequence[float]) -> tuple[_Direction, Point]:
+        """The direction with all the residuals removed but for what is ``allowed``, and the change
+        of the point."""
+        system, times = self.system, self.scaling.times
         right = self.found.missing.copy()
-        self.system.parts(right)[2][:] -= self.scaling.times(own)
-        return self._along(right, own, self.system.eliminated(right))
-
-    def _along(self, right: FloatArray, own: FloatArray, solution: FloatArray) -> _Direction:
-        dz = self.scaling.times(self.system.parts(solution)[2])
-        both = np.stack([own - dz, dz])
-        lengths = np.minimum(1.0, NUMBERS.reach * self.cones.steps(self.lam, both))
-        return _Direction(right, own, solution, *both, *lengths.tolist())
-
-    def refined(self, d: _Direction) -> _Direction:
-        """The direction without what elimination has left of the residuals."""
-        solution = self.system.refined(d.right, d.solution, self.allowed)
-        return d if solution is d.solution else self._along(d.right, d.own, solution)
-
-    def change(self, d: _Direction) -> Point:
-        return Point(*self.system.parts(d.solution), self.scaling.times(d.ds))
+        system.parts(right)[2][:] -= times(d.own)
+        given = np.concatenate([d.x, d.y, times(d.dz, -1.0)])
+        solution = system.refined(right, given, allowed)
+        x, y, z = system.parts(solution)
+        if solution is not given:
+            dz = times(z)
+            d = self._along(d.own, x, y, d.own - dz, dz)
+        return d, Point(x, y, z, times(d.ds))
 
     def best(self) -> _Direction:
         cones, lam, mu = self.cones, self.lam, self.found.mu
@@ -374,4 +381,4 @@ class _Newton:
             best = new if new.step > best.step else best
             if not pays:
                 break
-        return self.refined(best)
+        return best
