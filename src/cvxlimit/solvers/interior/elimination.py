@@ -85,17 +85,25 @@ class _Group:
             at = end
         return scaled
 
-    def eliminated(self, rows: FloatArray, hard: float) -> tuple[FloatArray, FloatArray]:
-        """R (c, c, k) with R' R the inverse of ``rows``' rows, and E R' R E' (k, e, e)."""
-        c, k = rows.shape[1:]
-        e = len(self.equations)
-        roots, parts = np.empty((c, c, k)), np.empty((k, e, e))
-        for start in range(0, k, LIMITS.chunk):
+    def eliminated(self, rows: FloatArray, hard: float, parts: FloatArray) -> FloatArray:
+        """R (c, c, k) with R' R the inverse of ``rows``' rows, until the next call; E R' R E' is
+        written to ``parts`` (k, e, e)."""
+        roots, both, half = self._room
+        for start in range(0, len(parts), LIMITS.chunk):
             at = slice(start, start + LIMITS.chunk)
-            roots[:, :, at] = root = _inverse_root(rows[:, :, at], hard)
-            half = root.transpose(2, 0, 1) @ self._by_block[at]
-            np.matmul(half.transpose(0, 2, 1), half, out=parts[at])
-        return roots, parts
+            root, count = roots[:, :, at], len(parts[at])
+            _inverse_root(rows[:, :, at], hard, both[:, :, :count], root)
+            each = np.matmul(root.transpose(2, 0, 1), self._by_block[at], out=half[:count])
+            np.matmul(each.transpose(0, 2, 1), each, out=parts[at])
+        return roots
+
+    @cached_property
+    def _room(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """For the roots, and what leads to them chunk by chunk: fresh memory for every
+        factorisation cost a tenth of the whole solve."""
+        (c, k), e = self.given.shape, len(self.equations)
+        most = min(k, LIMITS.chunk)
+        return np.empty((c, c, k)), np.empty((c, 2 * c, most)), np.empty((most, c, e))
 
     @cached_property
     def _by_block(self) -> FloatArray:
@@ -190,23 +198,26 @@ class NewtonSystem:
             row, column = at[:, :, None], at[:, None]
             inside = (column <= row) & (row < p)
             keys.append(np.where(inside, column * p + row, p * p).ravel())
-        entries = np.concatenate(keys)
+        entries, sizes = np.concatenate(keys), [len(key) for key in keys]
         diagonal = np.arange(p) * (p + 1)
         unique, slot = np.unique(np.concatenate([entries, diagonal, [p * p]]), return_inverse=True)
-        self._slot, self._diagonal = slot[: len(entries)], slot[len(entries) : -1]
+        self._diagonal = slot[len(entries) : -1]
         self._indices = unique[:-1] % p
         self._indptr = np.searchsorted(unique[:-1], np.arange(p + 1) * p)
+        self._entries = np.empty(len(entries))  # of all groups, k blocks' (e, e) each
+        shapes = [(g.equations.shape[1], *2 * (len(g.equations),)) for g in self.groups]
+        parts = np.split(self._entries, np.cumsum(sizes)[:-1])
+        self._parts = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+        at = np.flatnonzero(entries < p * p)
+        ones, shape = np.ones(len(at)), (len(unique) - 1, len(entries))
+        self._sums = sp.csr_array((ones, (slot[at], at)), shape=shape)
 
     def factorise(self, scaling: NesterovTodd) -> None:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
-        self.scaling, self._roots, parts = scaling, [], []
-        hard = LIMITS.hard * LIMITS.target / self.target
-        for group in self.groups:
-            root, part = group.eliminated(group.scaled_rows(scaling), hard)
-            self._roots.append(root)
-            parts.append(part.ravel())
-        sums = np.bincount(self._slot, np.concatenate(parts), len(self._indices) + 1)
-        data = np.asarray(sums[:-1], dtype=float)
+        self.scaling, self._roots, hard = scaling, [], LIMITS.hard * LIMITS.target / self.target
+        for group, parts in zip(self.groups, self._parts, strict=True):
+            self._roots.append(group.eliminated(group.scaled_rows(scaling), hard, parts))
+        data = self._sums @ self._entries
         diagonal = data[self._diagonal] * (1.0 + LIMITS.regularisation)
         data[self._diagonal] = np.where(diagonal > 0.0, diagonal, 1.0)
         if not np.isfinite(data).all():
@@ -312,23 +323,23 @@ def largest(v: FloatArray) -> float:
     return float(np.abs(v).max(initial=0.0))
 
 
-def _inverse_root(rows: FloatArray, hard: float) -> FloatArray:
-    """R (c, c, k) with R' R the inverse of rows' rows, for rows (r, c, k)."""
-    root, least = _root_of_squares(rows)
+def _inverse_root(rows: FloatArray, hard: float, both: FloatArray, root: FloatArray) -> None:
+    """Into root (c, c, k) R with R' R the inverse of rows' rows, for rows (r, c, k); ``both``
+    (c, 2 c, k) is room for what leads to it."""
+    least = _root_of_squares(rows, both, root)
     worst = np.flatnonzero(~(least > hard))
     if len(worst):
         root[:, :, worst] = _root_by_reflections(rows[:, :, worst])
-    return root
 
 
-def _root_of_squares(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """By Cholesky's factors of rows' rows, and their least pivots (k,), at most 1."""
+def _root_of_squares(rows: FloatArray, both: FloatArray, root: FloatArray) -> FloatArray:
+    """By Cholesky's factors of rows' rows, beside which the unit matrix becomes their inverse;
+    returns their least pivots (k,), at most 1."""
     c, k = rows.shape[1:]
-    both = np.zeros((c, 2 * c, k))  # beside the squares what turns them into the unit matrix
-    gram = np.einsum("rik,rjk->ijk", rows, rows, out=both[:, :c])
-    i = np.arange(c)
+    gram, i = np.einsum("rik,rjk->ijk", rows, rows, out=both[:, :c]), np.arange(c)
     scale = 1.0 / np.sqrt(gram[i, i] * (1.0 + LIMITS.regularisation))
     gram *= scale[:, None] * scale
+    both[:, c:] = 0.0
     gram[i, i], both[i, c + i] = 1.0 + LIMITS.regularisation, 1.0
     least = np.ones(k)
     for i in range(c):
@@ -336,7 +347,8 @@ def _root_of_squares(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         row = both[i, i + 1 : c + i + 1]
         row /= np.sqrt(both[i, i])
         both[i + 1 :, i + 1 : c + i + 1] -= row[: c - i - 1, None] * row
-    return both[:, c:] * scale, least
+    np.multiply(both[:, c:], scale, out=root)
+    return least
 
 
 def _root_by_reflections(rows: FloatArray) -> FloatArray:
