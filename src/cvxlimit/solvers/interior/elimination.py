@@ -197,27 +197,26 @@ class NewtonSystem:
             at = self._position[group.equations.T]
             row, column = at[:, :, None], at[:, None]
             inside = (column <= row) & (row < p)
-            keys.append(np.where(inside, column * p + row, p * p).ravel())
-        entries, sizes = np.concatenate(keys), [len(key) for key in keys]
-        diagonal = np.arange(p) * (p + 1)
-        unique, slot = np.unique(np.concatenate([entries, diagonal, [p * p]]), return_inverse=True)
-        self._diagonal = slot[len(entries) : -1]
-        self._indices = unique[:-1] % p
-        self._indptr = np.searchsorted(unique[:-1], np.arange(p + 1) * p)
-        self._entries = np.empty(len(entries))  # of all groups, k blocks' (e, e) each
-        shapes = [(g.equations.shape[1], *2 * (len(g.equations),)) for g in self.groups]
-        parts = np.split(self._entries, np.cumsum(sizes)[:-1])
+            keys.append(np.where(inside, column * p + row, -1).ravel())
+        whole = np.concatenate(keys)
+        entries = np.flatnonzero(whole >= 0)
+        both = np.concatenate([whole[entries], np.arange(p) * (p + 1)])
+        unique, slot = np.unique(both, return_inverse=True)
+        self._diagonal = slot[len(entries) :]
+        self._indices, self._indptr = unique % p, np.searchsorted(unique, np.arange(p + 1) * p)
+        self._entries = np.empty(len(whole))  # of all groups, k blocks' (e, e) each
+        ones, shape = np.ones(len(entries)), (len(unique), len(whole))
+        self._sums = sp.csr_array((ones, (slot[: len(entries)], entries)), shape=shape)
+        parts = np.split(self._entries, np.cumsum([len(key) for key in keys])[:-1])
+        shapes = ((g.equations.shape[1], *2 * (len(g.equations),)) for g in self.groups)
         self._parts = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
-        at = np.flatnonzero(entries < p * p)
-        ones, shape = np.ones(len(at)), (len(unique) - 1, len(entries))
-        self._sums = sp.csr_array((ones, (slot[at], at)), shape=shape)
 
     def factorise(self, scaling: NesterovTodd) -> None:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
         self.scaling, self._roots, hard = scaling, [], LIMITS.hard * LIMITS.target / self.target
         for group, parts in zip(self.groups, self._parts, strict=True):
             self._roots.append(group.eliminated(group.scaled_rows(scaling), hard, parts))
-        data = self._sums @ self._entries
+        data = np.asarray(self._sums @ self._entries, dtype=float)
         diagonal = data[self._diagonal] * (1.0 + LIMITS.regularisation)
         data[self._diagonal] = np.where(diagonal > 0.0, diagonal, 1.0)
         if not np.isfinite(data).all():
@@ -336,11 +335,11 @@ def _root_of_squares(rows: FloatArray, both: FloatArray, root: FloatArray) -> Fl
     """By Cholesky's factors of rows' rows, beside which the unit matrix becomes their inverse;
     returns their least pivots (k,), at most 1."""
     c, k = rows.shape[1:]
-    gram, i = np.einsum("rik,rjk->ijk", rows, rows, out=both[:, :c]), np.arange(c)
-    scale = 1.0 / np.sqrt(gram[i, i] * (1.0 + LIMITS.regularisation))
+    gram, each = np.einsum("rik,rjk->ijk", rows, rows, out=both[:, :c]), np.arange(c)
+    scale = 1.0 / np.sqrt(gram[each, each] * (1.0 + LIMITS.regularisation))
     gram *= scale[:, None] * scale
     both[:, c:] = 0.0
-    gram[i, i], both[i, c + i] = 1.0 + LIMITS.regularisation, 1.0
+    gram[each, each], both[each, c + each] = 1.0 + LIMITS.regularisation, 1.0
     least = np.ones(k)
     for i in range(c):
         least = np.minimum(least, both[i, i])

@@ -338,14 +338,12 @@ class _Newton:
         system, times = self.system, self.scaling.times
         own = self.cones.quotient(aim, self.lam)
         x, y = system.halved(self._rx - system.Gt @ times(own, -1.0), self._ry)
-        ds = times(self._rz - system.G @ x, -1.0)
-        return self._along(own, x, y, ds, own - ds)
+        return self._along(own, x, y, own - times(self._rz - system.G @ x, -1.0))
 
-    def _along(
-        self, own: FloatArray, x: FloatArray, y: FloatArray, *scaled: FloatArray
-    ) -> _Direction:
-        lengths = NUMBERS.reach * self.cones.steps(self.lam, np.stack(scaled))
-        return _Direction(own, x, y, *scaled, *np.minimum(1.0, lengths).tolist())
+    def _along(self, own: FloatArray, x: FloatArray, y: FloatArray, dz: FloatArray) -> _Direction:
+        ds = own - dz
+        lengths = NUMBERS.reach * self.cones.steps(self.lam, np.stack([ds, dz]))
+        return _Direction(own, x, y, ds, dz, *np.minimum(1.0, lengths).tolist())
 
     def refined(self, d: _Direction, allowed: Sequence[float]) -> tuple[_Direction, Point]:
         """The direction with all the residuals removed but for what is ``allowed``, and the change
@@ -357,8 +355,7 @@ class _Newton:
         solution = system.refined(right, given, allowed)
         x, y, z = system.parts(solution)
         if solution is not given:
-            dz = times(z)
-            d = self._along(d.own, x, y, d.own - dz, dz)
+            d = self._along(d.own, x, y, times(z))
         return d, Point(x, y, z, times(d.ds))
 
     def best(self) -> _Direction:
