@@ -145,6 +145,7 @@ class _Proof:
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
         self.ladder = run.ladder or (*leading_ladder(), *default_ladder()[:2])
+        self.has_led, self.left_out = False, ""
 
     def steps(self) -> Steps:
         run = self.run
@@ -170,7 +171,7 @@ class _Proof:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
-            prove(run)
+            prove(run, self._end)
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
@@ -202,20 +203,43 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its copies take long a first lower bound does not wait for all."""
+        """The relaxation; where its copies take long the search for a lower bound does not wait for
+        all, and once the budget is spent those have to be worth their time."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
         for number, _ in enumerate(rounds, 1):
             yield None
             upper, state = run.best.bracket.upper, outer.state
-            is_late = number >= BRACKET.leading and run.clock.elapsed > BRACKET.budget
+            is_late = number >= BRACKET.leading and run.clock.elapsed > self._lead
             if is_late and state is not None and upper > 0.0 and not run.is_boundless(upper):
-                for iterate in self.method.iterates(state.forces):
-                    yield None
-                    if iterate.is_safe:
-                        break
+                yield from self._until_met(self.method.iterates(state.forces))
+                self.has_led = True
                 break
-        yield from rounds
+        for _ in rounds:
+            before, upper = upper, run.best.bracket.upper
+            gained = (before - upper) / run.scaling.unit(upper)
+            if run.clock.elapsed > self._end and 0.0 < gained < BRACKET.worth_a_solve:
+                self.left_out = (
+                    f"the relaxation ended early: its last solve lowered the upper bound by "
+                    f"{_percent(gained)}; "
+                )
+                break
+            yield None
         yield None
+
+    @property
+    def _end(self) -> float:
+        """Seconds of the run at which its budget is spent."""
+        rule, run = self.rule, self.run
+        if rule.budget is not None:
+            return rule.budget
+        if rule.tolerance is not None or len(run.contacts) <= BRACKET.few:
+            return np.inf
+        return max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
+
+    @property
+    def _lead(self) -> float:
+        """Seconds from which a lower bound comes first."""
+        return BRACKET.share * min(self._end, 2.0 * BRACKET.budget)
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state
@@ -223,6 +247,8 @@ class _Proof:
         for number, name in enumerate(starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
+            if name == "relaxation" and self.has_led:
+                continue
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
                 yield from self._until_met(self.method.iterates(at))
@@ -262,8 +288,8 @@ class _Proof:
         if before <= asked or self.rule.branching_seconds == 0.0:
             return
         start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
-        if seconds <= 0.0:
-            run.remarks = [f"{_percent(before)} wide after {start:.1f} s; {_MORE}"]
+        if seconds < BRACKET.least_problems * run.history[0].seconds:
+            run.remarks = [f"{self.left_out}{_percent(before)} wide after {start:.1f} s; {_MORE}"]
             return
         own = self.rule.executor
         with nullcontext(own) if own else processes(self.rule.workers) as executor:
@@ -287,7 +313,7 @@ class _Proof:
                 if not search.can_go_on or run.best.bracket.is_below_zero:
                     return
                 if is_over:
-                    run.remarks = [f"{done}; {_ending(widths, seconds)}"]
+                    run.remarks = [f"{self.left_out}{done}; {_ending(widths, seconds)}"]
                     return
                 yield None
                 search.step()
@@ -298,8 +324,7 @@ class _Proof:
             return rule.branching_seconds
         if rule.budget is None and (rule.tolerance is not None or is_small):
             return BRACKET.branching
-        own = max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
-        return (own if rule.budget is None else rule.budget) - run.clock.elapsed
+        return self._end - run.clock.elapsed
 
     def _cannot_stand(self) -> bool:
         """True if no true states carry the dead load. By homogeneity a load alone is carried as a

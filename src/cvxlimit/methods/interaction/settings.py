@@ -77,6 +77,7 @@ class ClimbSettings:
     largest: float = 2.0  # the whole contact from wherever the centre is
     exploring: int = 8  # boxes that may grow
     settling: int = 12  # boxes that only shrink
+    limited: tuple[int, int] = (4, 4)  # both with Eq. 27, where safe steps gain more per second
     shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
     growth: float = 1.5  # factor where they do not
     settle: float = 0.6  # factor of all others
@@ -130,7 +131,10 @@ class BracketSettings:
     worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
     beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
     most_rounds: int = 12  # solves with added copies,
-    leading: int = 3  # after so many of which a lower bound comes first if the budget is spent
+    leading: int = 3  # after so many of which a lower bound comes first if
+    share: float = 0.5  # of the budget is spent;
+    worth_a_solve: float = 1e-3  # gain of the last one that asks for another beyond the budget
+    least_problems: float = 2.0  # that there must be time for, or no branching begins
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     narrow: float = 0.005  # width below which no further start is taken unasked

@@ -49,6 +49,7 @@ class BranchAndBound:
     ) -> None:
         self.run, self.tolerance = run, tolerance
         self._until = run.clock.elapsed + BRANCH.tightening * seconds
+        self._end = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
             opening = None if outer is None else outer.certifier.witnesses.opening_field
             self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening)
@@ -160,6 +161,8 @@ class BranchAndBound:
             self._searched = best.forces
             for _ in InnerMethod(self.run, BRANCH.climb_solves).iterates(best.forces):
                 self.solves += 1
+                if self.run.clock.elapsed > self._end:
+                    break
             known = self.run.best
             if known.bracket.lower > self.lower and known.forces is not None:
                 self.lower, self.forces = known.bracket.lower, known.forces
@@ -201,6 +204,8 @@ class BranchAndBound:
         best: _State | None = None
         centre = centres(node.forces, self.run.contacts)
         for _ in range(BRANCH.settled):
+            if self.run.clock.elapsed > self._end:
+                break
             found = self._safe(centre, reach)
             if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
                 break

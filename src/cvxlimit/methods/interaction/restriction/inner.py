@@ -68,12 +68,13 @@ class InnerMethod(SafeProblems):
     _mark = -np.inf
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle. Boxes
-        of polygons lead near, but without leeway frozen problems on them rarely have states."""
-        way = self._stepped
-        if self.moments.is_about_centre:
-            way = self._settled if self.contacts.is_rectangle.all() else self._narrowed
-        return self._search("middle" if start is None else "relaxation", way(start))
+        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle. On
+        polygons, and with Eq. 27, frozen problems rarely have states."""
+        way = self._stepped(start)
+        if self.moments.is_about_centre and self.contacts.is_rectangle.all():
+            is_limited = self.moments.is_limited
+            way = self._narrowed(start, *CLIMB.limited) if is_limited else self._settled(start)
+        return self._search("middle" if start is None else "relaxation", way)
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
@@ -108,9 +109,14 @@ class InnerMethod(SafeProblems):
     def _boxes(self, start: FloatArray | None) -> Boxes:
         return Boxes(self.contacts, self.moments, self.step.scaling.force, start)
 
-    def _narrowed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+    def _narrowed(
+        self,
+        start: FloatArray | None,
+        exploring: int = CLIMB.exploring,
+        settling: int = CLIMB.settling,
+    ) -> Iterator[InnerIterate]:
         boxes, point = self._boxes(start), self.middle
-        for number in range(1, CLIMB.exploring + CLIMB.settling + 1):
+        for number in range(1, exploring + settling + 1):
             iterate = self.relaxed("box", boxes.copies)
             yield iterate
             forces = iterate.state.forces
@@ -119,8 +125,8 @@ class InnerMethod(SafeProblems):
             if iterate.load_factor <= self._mark:
                 return
             point = self.point(forces, point)
-            boxes.follow(forces, exploring=number < CLIMB.exploring)
-            if boxes.excess <= CLIMB.settled and number >= CLIMB.exploring:
+            boxes.follow(forces, exploring=number < exploring)
+            if boxes.excess <= CLIMB.settled and number >= exploring:
                 break
         yield from self.climb(point)
 

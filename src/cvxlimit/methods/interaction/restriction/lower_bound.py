@@ -183,7 +183,7 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
             yield state
 
 
-def prove(run: Run) -> None:
+def prove(run: Run, end: float = np.inf) -> None:
     """Give ``run.best`` a proved lower bound where it has none, if that costs little of its width.
 
     Forces at full slip have no share of friction to spare, and mixing in a state that has some
@@ -192,13 +192,16 @@ def prove(run: Run) -> None:
     solved once more with a little less friction, in a contact that is a little smaller, and its
     forces are put into balance by changes that leave the centres where they are. What is left over
     is larger than what solver and rounding leave, and the checker has the last word. Where forces
-    are determinate once the centres are held, safe steps with as much less friction follow.
+    are determinate once the centres are held, safe steps with as much less friction follow. Once
+    the run has taken ``end`` seconds only the margin that most often does is tried.
     """
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
         return
     spare = max(PROOF.most_of_width * best.bracket.width, PROOF.most_spent) * best.bracket.unit
     for tried, margin in product((_proof, _stepped), PROOF.margins):
+        if run.clock.elapsed > end and margin < PROOF.margins[-1]:
+            continue
         with run.clock.phase("certify"):
             found = tried(run, checker, best.forces, margin)
         if found is None or not found.is_proved:
