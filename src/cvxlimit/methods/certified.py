@@ -69,10 +69,11 @@ class Certified(Method):
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     budget : float or None
-        Seconds in all after which branch and bound ends; the steps before it are not limited. None
-        is 60 of branching where a tolerance is asked for, or on scenes of up to 6 contacts;
-        otherwise ten, or twelve times the first relaxation's, about thirty solves without
-        interaction, whichever is more.
+        Seconds in all after which branch and bound ends, the relaxation goes on only while a solve
+        lowers its bound by 0.1 %, and proofs are tried once; searches for a lower bound are not
+        limited. None is 60 of branching where a tolerance is asked for, or on scenes of up to 6
+        contacts; otherwise ten, or twelve times the first relaxation's, about thirty solves
+        without interaction, whichever is more.
 
     Example
     -------
@@ -248,6 +249,8 @@ class _Proof:
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
             if name == "relaxation" and self.has_led:
+                if run.clock.elapsed < self._end:
+                    yield from self._until_met(self.method.continued())
                 continue
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
