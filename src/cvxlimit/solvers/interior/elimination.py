@@ -25,21 +25,20 @@ from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 class Limits:
     """What counts as a small block, and how far solutions are refined.
 
-    ``widest`` is the most variables of one block; ``chunk`` blocks at a time stay in the cache, a
-    third of the time of all at once. A variable in more than the ``densest`` number of
+    ``widest`` is the most variables of one block. A variable in more than the ``densest`` number of
     equations (the load factor is) borders the Schur complement, together with at most ``border``.
     ``regularisation`` is added to diagonals, relatively. Blocks whose squares have a pivot below
-    ``hard`` are eliminated by reflections, none of whose pivots is below the share ``softest`` of
-    its column: softer ones cost equilibrium more than they bring the flow rule. Refinement takes
-    these effects out again: it ends after so many ``rounds``, when every part of the residual does
-    no harm or is below the ``target``, relative to its own right-hand side or the share ``floor``
-    of the largest, or when a round gains less than the factor ``slow``. Plain steps are kept up
-    while they gain the factor ``fast``. Where a wide gap is asked for the target is up to
-    ``loosest``: the same brackets in three fifths of the eliminations.
+    ``hard``, or less where the target is wider, are eliminated by reflections, none of whose pivots
+    is below the share ``softest`` of its column: softer ones cost equilibrium more than they bring
+    the flow rule. Refinement takes these effects out again: it ends after so many ``rounds``, when
+    every part of the residual does no harm or is below the ``target``, relative to its own
+    right-hand side or the share ``floor`` of the largest, or when a round gains less than the
+    factor ``slow``. Plain steps are kept up while they gain the factor ``fast``. Where a wide gap
+    is asked for the target is up to ``loosest``: the same brackets in three fifths of the
+    eliminations.
     """
 
     widest: int = 128
-    chunk: int = 1024
     densest: int = 200
     border: int = 20
     regularisation: float = 1e-14
@@ -88,22 +87,18 @@ class _Group:
     def eliminated(self, rows: FloatArray, hard: float, parts: FloatArray) -> FloatArray:
         """R (c, c, k) with R' R the inverse of ``rows``' rows, until the next call; E R' R E' is
         written to ``parts`` (k, e, e)."""
-        roots, both, half = self._room
-        for start in range(0, len(parts), LIMITS.chunk):
-            at = slice(start, start + LIMITS.chunk)
-            root, count = roots[:, :, at], len(parts[at])
-            _inverse_root(rows[:, :, at], hard, both[:, :, :count], root)
-            each = np.matmul(root.transpose(2, 0, 1), self._by_block[at], out=half[:count])
-            np.matmul(each.transpose(0, 2, 1), each, out=parts[at])
-        return roots
+        root, both, half = self._room
+        _inverse_root(rows, hard, both, root)
+        np.matmul(root.transpose(2, 0, 1), self._by_block, out=half)
+        np.matmul(half.transpose(0, 2, 1), half, out=parts)
+        return root
 
     @cached_property
     def _room(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """For the roots, and what leads to them chunk by chunk: fresh memory for every
-        factorisation cost a tenth of the whole solve."""
+        """For the root, and what leads to it: fresh memory for every factorisation cost a tenth
+        of the whole solve."""
         (c, k), e = self.given.shape, len(self.equations)
-        most = min(k, LIMITS.chunk)
-        return np.empty((c, c, k)), np.empty((c, 2 * c, most)), np.empty((most, c, e))
+        return np.empty((c, c, k)), np.empty((c, 2 * c, k)), np.empty((k, c, e))
 
     @cached_property
     def _by_block(self) -> FloatArray:
