@@ -57,13 +57,12 @@ class Node:
 @dataclass(frozen=True)
 class Goal:
     """What a node is explored for: a ``lower`` bound on the load factor, the gap ``width`` that is
-    asked for, the ``price`` of the dead load, how many contacts are ``tried`` for a split, and the
-    relative ``precision`` of powers in bounds."""
+    asked for, the ``price`` of the dead load, and the relative ``precision`` of powers in
+    bounds."""
 
     lower: float
     width: float
     price: float | None = None
-    tried: int = 1
     precision: float = 0.0
 
     @property
@@ -168,26 +167,30 @@ _Seen = tuple[FloatArray, FloatArray, BoolArray]  # forces, mechanism, and the c
 
 def scores(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
     """How much contacts (n,) carry of the gap: excess of Eq. 30 times speed."""
-    forces, mechanism, free = seen
-    speed = relaxer.speeds(mechanism)
+    speed = relaxer.speeds(seen[1])
     speed = speed + BRANCH.speed_at_rest * float(speed.max())
+    return _excess(relaxer, boxes, seen) * speed
+
+
+def _excess(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
+    forces, _, free = seen
     width = np.ptp(boxes, axis=2).max(axis=1)
     # what is beyond that in a narrow box is the solver's, and no split takes it away
     most = width * np.maximum(forces[:, COLUMN["N"]], 0.0)
     excess = np.clip(relaxer.moments.excess(forces, relaxer.contacts), 0.0, most)
-    return np.where(free & (width > BRANCH.narrowest), excess * speed, 0.0)
+    return np.where(free & (width > BRANCH.narrowest), excess, 0.0)
 
 
 def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[Split]:
-    """Where to split, the best first; none if nothing can."""
+    """Where to split: the contact that carries most of the gap, and the one with the largest
+    excess, for what moves in one of many mechanisms of a node may be at rest in the next; none if
+    nothing can."""
     if node.forces is None or node.mechanism is None:
         return _widest(relaxer, node)
     every = np.ones(len(relaxer.contacts), dtype=bool)
     seen = _beneath(relaxer, node, (node.forces, node.mechanism, every), goal)
-    # the halves of contacts beneath others have one and the same bound at first
-    tried = goal.tried if seen[2].all() else 1
-    score = scores(relaxer, node.boxes, seen)
-    best = [j for j in np.argsort(-score)[:tried].tolist() if score[j] > 0.0]
+    orders = scores(relaxer, node.boxes, seen), _excess(relaxer, node.boxes, seen)
+    best = dict.fromkeys(int(order.argmax()) for order in orders if order.max() > 0.0)
     return [_place(relaxer, node, seen[0], j) for j in best] or _widest(relaxer, node)
 
 

@@ -82,9 +82,7 @@ class BranchAndBound:
         return bool(self.open or self._running) and self.upper - self.lower > self.width
 
     def _goal(self) -> Goal:
-        tried = BRANCH.tried if self.nodes < BRANCH.tried_nodes else 1
-        precision = BRANCH.precision * self.tolerance
-        return Goal(self.lower, self.width, self.price, tried, precision)
+        return Goal(self.lower, self.width, self.price, BRANCH.precision * self.tolerance)
 
     def _start(self, outer: UpperBound | None) -> None:
         boxes, best = whole_boxes(self.run.contacts), self.run.best
