@@ -182,14 +182,16 @@ def _excess(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
 
 
 def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[Split]:
-    """Where to split: the contact that carries most of the gap, and the one with the largest
-    excess, for what moves in one of many mechanisms of a node may be at rest in the next; none if
-    nothing can."""
+    """Where to split; none if nothing can. The contact that carries most of the gap, and with
+    independent signs also the one with the largest excess: what moves in one of many mechanisms of
+    a node may be at rest in the next."""
     if node.forces is None or node.mechanism is None:
         return _widest(relaxer, node)
     every = np.ones(len(relaxer.contacts), dtype=bool)
     seen = _beneath(relaxer, node, (node.forces, node.mechanism, every), goal)
-    orders = scores(relaxer, node.boxes, seen), _excess(relaxer, node.boxes, seen)
+    orders = [scores(relaxer, node.boxes, seen)]
+    if relaxer.moments.slopes is None:
+        orders.append(_excess(relaxer, node.boxes, seen))
     best = dict.fromkeys(int(order.argmax()) for order in orders if order.max() > 0.0)
     return [_place(relaxer, node, seen[0], j) for j in best] or _widest(relaxer, node)
 
