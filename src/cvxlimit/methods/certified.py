@@ -69,11 +69,10 @@ class Certified(Method):
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     budget : float or None
-        Seconds in all after which branch and bound ends, the relaxation goes on only while a solve
-        lowers its bound by 0.1 %, and proofs are tried once; searches for a lower bound are not
-        limited. None is 60 of branching where a tolerance is asked for, or on scenes of up to 6
-        contacts; otherwise ten, or twelve times the first relaxation's, about thirty solves
-        without interaction, whichever is more.
+        Seconds in all after which branch and bound ends and proofs are tried once; the relaxation
+        and searches for a lower bound are not limited. None is 60 of branching where a tolerance is
+        asked for, or on scenes of up to 6 contacts; otherwise ten, or twelve times the first
+        relaxation's, about thirty solves without interaction, whichever is more.
 
     Example
     -------
@@ -146,7 +145,6 @@ class _Proof:
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
         self.ladder = run.ladder or (*leading_ladder(), *default_ladder()[:2])
-        self.has_led, self.left_out = False, ""
 
     def steps(self) -> Steps:
         run = self.run
@@ -204,27 +202,19 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its copies take long the search for a lower bound does not wait for
-        all, and once the budget is spent those have to be worth their time."""
+        """The relaxation; where its copies take long a first lower bound does not wait for all."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
         for number, _ in enumerate(rounds, 1):
             yield None
             upper, state = run.best.bracket.upper, outer.state
-            is_late = number >= BRACKET.leading and run.clock.elapsed > self._lead
+            is_late = number >= BRACKET.leading and run.clock.elapsed > BRACKET.budget
             if is_late and state is not None and upper > 0.0 and not run.is_boundless(upper):
-                yield from self._until_met(self.method.iterates(state.forces))
-                self.has_led = True
+                for iterate in self.method.iterates(state.forces):
+                    yield None
+                    if iterate.is_safe:
+                        break
                 break
-        for _ in rounds:
-            before, upper = upper, run.best.bracket.upper
-            gained = (before - upper) / run.scaling.unit(upper)
-            if run.clock.elapsed > self._end and 0.0 < gained < BRACKET.worth_a_solve:
-                self.left_out = (
-                    f"the relaxation ended early: its last solve lowered the upper bound by "
-                    f"{_percent(gained)}; "
-                )
-                break
-            yield None
+        yield from rounds
         yield None
 
     @property
@@ -237,21 +227,12 @@ class _Proof:
             return np.inf
         return max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
 
-    @property
-    def _lead(self) -> float:
-        """Seconds from which a lower bound comes first."""
-        return BRACKET.share * min(self._end, 2.0 * BRACKET.budget)
-
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state
         starts = self.rule.starts or run.moments.starts
         for number, name in enumerate(starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
-            if name == "relaxation" and self.has_led:
-                if run.clock.elapsed < self._end:
-                    yield from self._until_met(self.method.continued())
-                continue
             at = state.forces if name != "middle" and state else None
             if name != "boxes":
                 yield from self._until_met(self.method.iterates(at))
@@ -292,7 +273,7 @@ class _Proof:
             return
         start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
         if seconds < BRACKET.least_problems * run.history[0].seconds:
-            run.remarks = [f"{self.left_out}{_percent(before)} wide after {start:.1f} s; {_MORE}"]
+            run.remarks = [f"{_percent(before)} wide after {start:.1f} s; {_MORE}"]
             return
         own = self.rule.executor
         with nullcontext(own) if own else processes(self.rule.workers) as executor:
@@ -316,7 +297,7 @@ class _Proof:
                 if not search.can_go_on or run.best.bracket.is_below_zero:
                     return
                 if is_over:
-                    run.remarks = [f"{self.left_out}{done}; {_ending(widths, seconds)}"]
+                    run.remarks = [f"{done}; {_ending(widths, seconds)}"]
                     return
                 yield None
                 search.step()

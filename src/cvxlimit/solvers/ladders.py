@@ -40,6 +40,8 @@ class LadderNumbers:
     node: float = 1e-8  # of nodes,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
+    refined: float = 1e-10  # residual of QOCO's directions where its forces bound the load factor,
+    refinements: int = 20  # in at most so many rounds
 
 
 NUMBERS = LadderNumbers()
@@ -52,12 +54,6 @@ BLOCKWISE_FROM = {
 """From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
 problem: by its factorisation where Clarabel is the other choice, and at least that much where QOCO
 is installed."""
-
-
-_REFINED: dict[str, Any] = {"ir_tol": 1e-10, "max_ir_iters": 20}
-"""Of QOCO's refinement of directions where its forces bound the load factor: with its own, 1e-6,
-one dome in twenty lacks so much equilibrium that a bracket of 1e-5 stays open. Nodes, which need no
-such forces, are a tenth faster without; strong stone on a weak joint is not solved with it."""
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -230,8 +226,9 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     asked = NUMBERS.lean if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
         return (first, settings_for("QOCO", asked), own, *others)
-    quick = settings_for("QOCO", asked, **_REFINED)
+    refined: dict[str, Any] = {"ir_tol": NUMBERS.refined, "max_ir_iters": NUMBERS.refinements}
+    quick = settings_for("QOCO", asked, **refined)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
     is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
-    before = (settings_for("QOCO", loose, **_REFINED),) if is_loose else ()
+    before = (settings_for("QOCO", loose, **refined),) if is_loose else ()
     return (*before, quick, first, own, *others)

@@ -129,9 +129,7 @@ class BracketSettings:
     worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
     beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
     most_rounds: int = 12  # solves with added copies,
-    leading: int = 3  # after so many of which a lower bound comes first if
-    share: float = 0.5  # of the budget is spent;
-    worth_a_solve: float = 1e-3  # gain of the last one that asks for another beyond the budget
+    leading: int = 3  # after so many of which a lower bound comes first if the budget is spent
     least_problems: float = 2.0  # that there must be time for, or no branching begins
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for

@@ -76,13 +76,6 @@ class InnerMethod(SafeProblems):
             way = self._narrowed(start, *CLIMB.limited) if is_limited else self._settled(start)
         return self._search("middle" if start is None else "relaxation", way)
 
-    def continued(self) -> Iterator[InnerIterate]:
-        """Safe steps from the best forces so far."""
-        best = self.run.best.forces
-        return self._search(
-            "best forces", iter(()) if best is None else self.climb(self.point(best))
-        )
-
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
         than :meth:`iterates`, and on irregular walls often higher."""
