@@ -17,8 +17,9 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
+from cvxlimit.solvers.interior.blocks import LIMITS
 from cvxlimit.solvers.interior.cones import NesterovTodd
-from cvxlimit.solvers.interior.elimination import LIMITS, NewtonSystem, largest
+from cvxlimit.solvers.interior.elimination import NewtonSystem, largest
 
 SOLVED, ALMOST, STALLED = "Solved", "AlmostSolved", "InsufficientProgress"
 INFEASIBLE, UNBOUNDED = "PrimalInfeasible", "DualInfeasible"
