@@ -46,9 +46,15 @@ class _Numbers:
     """Forces and rates beyond this are refused like infinite ones: their products overflow."""
     overshoot: float = 1.9
     """Relaxation of the alternating projections, between 1 and 2: a dead state of the tuff wall
-    takes 40 iterations with 1.9 and 57 with 1.5."""
-    spare: float = 0.1
-    """Share of the yield function's range that a dead-load state keeps in reserve."""
+    takes 16 iterations with 1.9 and 20 with 1.0."""
+    memory: int = 3
+    """Steps that are combined with the last one (:class:`_Accelerated`): a dead state of the tuff
+    wall takes 16 iterations with 3, 23 with 2 and 40 with none, an arch 4 in place of 28."""
+    parallel: float = 1e-12
+    """Steps that differ by the root of this, relatively, count as one."""
+    spare: float = 0.2
+    """Share of the yield function's range that a dead-load state is to keep in reserve: with 0.1
+    states end so near the surfaces that friction of 1e-6 to 1e6 costs 2e-5 of the load factor."""
     opening_reserve: float = 0.2
     opening_overshoot: float = 1.9
     opening_iterations: int = 50
@@ -69,6 +75,28 @@ class _Numbers:
 
 
 _N = _Numbers()
+
+
+class _Accelerated:
+    """Alternating projections x -> g(x) by Anderson's acceleration: the next x is the combination
+    of the last images g whose steps g - x cancel best (D. G. Anderson, Iterative procedures for
+    nonlinear integral equations, 1965). Shares add up to one, so that images in equilibrium with a
+    load have combinations that are.
+    """
+
+    def __init__(self) -> None:
+        self.before = list[tuple[FloatArray, FloatArray]]()
+
+    def next(self, x: FloatArray, image: FloatArray) -> FloatArray:
+        step, before = image - x, self.before
+        self.before = [*before[1 - _N.memory :], (image, step)]
+        if not before:
+            return image
+        change = np.stack([other - step for _, other in before])
+        square = change @ change.T
+        square[np.diag_indices(len(before))] += _N.parallel * square.trace() + NOTHING
+        share = np.linalg.solve(square, -change @ step)
+        return image + share @ np.stack([other - image for other, _ in before])
 
 
 NOTHING = 1e-300
@@ -300,6 +328,7 @@ class Witnesses:
     ) -> FloatArray | None:
         """None as soon as ``patience`` iterations leave more than half of what was missing."""
         z, missing = self._carried(np.zeros(len(self._balance.weights))), list[float]()
+        accelerated = _Accelerated()
         for _ in range(iterations):
             short = 0.1 * compression - z[self._balance.model.nonneg]
             missing.append(float(short.max(initial=0.0)))
@@ -312,7 +341,8 @@ class Witnesses:
                     is_all = self._balance.held is None  # else some load may be carried by nothing
                     is_all = is_all or self.statics.is_balanced(forces, 0.0, length)
                     return forces if is_all else None
-            z = self._carried(z + _N.overshoot * (self._pushed_inside(z, compression) - z))
+            further = z + _N.overshoot * (self._pushed_inside(z, compression) - z)
+            z = accelerated.next(z, self._carried(further))
         return None
 
     def _carried(self, z: FloatArray) -> FloatArray:
