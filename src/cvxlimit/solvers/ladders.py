@@ -38,6 +38,7 @@ class LadderNumbers:
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
+    node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
     refined: float = 1e-10  # residual of QOCO's directions where its forces bound the load factor,
@@ -148,9 +149,11 @@ def node_ladder() -> Ladder:
     """The ladder for nodes of a search: QOCO where it is installed, then what solves the nodes that
     it gives up; boxes that carry nothing have no force as their answer, on which Clarabel fails.
     """
-    names = ("QOCO", "CLARABEL", "BLOCKWISE")
-    quick = 0 if "QOCO" in installed() else 1
-    return tuple(settings_for(name, NUMBERS.node) for name in names[quick:])
+    others = tuple(settings_for(name, NUMBERS.node) for name in ("CLARABEL", "BLOCKWISE"))
+    if "QOCO" not in installed():
+        return others
+    most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
+    return (settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few), *others)
 
 
 def tight_ladder() -> Ladder:

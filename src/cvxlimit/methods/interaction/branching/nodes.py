@@ -116,12 +116,16 @@ class Relaxer:
         return Explored(still, closed, self.solves, frozenset(self.solvers))
 
     def evaluated(self, node: Node, goal: Goal, rounds: int = BRANCH.rounds) -> Node:
-        """Solve, certify, add copies; a solver's failure leaves the bound and forces as given."""
+        """Solve, certify, add copies; a solver's failure leaves the bound and forces as given. A
+        further round follows where the relaxation is low enough to close the node but the bound,
+        for lack of copies, is not."""
         flow = self.flow.within(node.boxes, goal.precision)
         certifier = self.certifier.with_flow(flow)
         first = self.moments.box_copies(self.contacts, node.boxes)
         worth = BRANCH.worth_a_copy * goal.width
-        for _ in range(rounds):
+        for number in range(BRANCH.rounds):
+            if number >= rounds and not node.load_factor <= goal.cut < node.bound:
+                break
             state = self.solve(first.joined(node.added), goal.price)
             node = replace(node, is_missing=False)
             if state.mechanism is None or state.load_factor is None:
