@@ -295,6 +295,8 @@ class Certifier:
         if reserve is None or not (self._is_balanced(x, alpha) and self._is_balanced(reserve, 0.0)):
             return assumed, False, residual, excess
         lower = (1.0 - self._mixing_share(x, reserve)) * alpha
+        if lower > 0.0 and self._is_balanced(x, 0.0):  # rounding alone would carry as much
+            lower = 0.0
         if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
             lower = max(0.0, lower - _N.unresisted * self.assemblage.scaling.ratio)
         return lower, True, residual, excess
