@@ -185,9 +185,10 @@ def _linear(scene: Scene, number: int, reach: float) -> float:
     rows = sp.block_diag(scaled, format="csr")
     force = np.abs(data.dead).sum() or np.abs(data.live).sum()
     live = np.abs(data.live).sum()
-    each_block = (np.abs(data.dead) + np.abs(data.live)).reshape(-1, 6).sum(axis=1) / force
     # In units of the total load HiGHS loses blocks that weigh a 1e-9 of it, and 6 % of the answer.
-    own = sp.diags_array(1.0 / np.repeat(np.where(each_block > 0.0, each_block, 1.0), 6))
+    loads = np.abs(data.dead) / force + np.abs(data.live) / live
+    each = loads.reshape(-1, 6).sum(axis=1)
+    own = sp.diags_array(1.0 / np.repeat(np.where(each > 0.0, each, 1.0), 6))
     found = linprog(
         np.append(np.zeros(rows.shape[1]), -1.0),
         sp.hstack([rows, sp.csr_array((rows.shape[0], 1))]).tocsr(),

@@ -242,14 +242,14 @@ def test_densities_far_apart_are_certified(seed: int) -> None:
     assert_certified(solve(made.scene), made.scene)
 
 
-def test_what_rounding_carries_is_no_lower_bound() -> None:
-    """A block of a hundredth of what presses on it, pushed along joints without friction, of which
-    some slide at once. Forces in equilibrium to rounding carried 2e-11 of the push, beyond a proved
-    upper bound of 4e-13."""
-    made = sample("mixed", 50_034)
-    bracket = solve(made.scene).bracket
+@pytest.mark.parametrize("seed", [50_034, 70_009, 80_018, 80_021])
+def test_what_rounding_carries_is_no_lower_bound(seed: int) -> None:
+    """Some joints without friction slide at once. Forces in equilibrium to rounding carried 2e-11
+    of a push on a block of a hundredth of what presses on it, beyond a proved upper bound of 4e-13;
+    elsewhere 6e-12 of all weights, once forces of 1e-10 were mixed with those of the dead load."""
+    bracket = solve(sample("mixed", seed).scene).bracket
     assert bracket.lower == 0.0
-    assert 0.0 <= bracket.upper < 1e-11
+    assert 0.0 <= bracket.upper < 1e-10
     assert bracket.is_proved
 
 

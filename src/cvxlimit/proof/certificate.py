@@ -252,10 +252,10 @@ class Certifier:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
-            lower = self._lower(x, load_factor, rate)
+            lower = self._lower(x, load_factor, rate, u)
             end = upper[0] if np.isfinite(upper[0]) else load_factor
             if not lower[1] or end - lower[0] > self._width * abs(end):
-                lower = _better(lower, self._lower_without_idle(x, load_factor, rate), 1.0)
+                lower = _better(lower, self._lower_without_idle(x, load_factor, rate, u), 1.0)
         return Certificate(
             lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
             lower[2], lower[3], upper[2], upper[3],
@@ -281,7 +281,9 @@ class Certifier:
             mechanism = mechanism.reshape(-1, DOF)
         return finite(mechanism, (len(self.statics.dead) // DOF, DOF), "free block")
 
-    def _lower(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
+    def _lower(
+        self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None = None
+    ) -> _Bound:
         residual, excess = self.residuals(x, alpha)
         x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
@@ -294,20 +296,36 @@ class Certifier:
         reserve = self.witnesses.dead_state
         if reserve is None or not (self._is_balanced(x, alpha) and self._is_balanced(reserve, 0.0)):
             return assumed, False, residual, excess
-        lower = (1.0 - self._mixing_share(x, reserve)) * alpha
-        if lower > 0.0 and self._is_balanced(x, 0.0):  # rounding alone would carry as much
-            lower = 0.0
+        share = self._mixing_share(x, reserve)
+        lower = (1.0 - share) * alpha
+        hidden = self._hidden(x + share * (reserve - x), lower, u)
+        lower = max(0.0, lower - hidden) if lower > 0.0 else lower - hidden
         if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
             lower = max(0.0, lower - _N.unresisted * self.assemblage.scaling.ratio)
         return lower, True, residual, excess
 
-    def _lower_without_idle(self, x: FloatArray, alpha: float, rate: float) -> _Bound:
+    def _hidden(self, state: FloatArray, alpha: float, u: FloatArray | None) -> float:
+        """The load factor that residuals of a state which count as rounding may carry: what they do
+        in a mechanism, which is how fast the largest load factor changes with loads."""
+        live = 0.0 if u is None else float(self.statics.live @ u.ravel())
+        if u is None or not live > 0.0:
+            return 0.0
+        forces = self.strength.forces(state)
+        rest = block_sizes(self.statics.residual(forces, alpha), self.size)
+        rest += _N.epsilon * self.statics.acting(forces, alpha, self.size)
+        return float(rest @ block_sizes(u, 1.0 / self.size)) / live
+
+    def _lower_without_idle(
+        self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
+    ) -> _Bound:
         can = self._can_reduce and not self.strength.is_internal
         given = without_idle(self.assemblage, x, _N.idle) if can else None
         smaller = None if given is None else self._of_less(given[0])
         if given is None or smaller is None:
             return -np.inf, False, np.nan, np.nan
-        return smaller._lower(given[1], alpha, rate)
+        if u is not None:
+            u = u[np.sort(self.statics.row_of_block[given[0].statics.row_of_block >= 0])]
+        return smaller._lower(given[1], alpha, rate, u)
 
     def _of_less(self, less: Assemblage) -> Certifier | None:
         try:
