@@ -12,7 +12,8 @@ from cvxlimit.studies.domains.exploring import explore
 from cvxlimit.studies.domains.search import load_domain
 from cvxlimit.studies.domains.supports import Support
 from cvxlimit.studies.fragility import Fragility, fragility
-from cvxlimit.studies.sweeping import read_sweep, sweep
+from cvxlimit.studies.store import read_sweep
+from cvxlimit.studies.sweeping import sweep
 from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
