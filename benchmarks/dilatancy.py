@@ -33,8 +33,14 @@ def say(*cells: object) -> None:
     sys.stdout.flush()
 
 
+def head(*cells: str) -> None:
+    """The first line of a table, and the one that parts it from the others."""
+    say(*cells)
+    say(*["---"] * len(cells))
+
+
 def seconds_of(work: Callable[[], Solution]) -> tuple[Solution, float]:
-    """The processor's seconds: what else the machine does counts little."""
+    """CPU seconds: what else the machine does counts little."""
     start = time.process_time()
     return work(), time.process_time() - start
 
@@ -54,19 +60,19 @@ def row(scene: Scene, rule: ZeroDilatancy) -> Solution:
 
 
 HEAD = ("scene", "associated", "status", "members", "number", "largest residual",
-        "s of processor", "in units of the associated solve")  # fmt: skip
+        "CPU s", "in units of the associated solve")  # fmt: skip
 
 
 def walls(options: argparse.Namespace) -> None:
     """In the plane, to 1e-6."""
-    say(*HEAD)
+    head(*HEAD)
     for name in options.scenes or PLANE:
         row(builtin_scene(name), ZeroDilatancy(starts=options.starts))
 
 
 def space(options: argparse.Namespace) -> None:
     """In space, to 1e-4."""
-    say(*HEAD)
+    head(*HEAD)
     for name in options.scenes or SPACE:
         rule = ZeroDilatancy(starts=options.starts, tolerance=1e-4, descents=options.descents)
         row(builtin_scene(name), rule)
@@ -91,13 +97,13 @@ def unique(options: argparse.Namespace) -> None:
         spread = (high - low) / max(abs(high), abs(low))
         widest = max(widest, spread)
         counts["one answer" if spread <= SAME else "several"] += 1
-    say(*counts, "widest spread")
+    head(*counts, "widest spread")
     say(*counts.values(), f"{widest:.3f}")
 
 
 def gilbert(options: argparse.Namespace) -> None:
     """Where its stop on the load factor leaves Coulomb's law."""
-    say("scene", "stops at a change of", "problems", "load factor", "what it is worth")
+    head("scene", "stops at a change of", "problems", "load factor", "status and check")
     for name in options.scenes or PLANE:
         for tolerance in (1e-3, 1e-5):
             found = solve(builtin_scene(name), interaction=Gilbert(tolerance=tolerance))

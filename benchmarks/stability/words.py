@@ -13,7 +13,7 @@ and each answer was judged by something that does not trust the one who gave it.
 <!-- /record -->
 
 `.venv/bin/python -m benchmarks.stability` measures everything and writes this page with its pictures
-(about ten minutes of one core; `--size 5500` is five times as much; what is measured already is not
+(about half an hour of one core; `--size 5500` is five times as much; what is measured already is not
 measured again). `... run --study default` asks our default only, a minute or two; with `--first 2000`
 it asks about scenes that nobody has seen.
 
@@ -61,23 +61,18 @@ ones, {proved} rest on no assumption at all on the size of forces or rates.
 """
 
 HONEST = """
-What is left open, and why. *Frictions of 1e-6 beside 1e6*, 5 scenes of 120 in that family. The flow
+What is left open, and why. *Frictions of 1e-6 beside 1e6.* The flow
 rule asks a joint to open by friction times its slip. A joint with 1e6 that hinges about an edge must
 not slip at all, and rounding alone, 1e-16 of the rates, then costs 1e-10 of the loads. Beside a
 joint with 1e-6 load factors are 1e-6 to 1e-4; relative to these the rounding error is 1e-6 to 1e-4. Solvers leave 1e-12
-in place of 1e-16, and brackets stay 1e-5 to 0.3 wide. *Load factors that are exactly zero*, 7 scenes
-of 100 in the mixed family: a joint without friction slides at no load at all, so no forces are
-strictly inside, and what a solver leaves of equilibrium, 1e-15 of the total load, is priced by an
-assumption on rates. Where a light block slides among heavy ones that comes to 1e-10 of a natural load
-factor, against 1e-11 asked for: the answer is then 0 within 1e-10, called not certified. The bounds
-hold in all of these; the exit code is 4.
+in place of 1e-16, and such brackets stay open. The bounds hold; the exit code is 4.
 
-What cured the others. Densities 1e8 apart (3 % of them were open): a solver's residual of 1e-10 of the
-total load is a hundredth of what the lightest block weighs, so the problem is solved once more in
-units of its own answer, contact by contact and equation by equation (`CLARABEL rescaled` in the
-history); none of 150 is open now, nor of 50 here. Friction of 1e-6 everywhere: contacts that carry
-nothing are left out of the static bound, as are those around blocks without weight. Friction of 1e6 everywhere and
-locked blocks: a mechanism is also certified with those blocks glued together that it does not move.
+What closes the others. Densities 1e8 apart: a solver's residual of 1e-10 of the total load is a
+hundredth of what the lightest block weighs, so the problem is solved once more in units of its own
+answer, contact by contact and equation by equation (`CLARABEL rescaled` in the history). Friction of
+1e-6 everywhere: contacts that carry nothing are left out of the static bound, as are those around
+blocks without weight. Friction of 1e6 everywhere and locked blocks: a mechanism is also certified with
+those blocks glued together that it does not move.
 
 """
 
@@ -159,13 +154,12 @@ interaction.
 """
 
 SPREADS = """
-It helps here and there, and is no cure. With signed moments the two together bring the spread on the
-tuff wall from 7e-3 to 2e-5, and on random walls to 1e-4 and less; on the S12-class panel and another
-one it stays at 9e-3, more than without, and on a wall with few loads it grows to 7 %. Forces that are
-unique do not make the iteration a contraction: what solvers leave of them, 1e-6, is still amplified
-from one step to the next. It settles no more often either. The paper's reading depends on the
-contacts' axes, which turn with the order of the blocks, so no choice of forces can make it agree. So
-the option is there, and is not the default.
+On the tuff wall with signed moments the two together make the runs agree, and each alone does not; on
+the S12-class panel and on a wall with few loads even both did not, in a larger run. Under the paper's
+reading neither helps: it depends on the contacts' axes, which turn with the order of the blocks, so no
+choice of forces can make it agree. Nor do unique forces make the iteration a contraction: what solvers
+leave of them, 1e-6, is still amplified from one step to the next. So the options are there, and are not
+the default.
 
 ![Last load factor by order and solver](atlas-orders.png)
 """
@@ -175,7 +169,7 @@ PEER = """
 
 compas_cra (0.8.0, in an environment of its own: `run --study peer --peer PYTHON`) says whether a
 structure stands under its own weight. Its rigid-block equilibrium (RBE) has a force with friction at
-every vertex, eight facets, and allows tension at a high price: where much is needed, the structure
+every vertex, eight facets, and penalises tension: where much is needed, the structure
 falls. Our `vertex_forces` is the same model with a round cone. Tilting the structure turns weight into
 a push, so RBE should need no tension below our load factor and some above it; the table has the
 tension over the weight, at tilts of 0.9 to 1.1 of our load factor. It does the same job where loads are

@@ -404,7 +404,8 @@ def _check_ids(scene: Scene) -> None:
     for i in scene.free:
         if scene.blocks[i].density is None:
             raise InputError(
-                f"free block {scene.blocks[i].id!r} has no density; give its weight per volume"
+                f"free block {scene.blocks[i].id!r} has no density; give its weight "
+                "per volume, or name the block among the supports"
             )
 
 
@@ -421,5 +422,6 @@ def _check_loads(scene: Scene) -> None:
                 )
     if not np.any(scene.live_forces):
         raise InputError(
-            "the live load is zero everywhere: give it an acceleration or forces on free blocks"
+            "the live load is zero everywhere: give it an acceleration or forces on free blocks "
+            "(an acceleration needs blocks with weight)"
         )

@@ -62,9 +62,9 @@ _ADVICE = {
     ),
     Status.CONVERGED: "the iteration met its tolerance",
     Status.NOT_CONVERGED: (
-        "the iteration did not settle and its last load factor is not an answer: allow more "
-        "iterations or a wider tolerance; for interaction with bending use method 'certified', or "
-        "another old-value weight"
+        "the iteration did not settle, or settled where Coulomb's law is exceeded, and its last "
+        "load factor is not an answer: allow more iterations or another tolerance; for interaction "
+        "with bending use method 'certified', for friction without dilatancy 'zero-dilatancy'"
     ),
     Status.CYCLING: (
         "the fixed point returns to earlier load factors; none of them is an answer: "

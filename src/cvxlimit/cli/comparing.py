@@ -25,9 +25,10 @@ class Contest:
     scene: str = argument()
     models: list[str] | None = option(
         "NAMES",
-        "Models, several with commas or several times, with * and ?: cvxlimit, cvxlimit/octagon, "
-        "conic/corners/*, octagon-inscribed/*, 16-gon/*, parabolic, certified/independent/* ... "
-        "Unless given: surfaces, solvers and tolerances that come with the package.",
+        "Models, several with commas or several times, with * and ?: cvxlimit (the default), "
+        "cvxlimit/octagon, parabolic, certified/independent/*, or "
+        "surface/formulation/solver/tolerance as in conic/corners/*, 16-gon/* ... Unless given: "
+        "surfaces, solvers and tolerances that come with the package.",
         None,
         "--models",
     )

@@ -90,16 +90,21 @@ _NEEDED = {
     "friction": "the Coulomb coefficient of the joints",
     "live": "X,Y,Z: the live load in multiples of every block's weight",
 }
-"""What files do not say."""
+"""What files do not say, and where the scene goes."""
 
 
 @taking(Geometry)
 def import_command(asked: Geometry) -> ExitCode:
-    """Make a scene from geometry files, and report contacts found and repairs made."""
+    """Make a scene from geometry files, and report contacts found and repairs made.
+
+    Needed are --output, --length-unit, --up, --friction and --live; --density and --supports where
+    the files have none.
+    """
     for name, meaning in _NEEDED.items():
         if getattr(asked, name) is None:
             spelt = f"--{name.replace('_', '-')}"
-            raise InputError(f"give {spelt} {meaning}; files do not say and none is guessed")
+            why = "" if name == "output" else "; files do not say and none is guessed"
+            raise InputError(f"give {spelt} {meaning}{why}")
     output, plot = asked.output or Path(), asked.plot
     vector("--live", asked.live or "", "0,1,0")
     inputs = dict.fromkeys(asked.geometry, "the geometry")

@@ -16,6 +16,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from multiprocessing import active_children
 from typing import Annotated, Any, NoReturn
 
@@ -141,10 +142,19 @@ def _dispatch(arguments: list[str]) -> int:
         if not hasattr(error, "format_message"):
             raise
         reason = " ".join(error.format_message().split()).rstrip(".")
+        meant, is_unreadable, _ = reason.partition(", unable to parse")
+        reason = meant + _given(error, arguments) if is_unreadable else reason
         if getattr(error, "option_name", None) == "--friction":
             reason = "friction is the scene's: set it there, or cvxlimit sweep --vary friction=0.5"
         return refuse(ExitCode.BAD_INPUT, f"{reason}; see cvxlimit {_helped(arguments)}--help")
     return int(job()) if callable(job) else ExitCode.SOLVED
+
+
+def _given(error: Exception, arguments: Sequence[str]) -> str:
+    """What was typed for an option that could not be read: Typer names the option only."""
+    options = getattr(getattr(error, "param", None), "opts", ())
+    typed = dict(pairwise(word for argument in arguments for word in argument.split("=", 1)))
+    return next((f", got {typed[name]!r}" for name in options if name in typed), "")
 
 
 def _helped(arguments: Sequence[str]) -> str:

@@ -128,6 +128,8 @@ def summary(
 ) -> Table:
     blocks = counted(solution.blocks, "free block")
     value = _text(solution.load_factor) or "none"
+    if solution.quantity != LOAD_FACTOR and solution.solved_scene is not None:
+        value += f" {solution.solved_scene.units.force}"
     value += "" if solution.status.is_good else f" ({solution.status})"
     asked = "" if tolerance is None else f" (asked: {tolerance:g})"
     bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"

@@ -79,7 +79,7 @@ class Comparison:
     def table(self) -> str:
         """Plain text: one line per model, ``*`` for those on the Pareto front."""
         front = self.front
-        lines = [["", "model", "load factor", "true error", "seconds", "of it solver", "status"]]
+        lines = [["", "model", "load factor", "true error", "seconds", "in solver", "status"]]
         for row in self.rows:
             figures = zip((row.load_factor, row.error, row.total, row.solve),
                           (".7g", ".1e", ".3f", ".3f"), strict=True)  # fmt: skip
@@ -91,7 +91,8 @@ class Comparison:
             "  ".join(f"{c:{'>' if 1 < i < 6 else '<'}{widths[i]}}" for i, c in enumerate(line))
             for line in lines
         ]
-        notes = [*dict.fromkeys(map(_reference_note, self.rows))]
+        notes = ["*: no other model is both faster and nearer"] * bool(front)
+        notes += dict.fromkeys(map(_reference_note, self.rows))
         notes += ["interrupted: the models above had run by then"] * self.is_interrupted
         return "\n".join([*map(str.rstrip, aligned), *notes])
 

@@ -135,7 +135,7 @@ def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
         return "it ended because the bracket hardly narrowed any more"
     before = [earlier for at, earlier in widths if at <= max(spent / 3.0, widths[0][0])][-1]
     share = 1.0 - width / before if np.isfinite(before) else 0.0
-    gained = f"the last two thirds of it narrowed the bracket by {_percent(share)}"
+    gained = f"the last two thirds of it narrowed the bracket by {_percent(share)} of its width"
     return f"its time was up: {gained}, and {_MORE}"
 
 
@@ -283,8 +283,9 @@ class _Proof:
             while True:
                 spent, width = run.clock.elapsed - start, run.best.bracket.width
                 widths.append((spent, width))
+                nodes = f"{search.nodes} node{'s' * (search.nodes != 1)}"
                 done = (
-                    f"branch and bound, {search.nodes} nodes with {search.solves} problems in "
+                    f"branch and bound, {nodes} with {search.solves} problems in "
                     f"{spent:.1f} s: from {_percent(before)} to {_percent(width)}"
                 )
                 run.remarks = [done]

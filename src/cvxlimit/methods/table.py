@@ -177,7 +177,10 @@ def check(what: str, run: Run, takes: Collection[str]) -> None:
 
 def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
     if value not in allowed:
-        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {value!r}")
+        got = repr(value)
+        if isinstance(value, type):
+            got = f"the class {value.__name__}: write {value.__name__}()"
+        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {got}")
 
 
 def _called(surface: Surface) -> str:

@@ -234,7 +234,8 @@ def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "
-            f"cvxlimit.model.formulations.resultants; got {model!r} from {formulation!r}"
+            f"cvxlimit.model.formulations.resultants; got {formulation!r}"
+            + ("" if model is formulation else f", which returns {model!r:.80}")
         )
     is_weak = np.isfinite(contacts.compressive_strength)
     if not is_weak.any() or getattr(formulation, "sees_to_strength", False):

@@ -157,7 +157,7 @@ def _values(name: str, given: Any) -> list[Any]:
         return [given]
     values = list(given)
     if not values:
-        raise InputError(f"parameter {name!r} has no values")
+        raise InputError(f"parameter {name!r} has no values; give it at least one")
     return values
 
 
