@@ -1,4 +1,9 @@
-"""The README as a package index can show it; Hatchling calls this when it builds.
+"""The compiled part, and the README as a package index can show it; Hatchling calls both when it
+builds.
+
+What is written in C in ``src/cvxlimit/solvers`` becomes extensions for the stable interface of
+Python 3.11, built by setuptools. Without a C compiler, or for ``CVXLIMIT_COMPILED=no``, the package
+is built without them: NumPy and SciPy then do the same, in more time.
 
 A package index shows pictures and follows links only at absolute addresses: it hosts none of a
 package's files, and takes out pictures that are written into the text (``data:`` addresses, SVG).
@@ -20,9 +25,13 @@ from __future__ import annotations
 
 import os
 import re
+import sys
+import sysconfig
+import tempfile
 from pathlib import Path
 from typing import Any
 
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 PICTURE = re.compile(r"!\[([^\]]*)\]\((?!https?:)([^)#\s]+)\)")
@@ -68,3 +77,58 @@ def on_an_index(text: str, address: str = "") -> str:
         raise ValueError(f"CVXLIMIT_SOURCES must begin with https://, got {address!r}")
     base = address.rstrip("/")
     return LINK.sub(rf"[\1]({base}/\2)", PICTURE.sub(rf"![\1]({base}/\2)", text))
+
+
+SOLVERS = "cvxlimit/solvers"
+SOURCES = ("cholesky.c", "interior/batch.c")
+FLAGS = {"unix": ["-O3", "-g0", "-fno-math-errno"], "msvc": ["/O2"]}
+STABLE = "0x030B0000"  # Python 3.11
+
+
+class Compiled(BuildHookInterface[Any]):
+    """Builds the extensions into the wheel, or, for an editable install, beside their sources."""
+
+    PLUGIN_NAME = "custom"
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Called by Hatchling."""
+        if self.target_name != "wheel" or os.environ.get("CVXLIMIT_COMPILED") == "no":
+            return
+        self._room = tempfile.TemporaryDirectory()
+        for source in SOURCES:
+            path = Path(self.root) / "src" / SOLVERS / source
+            built = compiled(path, Path(self._room.name))
+            if built is None:
+                self.app.display_warning(f"{source} could not be compiled: slower ways do the same")
+            elif version == "editable":
+                beside = path.with_name(built.name)
+                beside.unlink(missing_ok=True)  # a process may hold the one before
+                beside.write_bytes(built.read_bytes())
+            else:
+                place = Path(SOLVERS, source).with_name(built.name).as_posix()
+                build_data["force_include"][str(built)] = place
+                platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
+                build_data |= {"pure_python": False, "tag": f"cp311-abi3-{platform}"}
+
+
+def compiled(source: Path, folder: Path) -> Path | None:
+    """The extension ``_NAME`` of NAME.c in the folder, or None if it cannot be built here."""
+    from setuptools import Distribution, Extension
+    from setuptools.errors import BaseError, CCompilerError
+
+    name = f"_{source.stem}"
+    extension = Extension(
+        name,
+        [str(source)],
+        define_macros=[("Py_LIMITED_API", STABLE)],
+        extra_compile_args=FLAGS["msvc" if sys.platform == "win32" else "unix"],
+        py_limited_api=True,
+    )
+    command = Distribution({"name": name, "ext_modules": [extension]}).get_command_obj("build_ext")
+    command.build_lib, command.build_temp = str(folder), str(folder / "objects")
+    try:
+        command.ensure_finalized()
+        command.run()
+    except (BaseError, CCompilerError, OSError):
+        return None
+    return next(folder.glob(f"{name}.*"), None)

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
-from cvxlimit.solvers.sparse import BACKENDS, factorised, nested_dissection
+from cvxlimit.solvers.extensions import CHOLESKY
+from cvxlimit.solvers.sparse import BACKENDS, backends, factorised, nested_dissection
 
 
 def grid(width: int, height: int) -> sp.csr_array:
@@ -59,7 +60,7 @@ def test_fill_in(width: int, height: int) -> None:
     assert fill(matrix[order][:, order]) <= 0.5 * fill(matrix)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", backends())
 def test_backends(backend: str) -> None:
     """Twice with one pattern: a kept analysis must not keep the numbers."""
     matrix = laplacian(grid(9, 7))
@@ -70,6 +71,41 @@ def test_backends(backend: str) -> None:
     for size in (1.0, 3.0):
         solve = factorisation.factorise(size * lower.data)
         np.testing.assert_allclose(size * (matrix @ solve(right)), right, atol=1e-12)
+
+
+@pytest.mark.parametrize("backend", backends())
+@given(
+    n=st.integers(1, 60),
+    share=st.sampled_from([0.0, 0.02, 0.1, 0.5, 1.0]),
+    width=st.integers(1, 7),
+    seed=st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=60, deadline=None)
+def test_random_matrices(backend: str, n: int, share: float, width: int, seed: int) -> None:
+    """Of any pattern, from diagonal to full, in blocks as contacts make them: as dense solutions,
+    to 1e-9 for matrices whose condition is below 1e4."""
+    rng = np.random.default_rng(seed)
+    links = np.kron(rng.random((n, n)) < share, np.ones((width, width)))
+    half = links * rng.normal(size=links.shape)
+    matrix = half @ half.T + np.diag(
+        1e-3 * np.linalg.norm(half) ** 2 + rng.uniform(0.5, 1.0, n * width)
+    )
+    lower = sp.csc_array(np.tril(matrix))
+    lower.sort_indices()
+    solve = BACKENDS[backend](lower.indices, lower.indptr).factorise(lower.data)
+    right = rng.normal(size=n * width)
+    np.testing.assert_allclose(solve(right), np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-9)
+    both = solve(np.stack([right, -right], axis=1))
+    np.testing.assert_allclose(both[:, 1], -both[:, 0], atol=1e-12)
+
+
+@pytest.mark.skipif(CHOLESKY is None, reason="not compiled here")
+@pytest.mark.parametrize("value", [-1.0, 0.0, np.nan])
+def test_a_pivot_that_is_not_positive(value: float) -> None:
+    lower = sp.csc_array(np.tril(np.ones((3, 3)) + np.eye(3)))
+    factorisation = BACKENDS["supernodal"](lower.indices, lower.indptr)
+    with pytest.raises(ArithmeticError, match="not positive definite"):
+        factorisation.factorise(np.where(lower.data == 2.0, value, lower.data))
 
 
 def test_rows_in_any_order_and_indefinite() -> None:

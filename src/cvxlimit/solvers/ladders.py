@@ -48,9 +48,9 @@ class LadderNumbers:
 NUMBERS = LadderNumbers()
 
 BLOCKWISE_FROM = {
-    "conic": {"superlu": 1.2e7, "cholmod": 4e6, "beside QOCO": 8e6},
-    "facets": {"superlu": 2.5e6, "cholmod": 2.5e6, "beside QOCO": 3e6},
-    "lean": {"superlu": 6e6, "cholmod": 3e6, "beside QOCO": 3e6},
+    "conic": {"superlu": 1.2e7, "cholmod": 4e6, "supernodal": 4e6, "beside QOCO": 8e6},
+    "facets": {"superlu": 2.5e6, "cholmod": 2.5e6, "supernodal": 2.5e6, "beside QOCO": 3e6},
+    "lean": {"superlu": 6e6, "cholmod": 3e6, "supernodal": 3e6, "beside QOCO": 3e6},
 }
 """From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
 problem: by its factorisation where Clarabel is the other choice, and at least that much where QOCO

@@ -1,7 +1,7 @@
 """Sparse positive definite matrices: in which order to eliminate, and by which factorisation.
 
-CHOLMOD, which comes with CVXOPT (GPL), is used where that is installed: it takes half to a third
-of the time of SciPy's SuperLU.
+Our own (``cholesky.c``) is used where it is compiled, then CHOLMOD, which comes with CVXOPT (GPL),
+then SciPy's SuperLU.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 
 from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.solvers.extensions import CHOLESKY
 
 Indices = NDArray[np.signedinteger[Any]]
 Solve = Callable[[FloatArray], FloatArray]
@@ -37,7 +38,7 @@ def factorised(matrix: sp.csc_array) -> Solve:
 
     Minimum degree is found faster than a dissection, which pays where a pattern comes many times.
     """
-    if best_backend() == "cholmod":
+    if "cholmod" in backends():
         lower = sp.tril(matrix.astype(float), format="csc")
         lower.sum_duplicates()
         with suppress(ArithmeticError):  # indefinite by rounding: LU does not mind
@@ -55,11 +56,30 @@ def symmetric_lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"
     return solve
 
 
-class SuperLU:
-    """SciPy's LU of matrices of one pattern, without pivoting and reordering.
+class Supernodal:
+    """Our own Cholesky of matrices of one pattern, without reordering.
 
     The lower half stands for all: rows (entries,) of its compressed columns, in elimination order.
+    A solver holds until the next factorisation.
     """
+
+    def __init__(self, indices: Indices, indptr: Indices) -> None:
+        self.factor = CHOLESKY.analysed(indptr.astype(np.int64), indices.astype(np.int64))
+
+    def factorise(self, data: FloatArray) -> Solve:
+        """Raises ArithmeticError if the matrix is not positive definite."""
+        CHOLESKY.factorised(self.factor, np.ascontiguousarray(data))
+        return self._solve
+
+    def _solve(self, right: FloatArray) -> FloatArray:
+        columns = np.array(np.atleast_2d(right.T), dtype=float, order="C")
+        for column in columns:
+            CHOLESKY.solution(self.factor, column)
+        return columns.T.reshape(right.shape)
+
+
+class SuperLU:
+    """The same by SciPy's LU, without pivoting."""
 
     def __init__(self, indices: Indices, indptr: Indices) -> None:
         n = len(indptr) - 1
@@ -104,18 +124,33 @@ class Cholmod:
         return np.array(result).reshape(right.shape)
 
 
-BACKENDS: dict[str, type[Cholmod | SuperLU]] = {"cholmod": Cholmod, "superlu": SuperLU}
-"""Factorisations by name."""
+BACKENDS: dict[str, type[Supernodal | Cholmod | SuperLU]] = {
+    "supernodal": Supernodal,
+    "cholmod": Cholmod,
+    "superlu": SuperLU,
+}
+"""Factorisations by name, the best first."""
 
 
 @cache
+def backends() -> tuple[str, ...]:
+    """Those that can be used here: SuperLU always, CHOLMOD where CVXOPT is installed."""
+    lacking = {"supernodal"} if CHOLESKY is None else set()
+    return tuple(name for name in BACKENDS if name not in lacking | _without_cholmod())
+
+
 def best_backend() -> str:
-    """``"cholmod"`` where CVXOPT is installed and can be imported, ``"superlu"`` elsewhere."""
+    """The fastest of them."""
+    return backends()[0]
+
+
+@cache
+def _without_cholmod() -> set[str]:
     try:
         import_module("cvxopt.cholmod")
     except Exception:  # a library that it needs may be missing: whatever it raises, go without
-        return "superlu"
-    return "cholmod"
+        return {"cholmod"}
+    return set()
 
 
 def nested_dissection(graph: sp.csr_array) -> IntArray:

@@ -16,7 +16,7 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.own import Blockwise, Rescaled
-from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.solvers.sparse import BACKENDS, backends
 from cvxlimit.versions import __version__, version_of
 
 
@@ -177,8 +177,12 @@ def check_installed(settings: SolverSettings) -> None:
         near, here = " or ".join(get_close_matches(name.upper(), known, 3, 0.7)), ", ".join(able())
         hint = f"did you mean {near}?" if near else f"installed are {here}"
         raise ModelError(f"there is no solver {name!r}; {hint}")
-    if settings.options.get("backend", "") == "cholmod" != best_backend():
-        raise ModelError("CHOLMOD is not installed; it comes with the package cvxopt")
+    backend = settings.options.get("backend", "superlu")
+    if backend in BACKENDS and backend not in backends():
+        cure = {"cholmod": "it comes with the package cvxopt"}
+        raise ModelError(
+            f"{backend} is not installed; {cure.get(backend, 'it needs a C compiler')}"
+        )
 
 
 def able(with_cones: bool = False) -> list[str]:

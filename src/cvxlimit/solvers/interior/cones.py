@@ -10,7 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
+
+_ALL = slice(None)
 
 
 class Cones:
@@ -69,8 +71,13 @@ class Cones:
         least += [(a[0] - _norm(a[1:])).min() for a in self.parts(u)]
         return float(np.min(least))
 
-    def steps(self, u: FloatArray, directions: FloatArray) -> FloatArray:
-        """Largest t (n,) with u + t d in the cones, for u inside and directions d (n, size)."""
+    def scaling(self, s: FloatArray, z: FloatArray) -> NesterovTodd:
+        """Raises FloatingPointError if rounding has moved s or z onto the boundary."""
+        return NesterovTodd(self, s, z)
+
+    def steps(self, u: FloatArray, *given: FloatArray) -> list[float]:
+        """Largest t with u + t d in the cones, for u inside and every direction d given."""
+        directions = np.stack(given)
         plain = -directions[:, : self.orthant] / u[: self.orthant]
         worst = plain.max(axis=1, initial=0.0)
         for a, at in zip(self.parts(u), self.places, strict=True):
@@ -81,7 +88,8 @@ class Cones:
             off = b[:, 1:] - share[:, None] * a[1:]
             rest = np.sqrt(np.einsum("ndk,ndk->nk", off, off)) - first
             worst = np.maximum(worst, rest.max(axis=1, initial=0.0))
-        return np.divide(1.0, worst, out=np.full_like(worst, np.inf), where=worst > 0.0)
+        lengths = np.divide(1.0, worst, out=np.full_like(worst, np.inf), where=worst > 0.0)
+        return lengths.tolist()
 
 
 class NesterovTodd:
@@ -133,9 +141,9 @@ class NesterovTodd:
             r[1:] = scale * (2.0 * sign * along * w[1:] + a[1:])
         return result
 
-    def over(self, slab: int, matrix: FloatArray) -> FloatArray:
-        """W^-1 of one slab's cones times matrices (d, c, k)."""
-        size, w = self.frames[slab]
+    def over(self, slab: int, matrix: FloatArray, some: IntArray | slice = _ALL) -> FloatArray:
+        """W^-1 of one slab's cones, or of ``some``, times matrices (d, c, k)."""
+        size, w = (part[..., some] for part in self.frames[slab])
         result = np.empty_like(matrix)
         cross = np.einsum("dk,dck->ck", w[1:], matrix[1:])
         result[0] = (w[0] * matrix[0] - cross) / size

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +16,7 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.blocks import LIMITS, Blocks
-from cvxlimit.solvers.interior.cones import NesterovTodd
+from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
 from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
 
 
@@ -28,6 +29,8 @@ class NewtonSystem:
     do not fall apart into small blocks.
     """
 
+    cones_type = Cones
+
     def __init__(
         self, A: sp.csr_array, zero: int, orthant: int, soc: list[int], backend: str
     ) -> None:
@@ -36,7 +39,8 @@ class NewtonSystem:
         if not self.equations:
             raise SolverError("blockwise: there are no equations; use another solver")
         found = Blocks(E.tocsr(), G.tocsr(), orthant, soc)
-        self.columns, self.rows, self.cones = found.columns, found.rows, found.cones
+        self.columns, self.rows = found.columns, found.rows
+        self.cones = self.cones_type(found.cones.orthant, found.cones.shapes)
         self.border, self.groups = slice(found.inner, self.variables), found.groups
         self._given, self._places = A, list[IntArray]()
         self._name(*self._laid_out(A))
@@ -58,10 +62,11 @@ class NewtonSystem:
         whole = sp.vstack([E, G], format="csr")
         return [E, G, E.T.tocsr(), G.T.tocsr(), whole, whole.T.tocsr()], arrays
 
-    def _name(self, matrices: list[sp.csr_array], arrays: list[FloatArray]) -> None:
+    def _name(self, matrices: Sequence[Any], arrays: list[FloatArray]) -> None:
         self._matrices = matrices
         self.E, self.G, self.Et, self.Gt, self.A, self.At = matrices
-        *parts, self._edge, self._edge_rows = arrays
+        *parts, self._edge, rows = arrays
+        self._edge_rows = np.ascontiguousarray(rows.T)
         pairs = zip(self.groups, parts[::2], parts[1::2], strict=True)
         self.groups = [replace(g, cone_part=G, equation_part=E) for g, G, E in pairs]
 
@@ -106,26 +111,35 @@ class NewtonSystem:
             at = self._position[group.equations.T]
             row, column = at[:, :, None], at[:, None]
             inside = (column <= row) & (row < p)
-            keys.append(np.where(inside, column * p + row, -1).ravel())
-        whole = np.concatenate(keys)
-        entries = np.flatnonzero(whole >= 0)
-        both = np.concatenate([whole[entries], np.arange(p) * (p + 1)])
-        unique, slot = np.unique(both, return_inverse=True)
-        self._diagonal = slot[len(entries) :]
+            keys.append(np.where(inside, column * p + row, -1))
+        diagonal = np.arange(p) * (p + 1)
+        unique = np.unique(np.concatenate([key[key >= 0] for key in keys] + [diagonal]))
+        self._diagonal = np.searchsorted(unique, diagonal)
         self._indices, self._indptr = unique % p, np.searchsorted(unique, np.arange(p + 1) * p)
+        self._set_sums([np.where(k >= 0, np.searchsorted(unique, k), -1) for k in keys])
+
+    def _set_sums(self, slots: list[IntArray]) -> None:
+        """Where entries go of the Schur complement: ``slots`` (k, e, e) of each group, or -1."""
+        whole = np.concatenate([slot.ravel() for slot in slots])
+        entries = np.flatnonzero(whole >= 0)
         self._entries = np.empty(len(whole))  # of all groups, k blocks' (e, e) each
-        ones, shape = np.ones(len(entries)), (len(unique), len(whole))
-        self._sums = sp.csr_array((ones, (slot[: len(entries)], entries)), shape=shape)
-        parts = np.split(self._entries, np.cumsum([len(key) for key in keys])[:-1])
-        shapes = ((g.equations.shape[1], *2 * (len(g.equations),)) for g in self.groups)
-        self._parts = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+        ones, shape = np.ones(len(entries)), (len(self._indices), len(whole))
+        self._sums = sp.csr_array((ones, (whole[entries], entries)), shape=shape)
+        parts = np.split(self._entries, np.cumsum([slot.size for slot in slots])[:-1])
+        self._parts = [part.reshape(slot.shape) for part, slot in zip(parts, slots, strict=True)]
+
+    def _summed(self, hard: float) -> FloatArray:
+        """Entries of the Schur complement."""
+        self._roots = [
+            group.eliminated(group.scaled_rows(self.scaling, group.cone_part), hard, parts)
+            for group, parts in zip(self.groups, self._parts, strict=True)
+        ]
+        return np.asarray(self._sums @ self._entries, dtype=float)
 
     def factorise(self, scaling: NesterovTodd) -> None:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
-        self.scaling, self._roots, hard = scaling, [], LIMITS.hard * LIMITS.target / self.target
-        for group, parts in zip(self.groups, self._parts, strict=True):
-            self._roots.append(group.eliminated(group.scaled_rows(scaling), hard, parts))
-        data = np.asarray(self._sums @ self._entries, dtype=float)
+        self.scaling = scaling
+        data = self._summed(LIMITS.hard * LIMITS.target / self.target)
         diagonal = data[self._diagonal] * (1.0 + LIMITS.regularisation)
         data[self._diagonal] = np.where(diagonal > 0.0, diagonal, 1.0)
         if not np.isfinite(data).all():
@@ -133,9 +147,9 @@ class NewtonSystem:
         self._solve = self.factorisation.factorise(data)
         if self._edge.size:
             self._solved_edge = self._schur(self._edge)
-            own = [scaling.squared(column, -1.0) for column in self._edge_rows.T]
+            own = [scaling.squared(column, -1.0) for column in self._edge_rows]
             self._corner = np.linalg.inv(
-                self._edge.T @ self._solved_edge + np.stack(own) @ self._edge_rows
+                self._edge.T @ self._solved_edge + np.stack(own) @ self._edge_rows.T
             )
 
     def parts(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.blocks import LIMITS
-from cvxlimit.solvers.interior.cones import NesterovTodd
-from cvxlimit.solvers.interior.elimination import NewtonSystem, largest
+from cvxlimit.solvers.interior.compiled import newton_system
+from cvxlimit.solvers.interior.elimination import largest
 
 SOLVED, ALMOST, STALLED = "Solved", "AlmostSolved", "InsufficientProgress"
 INFEASIBLE, UNBOUNDED = "PrimalInfeasible", "DualInfeasible"
@@ -146,7 +146,7 @@ class InteriorPoint:
         soc: list[int],
         backend: str,
     ) -> None:
-        self.system = NewtonSystem(sp.csr_array(A), zero, orthant, soc, backend)
+        self.system = newton_system(sp.csr_array(A), zero, orthant, soc, backend)
         self.cones = self.system.cones
         self._state(c, b)
 
@@ -202,7 +202,7 @@ class InteriorPoint:
         """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""
         e, nothing = self.cones.identity, np.zeros_like
         try:
-            self.system.factorise(NesterovTodd(self.cones, e, e))
+            self.system.factorise(self.cones.scaling(e, e))
         except (np.linalg.LinAlgError, RuntimeError, ArithmeticError) as error:
             raise SolverError(
                 "blockwise: some variables are neither in a cone nor in independent equations; "
@@ -327,7 +327,7 @@ class _Newton:
 
     def __init__(self, program: InteriorPoint, at: Point, found: _Measure) -> None:
         self.system, self.found, self.cones = program.system, found, program.cones
-        self.scaling = NesterovTodd(program.cones, at.s, at.z)
+        self.scaling = program.cones.scaling(at.s, at.z)
         self.system.factorise(self.scaling)
         self.lam = self.scaling.lam
         rx, self._ry, self._rz = self.system.parts(found.missing)
@@ -343,8 +343,8 @@ class _Newton:
 
     def _along(self, own: FloatArray, x: FloatArray, y: FloatArray, dz: FloatArray) -> _Direction:
         ds = own - dz
-        lengths = NUMBERS.reach * self.cones.steps(self.lam, np.stack([ds, dz]))
-        return _Direction(own, x, y, ds, dz, *np.minimum(1.0, lengths).tolist())
+        lengths = [min(1.0, NUMBERS.reach * t) for t in self.cones.steps(self.lam, ds, dz)]
+        return _Direction(own, x, y, ds, dz, *lengths)
 
     def refined(self, d: _Direction, allowed: Sequence[float]) -> tuple[_Direction, Point]:
         """The direction with all the residuals removed but for what is ``allowed``, and the change

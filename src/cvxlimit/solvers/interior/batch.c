@@ -1,0 +1,494 @@
+/* The batched part of the interior point: what cones.py and blocks.py do for slabs of equal cones and
+ * groups of equal blocks. compiled.py calls it; without it NumPy does the same.
+ *
+ * Arrays are contiguous doubles or 64-bit integers (CSR's are 32-bit). Cones are given by their layout:
+ * the orthant's size, then d and k of every slab of k second-order cones of size d, which is stored
+ * component by component (d, k). Matrices of a group's k equal blocks come in tiles of LANES blocks: (tiles,
+ * i, j, LANES). */
+
+#include "../arguments.h"
+
+/* ---- cones ---- */
+
+typedef struct {
+    const int64_t *slabs;
+    Py_ssize_t orthant, count, size;
+} Cones;
+
+static int layout(Arguments *a, PyObject *object, Cones *c) {
+    const int64_t *given = array(a, object, 8, -1, 0);
+    if (!given) return 0;
+    c->orthant = c->size = given[0];
+    c->slabs = given + 1;
+    c->count = (a->views[a->count - 1].len / 8 - 1) / 2;
+    for (Py_ssize_t i = 0; i < c->count; i++) c->size += given[1 + 2 * i] * given[2 + 2 * i];
+    return 1;
+}
+
+#define LAYOUT \
+    Cones c; \
+    if (!layout(&a, args[0], &c)) goto fail
+#define EACH_SLAB(at) \
+    for (Py_ssize_t slab = 0, at = c.orthant, d, k; \
+         slab < c.count && (d = c.slabs[2 * slab], k = c.slabs[2 * slab + 1], 1); at += d * k, slab++)
+
+INLINE double tail(const double *u, const double *v, Py_ssize_t d, Py_ssize_t k) {
+    double sum = 0.0;
+    for (Py_ssize_t i = 1; i < d; i++) sum += u[i * k] * v[i * k];
+    return sum;
+}
+
+INLINE double determinant(const double *u, Py_ssize_t d, Py_ssize_t k) {
+    double norm = sqrt(tail(u, u, d, k));
+    return (u[0] - norm) * (u[0] + norm);
+}
+
+static PyObject *product(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(4);
+    LAYOUT;
+    DOUBLES(u, 1, c.size);
+    DOUBLES(v, 2, c.size);
+    RESULT(out, 3, c.size);
+    for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = u[i] * v[i];
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double first = u[j] * v[j] + tail(u + j, v + j, d, k);
+        for (Py_ssize_t i = 1; i < d; i++) out[j + i * k] = u[j] * v[j + i * k] + v[j] * u[j + i * k];
+        out[j] = first;
+    }
+    END(NONE);
+}
+
+static PyObject *quotient(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(4);
+    LAYOUT;
+    DOUBLES(v, 1, c.size);
+    DOUBLES(u, 2, c.size);
+    RESULT(out, 3, c.size);
+    for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] / u[i];
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double first = (u[j] * v[j] - tail(u + j, v + j, d, k)) / determinant(u + j, d, k);
+        for (Py_ssize_t i = 1; i < d; i++) out[j + i * k] = (v[j + i * k] - first * u[j + i * k]) / u[j];
+        out[j] = first;
+    }
+    END(NONE);
+}
+
+INLINE double clip(double v, double low, double high) {
+    return v < low ? low : v > high ? high : v;
+}
+
+static PyObject *clipped(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(5);
+    LAYOUT;
+    DOUBLES(u, 1, c.size);
+    double low = PyFloat_AsDouble(args[2]), high = PyFloat_AsDouble(args[3]);
+    RESULT(out, 4, c.size);
+    for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = clip(u[i], low, high);
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double norm = sqrt(tail(u + j, u + j, d, k));
+        double most = clip(u[j] + norm, low, high), least = clip(u[j] - norm, low, high);
+        double share = 0.5 * (most - least) / (norm > 0.0 ? norm : 1.0);
+        for (Py_ssize_t i = 1; i < d; i++) out[j + i * k] = share * u[j + i * k];
+        out[j] = 0.5 * (most + least);
+    }
+    END(NONE);
+}
+
+/* !(a >= b) is true for NaN, so that NaN is kept. */
+static double least_eigenvalue(const Cones *cones, const double *u) {
+    Cones c = *cones;
+    double least = INFINITY;
+    int is_nan = 0;
+    for (Py_ssize_t i = 0; i < c.orthant; i++) {
+        least = u[i] < least ? u[i] : least;
+        is_nan |= u[i] != u[i];
+    }
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double own = u[j] - sqrt(tail(u + j, u + j, d, k));
+        least = own < least ? own : least;
+        is_nan |= own != own;
+    }
+    return is_nan ? NAN : least;
+}
+
+static PyObject *margin(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(2);
+    LAYOUT;
+    DOUBLES(u, 1, c.size);
+    double least = least_eigenvalue(&c, u);
+    END(PyFloat_FromDouble(least));
+}
+
+/* The inverse of the longest step from u along v; 0 if there is none. */
+static PyObject *shortest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(3);
+    LAYOUT;
+    DOUBLES(u, 1, c.size);
+    DOUBLES(v, 2, c.size);
+    double worst = 0.0;
+    int is_nan = 0;
+    for (Py_ssize_t i = 0; i < c.orthant; i++) {
+        double own = -v[i] / u[i];
+        worst = own > worst ? own : worst;
+        is_nan |= own != own;
+    }
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double root = sqrt(determinant(u + j, d, k));
+        double head = u[j] / root, along = v[j] / root;
+        double first = head * along - tail(u + j, v + j, d, k) / root / root;
+        double share = (first + along) / (1.0 + head), sum = 0.0;
+        for (Py_ssize_t i = 1; i < d; i++) {
+            double off = (v[j + i * k] - share * u[j + i * k]) / root;
+            sum += off * off;
+        }
+        double own = sqrt(sum) - first;
+        worst = own > worst ? own : worst;
+        is_nan |= own != own;
+    }
+    END(PyFloat_FromDouble(is_nan ? NAN : worst));
+}
+
+/* ---- Nesterov-Todd scaling: of the orthant s / z, of every cone its size and w ---- */
+
+static PyObject *scaling(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(6);
+    LAYOUT;
+    DOUBLES(s, 1, c.size);
+    DOUBLES(z, 2, c.size);
+    RESULT(plain, 3, c.orthant);
+    RESULT(w, 4, c.size - c.orthant);
+    RESULT(sizes, 5, -1);
+    Py_ssize_t number = 0, cones = 0;
+    EACH_SLAB(unused) cones += k;
+    if (a.views[a.count - 1].len != 8 * cones) {
+        PyErr_SetString(PyExc_ValueError, "one size for every cone was expected");
+        goto fail;
+    }
+    int is_inside = least_eigenvalue(&c, s) > 0.0 && least_eigenvalue(&c, z) > 0.0;
+    for (Py_ssize_t i = 0; is_inside && i < c.orthant; i++) plain[i] = s[i] / z[i];
+    if (is_inside) EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        double *to = w + (j - c.orthant);
+        double ds = sqrt(determinant(s + j, d, k)), dz = sqrt(determinant(z + j, d, k)), sum = 0.0;
+        double cosine = (s[j] * z[j] + tail(s + j, z + j, d, k)) / ds / dz;
+        double unit = sqrt(2.0 * (1.0 + cosine));
+        for (Py_ssize_t i = 1; i < d; i++) {
+            double own = (s[j + i * k] / ds - z[j + i * k] / dz) / unit;
+            sum += own * own;
+            to[i * k] = own;
+        }
+        to[0] = sqrt(1.0 + sum);
+        sizes[number++] = sqrt(ds / dz);
+    }
+    END(PyBool_FromLong(is_inside));
+}
+
+#define SCALING \
+    LAYOUT; \
+    DOUBLES(plain, 1, c.orthant); \
+    DOUBLES(w, 2, c.size - c.orthant); \
+    DOUBLES(sizes, 3, -1); \
+    DOUBLES(v, 4, c.size); \
+    double sign = PyFloat_AsDouble(args[5]); \
+    RESULT(out, 6, c.size); \
+    Py_ssize_t number = 0
+
+static PyObject *times(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(7);
+    SCALING;
+    if (sign > 0.0)
+        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] * sqrt(plain[i]);
+    else
+        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] / sqrt(plain[i]);
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        const double *own = w + (j - c.orthant);
+        double scale = sign > 0.0 ? sizes[number] : 1.0 / sizes[number], cross = sign * tail(own, v + j, d, k);
+        double share = sign * (v[j] + cross / (1.0 + own[0]));
+        for (Py_ssize_t i = 1; i < d; i++) out[j + i * k] = scale * (v[j + i * k] + share * own[i * k]);
+        out[j] = scale * (own[0] * v[j] + cross);
+        number++;
+    }
+    END(NONE);
+}
+
+static PyObject *squared(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(7);
+    SCALING;
+    if (sign > 0.0)
+        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] * plain[i];
+    else
+        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] / plain[i];
+    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
+        const double *own = w + (j - c.orthant);
+        double size = sizes[number] * sizes[number], scale = sign > 0.0 ? size : 1.0 / size;
+        double along = own[0] * v[j] + sign * tail(own, v + j, d, k);
+        for (Py_ssize_t i = 1; i < d; i++)
+            out[j + i * k] = scale * (2.0 * sign * along * own[i * k] + v[j + i * k]);
+        out[j] = scale * (2.0 * along * own[0] - v[j]);
+        number++;
+    }
+    END(NONE);
+}
+
+/* ---- sparse rows ---- */
+
+static PyObject *matvec(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(5);
+    INTEGERS(int32_t, starts, 0, -1);
+    Py_ssize_t rows = a.views[0].len / 4 - 1;
+    INTEGERS(int32_t, columns, 1, starts[rows]);
+    DOUBLES(data, 2, starts[rows]);
+    DOUBLES(v, 3, -1);
+    RESULT(out, 4, rows);
+    for (Py_ssize_t i = 0; i < rows; i++) {
+        double sum = 0.0;
+        for (int32_t j = starts[i]; j < starts[i + 1]; j++) sum += data[j] * v[columns[j]];
+        out[i] = sum;
+    }
+    END(NONE);
+}
+
+static PyObject *largest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(1);
+    DOUBLES(v, 0, -1);
+    Py_ssize_t n = a.views[0].len / 8;
+    double most = 0.0;
+    int is_nan = 0;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        double own = fabs(v[i]);
+        most = own > most ? own : most;
+        is_nan |= own != own;
+    }
+    END(PyFloat_FromDouble(is_nan ? NAN : most));
+}
+
+/* ---- groups of blocks: r cone rows, c variables, e equations each, LANES of the k at a time ---- */
+
+#define LANES 4
+typedef double Lanes __attribute__((vector_size(32), aligned(8)));
+
+#define LANE for (int l = 0; l < LANES; l++)
+#define OF(lanes) ((double *)&(lanes))[l]
+
+/* Entries of one tile's blocks from an array of all k; beyond the last it is repeated. */
+INLINE Lanes loaded(const double *entries, Py_ssize_t first, Py_ssize_t k) {
+    Lanes result;
+    if (first + LANES <= k) return *(const Lanes *)(entries + first);
+    LANE OF(result) = entries[first + l < k ? first + l : k - 1];
+    return result;
+}
+
+INLINE Lanes rooted(Lanes v) {
+    LANE OF(v) = sqrt(OF(v));
+    return v;
+}
+
+typedef struct {
+    Py_ssize_t r, c, k, plain;     /* linear rows come first */
+    const double *diagonal;        /* s / z of the linear rows (plain, k) */
+    const int64_t *slabs;          /* d, place of w, place of sizes, of every cone of a block */
+    Py_ssize_t cones;
+    const double *w, *sizes;
+} Group;
+
+/* rows (r, c) := W^-1 G of the tile of blocks from the first on. */
+WIDE static void scaled(const Group *g, Py_ssize_t first, const Lanes *part, Lanes *rows) {
+    Py_ssize_t r = g->plain, c = g->c, k = g->k;
+    for (Py_ssize_t i = 0; i < r; i++) {
+        Lanes scale = 1.0 / rooted(loaded(g->diagonal + i * k, first, k));
+        for (Py_ssize_t j = 0; j < c; j++)
+            rows[i * c + j] = part[i * c + j] * scale;
+    }
+    for (Py_ssize_t cone = 0; cone < g->cones; cone++) {
+        Py_ssize_t d = g->slabs[3 * cone];
+        const double *w = g->w + g->slabs[3 * cone + 1];
+        Lanes scale = 1.0 / loaded(g->sizes + g->slabs[3 * cone + 2], first, k), axis = loaded(w, first, k);
+        for (Py_ssize_t j = 0; j < c; j++) {
+            const Lanes *own = part + r * c + j;
+            Lanes head = own[0], cross = head * 0.0;
+            for (Py_ssize_t i = 1; i < d; i++) cross += loaded(w + i * k, first, k) * own[i * c];
+            Lanes along = cross / (1.0 + axis) - head;
+            rows[r * c + j] = (axis * head - cross) * scale;
+            for (Py_ssize_t i = 1; i < d; i++)
+                rows[(r + i) * c + j] = (own[i * c] + along * loaded(w + i * k, first, k)) * scale;
+        }
+        r += d;
+    }
+}
+
+/* root (c, c) with root' root the inverse of rows' rows, by Cholesky's factor of it, scaled to a unit
+ * diagonal, and that factor's inverse; returns the least pivots, at most 1. */
+WIDE static void inverted(Py_ssize_t r, Py_ssize_t c, double more, const Lanes *rows, Lanes *gram,
+                          Lanes *root, double *pivots) {
+    Lanes *scale = gram + c * c, least = rows[0] * 0.0 + 1.0, sum;
+    for (Py_ssize_t i = 0; i < c; i++) {
+        for (Py_ssize_t j = 0; j <= i; j++) {
+            sum = rows[i] * rows[j];
+            for (Py_ssize_t m = 1; m < r; m++) sum += rows[m * c + i] * rows[m * c + j];
+            gram[i * c + j] = sum;
+        }
+        scale[i] = 1.0 / rooted(gram[i * c + i] * (1.0 + more));
+    }
+    for (Py_ssize_t i = 0; i < c; i++) {
+        Lanes *own = gram + i * c, inverse;
+        for (Py_ssize_t j = 0; j < i; j++) {
+            sum = own[j] * scale[i] * scale[j];
+            for (Py_ssize_t m = 0; m < j; m++) sum -= own[m] * gram[j * c + m];
+            own[j] = sum * gram[j * c + j]; /* on the diagonal are inverses by now */
+        }
+        sum = scale[i] * 0.0 + (1.0 + more);
+        for (Py_ssize_t m = 0; m < i; m++) sum -= own[m] * own[m];
+        LANE OF(least) = OF(sum) >= OF(least) ? OF(least) : OF(sum); /* of NaN: NaN */
+        own[i] = inverse = 1.0 / rooted(sum);
+        for (Py_ssize_t j = 0; j < i; j++) {
+            sum = own[j] * root[j * c + j];
+            for (Py_ssize_t m = j + 1; m < i; m++) sum += own[m] * root[m * c + j];
+            root[i * c + j] = -sum * inverse;
+        }
+        root[i * c + i] = inverse;
+        for (Py_ssize_t j = i + 1; j < c; j++) root[i * c + j] = sum * 0.0;
+    }
+    for (Py_ssize_t i = 0; i < c; i++)
+        for (Py_ssize_t j = 0; j <= i; j++) root[i * c + j] *= scale[j];
+    LANE pivots[l] = OF(least);
+}
+
+static PyObject *roots(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(9);
+    Lanes *room = NULL;
+    INTEGERS(int64_t, sizes, 0, 5); /* r, c, k, linear rows, first of these */
+    Group g = {.r = sizes[0], .c = sizes[1], .k = sizes[2], .plain = sizes[3]};
+    Py_ssize_t r = g.r, c = g.c, k = g.k;
+    Py_ssize_t tiles = (k + LANES - 1) / LANES;
+    DOUBLES(part, 1, r * c * tiles * LANES);
+    DOUBLES(diagonal, 2, -1);
+    if (a.views[2].len / 8 < sizes[4] + g.plain * k) {
+        PyErr_SetString(PyExc_ValueError, "a block of this size was not expected");
+        goto fail;
+    }
+    INTEGERS(int64_t, slabs, 3, -1);
+    g.cones = a.views[3].len / 24;
+    DOUBLES(w, 4, -1);
+    DOUBLES(own, 5, -1);
+    for (Py_ssize_t i = 0, rows = g.plain; i <= g.cones; i++) {
+        if (i == g.cones ? rows == r
+                         : slabs[3 * i + 1] + slabs[3 * i] * k <= a.views[4].len / 8 &&
+                               slabs[3 * i + 2] + k <= a.views[5].len / 8) {
+            rows += i < g.cones ? slabs[3 * i] : 0;
+            continue;
+        }
+        PyErr_SetString(PyExc_ValueError, "cones of other sizes were expected");
+        goto fail;
+    }
+    double more = PyFloat_AsDouble(args[6]);
+    RESULT(root, 7, c * c * tiles * LANES);
+    RESULT(least, 8, tiles * LANES);
+    g.diagonal = diagonal + sizes[4], g.slabs = slabs, g.w = w, g.sizes = own;
+    room = malloc(sizeof(Lanes) * (r * c + c * c + c));
+    if (!room) {
+        PyErr_NoMemory();
+        goto fail;
+    }
+    for (Py_ssize_t tile = 0; tile < tiles; tile++) {
+        scaled(&g, tile * LANES, (const Lanes *)part + tile * r * c, room);
+        inverted(r, c, more, room, room + r * c, (Lanes *)root + tile * c * c, least + tile * LANES);
+    }
+    free(room);
+    END(NONE);
+}
+
+/* half (e, c) := E root', then its inner products, in the order (0, 0), (1, 0), (1, 1), (2, 0) ... */
+WIDE static void products(Py_ssize_t c, Py_ssize_t e, const Lanes *root, const Lanes *part, Lanes *half,
+                          Lanes *sums) {
+    for (Py_ssize_t j = 0; j < e; j++) {
+        Lanes *own = half + j * c, sum;
+        for (Py_ssize_t i = 0; i < c; i++) {
+            sum = root[i * c] * part[j * c];
+            for (Py_ssize_t m = 1; m < c; m++) sum += root[i * c + m] * part[j * c + m];
+            own[i] = sum;
+        }
+        for (const Lanes *other = half; other <= own; other += c) {
+            sum = own[0] * other[0];
+            for (Py_ssize_t i = 1; i < c; i++) sum += own[i] * other[i];
+            *sums++ = sum;
+        }
+    }
+}
+
+static PyObject *add_squares(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(5);
+    Lanes *room = NULL;
+    INTEGERS(int64_t, sizes, 0, 3); /* c, e, tiles */
+    Py_ssize_t c = sizes[0], e = sizes[1], tiles = sizes[2], pairs = e * (e + 1) / 2;
+    DOUBLES(root, 1, c * c * tiles * LANES);
+    DOUBLES(part, 2, e * c * tiles * LANES);
+    INTEGERS(int32_t, slots, 3, pairs * tiles * LANES); /* or -1 for what is left out */
+    RESULT(data, 4, -1);
+    Py_ssize_t length = a.views[4].len / 8;
+    room = malloc(sizeof(Lanes) * (c * e + pairs));
+    if (!room) {
+        PyErr_NoMemory();
+        goto fail;
+    }
+    Lanes *sums = room + c * e;
+    for (Py_ssize_t tile = 0; tile < tiles; tile++) {
+        products(c, e, (const Lanes *)root + tile * c * c, (const Lanes *)part + tile * e * c, room, sums);
+        const int32_t *at = slots + tile * pairs * LANES;
+        for (Py_ssize_t pair = 0; pair < pairs; pair++)
+            LANE {
+                int32_t slot = at[pair * LANES + l];
+                if (slot >= 0 && slot < length) data[slot] += OF(sums[pair]);
+            }
+    }
+    free(room);
+    END(NONE);
+}
+
+/* out := root' root v of one tile, for v (c, k) */
+WIDE static void applied(Py_ssize_t c, Py_ssize_t k, Py_ssize_t first, const Lanes *root, const double *v,
+                         Lanes *given, double *out) {
+    Lanes *result = given + c;
+    for (Py_ssize_t j = 0; j < c; j++) given[j] = loaded(v + j * k, first, k), result[j] = given[j] * 0.0;
+    for (Py_ssize_t i = 0; i < c; i++) {
+        Lanes half = root[i * c] * given[0];
+        for (Py_ssize_t j = 1; j < c; j++) half += root[i * c + j] * given[j];
+        for (Py_ssize_t j = 0; j < c; j++) result[j] += root[i * c + j] * half;
+    }
+    for (Py_ssize_t j = 0; j < c; j++) {
+        if (first + LANES <= k) {
+            *(Lanes *)(out + j * k + first) = result[j];
+            continue;
+        }
+        LANE if (first + l < k) out[j * k + first + l] = OF(result[j]);
+    }
+}
+
+static PyObject *local(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(4);
+    Lanes *room = NULL;
+    INTEGERS(int64_t, sizes, 0, 3); /* c, k, first of them in v */
+    Py_ssize_t c = sizes[0], k = sizes[1], first = sizes[2], tiles = (k + LANES - 1) / LANES;
+    DOUBLES(root, 1, c * c * tiles * LANES);
+    DOUBLES(v, 2, -1);
+    RESULT(out, 3, -1);
+    if (a.views[2].len / 8 < first + c * k || a.views[3].len / 8 < first + c * k) {
+        PyErr_SetString(PyExc_ValueError, "a longer array was expected");
+        goto fail;
+    }
+    room = malloc(sizeof(Lanes) * 2 * (c ? c : 1));
+    if (!room) {
+        PyErr_NoMemory();
+        goto fail;
+    }
+    for (Py_ssize_t tile = 0; tile < tiles; tile++)
+        applied(c, k, tile * LANES, (const Lanes *)root + tile * c * c, v + first, room, out + first);
+    free(room);
+    END(NONE);
+}
+
+static PyMethodDef functions[] = {
+    FUNCTION(product), FUNCTION(quotient),    FUNCTION(clipped), FUNCTION(margin), FUNCTION(shortest),
+    FUNCTION(scaling), FUNCTION(times),       FUNCTION(squared), FUNCTION(matvec), FUNCTION(largest),
+    FUNCTION(roots),   FUNCTION(add_squares), FUNCTION(local),   NO_FUNCTION,
+};
+
+MODULE(_batch, functions)
