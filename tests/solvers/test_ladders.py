@@ -190,10 +190,10 @@ class TestLadder:
         assert {rung.name for rung in ladder} <= set(SOLVERS)
 
     @pytest.mark.exhaustive_cases("CVXOPT")
-    @pytest.mark.parametrize("name", sorted(installed() - {"OSQP", "GLPK_MI"}))
+    @pytest.mark.parametrize("name", sorted(installed() - {"OSQP", "GLPK_MI", "UNO"}))
     def test_any_installed_solver_by_its_name(self, name: str) -> None:
-        """OSQP is for quadratic problems, GLPK_MI the same as GLPK; CVXOPT's best bracket is wider
-        than the default tolerance, and is called so."""
+        """OSQP and UNO are for other problems, GLPK_MI the same as GLPK; CVXOPT's best bracket is
+        wider than the default tolerance, and is called so."""
         solution = solve(builtin_scene("ferris-tin-loi-1"), "octagon", ladder=name)
         assert {iterate.solver.split(",")[0] for iterate in solution.history} == {name}
         assert_bounds_hold(solution, 0.642859)

@@ -74,15 +74,12 @@ class DirectProblem:
 
     @cached_property
     def shape(self) -> Shape:
-        """Size and structure, which decide about solvers."""
-        program, kept = self.program, {} if self._kept is None else self._kept
+        """Counts, which decide about solvers."""
+        program = self.program
         if program is None:
             return self.modelled.shape
-        if "shape" not in kept:
-            variables, cones = program.matrix.shape[1], len(program.cones)
-            kept["shape"] = Shape.of(self._equilibrium[0], variables, cones, program.nonneg)
-        found: Shape = kept["shape"]
-        return found
+        variables, cones = program.matrix.shape[1], len(program.cones)
+        return Shape(variables, program.zero, cones, program.nonneg)
 
     @cached_property
     def _kept(self) -> dict[str, Any] | None:

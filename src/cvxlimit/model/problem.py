@@ -137,13 +137,13 @@ class StaticProblem:
 
     @cached_property
     def shape(self) -> Shape:
-        """Size and structure, which decide about solvers."""
+        """Counts, which decide about solvers."""
         stated, own = self.problem.constraints, self.problem.variables()
         rows = [c for c in stated if isinstance(c, (Inequality, NonPos, NonNeg))]
         rows += [v for v in own if v.attributes["nonneg"]]
         cones = sum([c.num_cones() for c in stated if isinstance(c, cp.SOC)])
         variables, signs = (sum(map(attrgetter("size"), found)) for found in (own, rows))
-        return Shape.of(self._matrix, variables, cones, signs)
+        return Shape(variables, self._matrix.shape[0], cones, signs)
 
     def solve(self, settings: SolverSettings | None = None, ignore_dpp: bool = False) -> LimitState:
         """One run of one solver, the ladder's first; never raises for what the solver does."""

@@ -329,4 +329,4 @@ def _reason(solver: str, shape: Shape) -> str:
         "lean": "the problem is linear with few rows",
     }[shape.kind]
     size = "large" if solver == "BLOCKWISE" else "not so large that the blockwise solver pays"
-    return f"{kind} and is {size} (work {shape.work:.1e})"
+    return f"{kind} and is {size} ({shape.variables:,} variables)"

@@ -10,13 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-import scipy.sparse as sp
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.table import SOLVERS, SolverSettings, check_installed, installed, settings_for
 
 Ladder = tuple[SolverSettings, ...]
@@ -47,14 +44,9 @@ class LadderNumbers:
 
 NUMBERS = LadderNumbers()
 
-BLOCKWISE_FROM = {
-    "conic": {"superlu": 1.2e7, "cholmod": 4e6, "supernodal": 4e6, "beside QOCO": 8e6},
-    "facets": {"superlu": 2.5e6, "cholmod": 2.5e6, "supernodal": 2.5e6, "beside QOCO": 3e6},
-    "lean": {"superlu": 6e6, "cholmod": 3e6, "supernodal": 3e6, "beside QOCO": 3e6},
-}
-"""From how much work (:attr:`Shape.work`) on the blockwise solver comes first, by the kind of
-problem: by its factorisation where Clarabel is the other choice, and at least that much where QOCO
-is installed."""
+BLOCKWISE_FROM = {"conic": (1_800, 4_000), "facets": (1_200, 1_300), "lean": (1_500, 2_500)}
+"""From how many variables on the blockwise solver comes first, by the kind of problem: compiled,
+and by NumPy."""
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -164,15 +156,12 @@ def tight_ladder() -> Ladder:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a compiled problem looks like, as far as it matters for its solvers.
-
-    ``front`` is the mean width of the equations' profile in reverse Cuthill-McKee order: how much
-    of the assemblage closes on itself. ``rows`` are linear inequalities, signs among them.
+    """What a compiled problem looks like, as far as it matters for its solvers: counts of its
+    unknowns and constraints. ``rows`` are linear inequalities, signs among them.
     """
 
     variables: int
     equations: int
-    front: float
     cones: int
     rows: int = 0
 
@@ -186,45 +175,22 @@ class Shape:
             return "conic"
         return "facets" if self.rows >= 1.5 * self.variables else "lean"
 
-    @property
-    def work(self) -> float:
-        """Operations of a factorisation within the profile, up to a factor."""
-        return self.equations * self.front**2
-
-    @classmethod
-    def of(cls, equations: sp.csr_array, variables: int, cones: int, rows: int) -> Shape:
-        """From the matrix (equations, variables) of equality constraints, and counts."""
-        pattern = abs(equations)
-        square = (pattern @ pattern.T).tocsr()
-        order = reverse_cuthill_mckee(square, symmetric_mode=True)
-        place = np.empty_like(order)
-        place[order] = np.arange(len(order))
-        entries, first = square.tocoo(), np.arange(len(order))
-        np.minimum.at(first, place[entries.row], place[entries.col])
-        front = float((np.arange(len(order)) - first).mean())
-        return cls(variables, len(order), front, cones, rows)
-
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
     """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
-    The blockwise solver comes first where it was measured to be faster, third elsewhere; there QOCO
-    leads, if it is installed. ``tolerance`` is the width of the bracket that is asked for: with
-    cones QOCO often fails below 1e-6. Of many problems of one scene it starts no tighter than it
-    has to.
+    The blockwise solver comes first from as many variables on as it was measured to be faster,
+    third elsewhere; there QOCO leads, if it is installed. ``tolerance`` is the width of the bracket
+    that is asked for: with cones QOCO often fails below 1e-6. Of many problems of one scene it
+    starts no tighter than it has to.
     """
     first, *others = default_ladder(shape.cones > 0)
     own, kind = settings_for("BLOCKWISE"), shape.kind
     # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
     enough = settings_for("BLOCKWISE", NUMBERS.enough * tolerance)
-    has_qoco = "QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)
-    work = BLOCKWISE_FROM[kind]
-    least = work[best_backend()]
-    if has_qoco:
-        least = max(least, work["beside QOCO"])
-    if shape.work >= least:
+    if shape.variables >= BLOCKWISE_FROM[kind][BATCH is None]:
         return (enough, replace(own, label="BLOCKWISE tight"), first, *others)
-    if not has_qoco:
+    if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)):
         return (first, own, *others)
     asked = NUMBERS.lean if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails

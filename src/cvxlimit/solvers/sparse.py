@@ -72,10 +72,10 @@ class Supernodal:
         return self._solve
 
     def _solve(self, right: FloatArray) -> FloatArray:
-        columns = np.array(np.atleast_2d(right.T), dtype=float, order="C")
-        for column in columns:
+        columns = np.array(right.T, dtype=float, order="C")
+        for column in columns if right.ndim > 1 else [columns]:
             CHOLESKY.solution(self.factor, column)
-        return columns.T.reshape(right.shape)
+        return columns.T
 
 
 class SuperLU:

@@ -76,7 +76,7 @@ _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
     # tolerances save little and cost the bracket (docs/evidence/solvers.md).
     Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL),
-    Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(1.7e-5, 1.2),
+    Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(9.4e-7, 1.3),
            starts_warm=True, plug_in=Blockwise),
     Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
            plug_in=Rescaled),

@@ -352,9 +352,63 @@ WIDE static void inverted(Py_ssize_t r, Py_ssize_t c, double more, const Lanes *
     LANE pivots[l] = OF(least);
 }
 
+/* The same of one block by Householder reflections of its rows (r, c), as in blocks.py: order, norms
+ * (c,). What is ``left`` of the rows is lost; the root is written to one lane. */
+static void reflected(Py_ssize_t r, Py_ssize_t c, double softest, double *left, Py_ssize_t *order,
+                      double *least, Lanes *root, int l) {
+    double *own = least + c; /* (c, c), the root with its columns in another order */
+    for (Py_ssize_t j = 0; j < c; j++) {
+        double sum = 0.0;
+        for (Py_ssize_t m = 0; m < r; m++) sum += left[m * c + j] * left[m * c + j];
+        least[j] = softest * sqrt(sum), order[j] = j;
+    }
+    for (Py_ssize_t i = 0; i < c; i++) {
+        Py_ssize_t column = i, row = i;
+        double most = -1.0, pivot;
+        for (Py_ssize_t j = i; j < c; j++) {
+            double sum = 0.0;
+            for (Py_ssize_t m = i; m < r; m++) sum += left[m * c + j] * left[m * c + j];
+            if (sum > most) most = sum, column = j;
+        }
+        Py_ssize_t other = order[i];
+        order[i] = order[column], order[column] = other;
+        for (Py_ssize_t m = 0; m < r; m++) {
+            double kept = left[m * c + i];
+            left[m * c + i] = left[m * c + column], left[m * c + column] = kept;
+        }
+        for (Py_ssize_t m = i; m < r; m++)
+            if (fabs(left[m * c + i]) > fabs(left[row * c + i])) row = m;
+        for (Py_ssize_t j = 0; j < c; j++) {
+            double kept = left[i * c + j];
+            left[i * c + j] = left[row * c + j], left[row * c + j] = kept;
+        }
+        pivot = 0.0;
+        for (Py_ssize_t m = i; m < r; m++) pivot += left[m * c + i] * left[m * c + i];
+        pivot = sqrt(pivot);
+        pivot = -copysign(pivot > least[order[i]] ? pivot : least[order[i]], left[i * c + i]);
+        left[i * c + i] -= pivot;
+        for (Py_ssize_t j = i + 1; j < c; j++) {
+            double share = 0.0;
+            for (Py_ssize_t m = i; m < r; m++) share += left[m * c + i] * left[m * c + j];
+            share /= pivot * left[i * c + i];
+            for (Py_ssize_t m = i; m < r; m++) left[m * c + j] += share * left[m * c + i];
+        }
+        left[i * c + i] = pivot;
+        for (Py_ssize_t j = 0; j < i; j++) {
+            double sum = 0.0;
+            for (Py_ssize_t m = j; m < i; m++) sum += left[m * c + i] * own[m * c + j];
+            own[i * c + j] = -sum / pivot;
+        }
+        own[i * c + i] = 1.0 / pivot;
+    }
+    for (Py_ssize_t i = 0; i < c; i++)
+        for (Py_ssize_t j = 0; j < c; j++) OF(root[i * c + order[j]]) = j <= i ? own[i * c + j] : 0.0;
+}
+
 static PyObject *roots(PyObject *self, PyObject *const *args, Py_ssize_t given) {
-    BEGIN(9);
-    Lanes *room = NULL;
+    BEGIN(10);
+    Lanes *room;
+    Py_ssize_t *order;
     INTEGERS(int64_t, sizes, 0, 5); /* r, c, k, linear rows, first of these */
     Group g = {.r = sizes[0], .c = sizes[1], .k = sizes[2], .plain = sizes[3]};
     Py_ssize_t r = g.r, c = g.c, k = g.k;
@@ -379,20 +433,28 @@ static PyObject *roots(PyObject *self, PyObject *const *args, Py_ssize_t given) 
         PyErr_SetString(PyExc_ValueError, "cones of other sizes were expected");
         goto fail;
     }
-    double more = PyFloat_AsDouble(args[6]);
-    RESULT(root, 7, c * c * tiles * LANES);
-    RESULT(least, 8, tiles * LANES);
+    double more = PyFloat_AsDouble(args[6]), hard = PyFloat_AsDouble(args[7]);
+    double softest = PyFloat_AsDouble(args[8]);
+    RESULT(root, 9, c * c * tiles * LANES);
     g.diagonal = diagonal + sizes[4], g.slabs = slabs, g.w = w, g.sizes = own;
-    room = malloc(sizeof(Lanes) * (r * c + c * c + c));
-    if (!room) {
+    room = malloc(sizeof(Lanes) * (r * c + c * c + c) + sizeof(double) * (r * c + c * c + c));
+    order = malloc(sizeof(Py_ssize_t) * (c + 1));
+    if (!room || !order) {
+        free(room), free(order);
         PyErr_NoMemory();
         goto fail;
     }
+    double *alone = (double *)(room + r * c + c * c + c), least[LANES];
     for (Py_ssize_t tile = 0; tile < tiles; tile++) {
+        Lanes *to = (Lanes *)root + tile * c * c;
         scaled(&g, tile * LANES, (const Lanes *)part + tile * r * c, room);
-        inverted(r, c, more, room, room + r * c, (Lanes *)root + tile * c * c, least + tile * LANES);
+        inverted(r, c, more, room, room + r * c, to, least);
+        LANE if (!(least[l] > hard)) {
+            for (Py_ssize_t i = 0; i < r * c; i++) alone[i] = OF(room[i]);
+            reflected(r, c, softest, alone, order, alone + r * c, to, l);
+        }
     }
-    free(room);
+    free(room), free(order);
     END(NONE);
 }
 

@@ -158,9 +158,6 @@ class Blocks:
         return result
 
 
-_ALL = slice(None)
-
-
 def _nothing() -> FloatArray:
     return np.zeros((0, 0, 0))
 
@@ -178,17 +175,15 @@ class Group:
     cone_part: FloatArray = field(default_factory=_nothing)  # (r, c, k)
     equation_part: FloatArray = field(default_factory=_nothing)  # (e, c, k)
 
-    def scaled_rows(
-        self, scaling: NesterovTodd, part: FloatArray, some: IntArray | slice = _ALL
-    ) -> FloatArray:
-        """W^-1 times rows (r, c, k) of the blocks, or of ``some`` of them."""
-        scaled = np.empty_like(part)
-        diagonal = scaling.diagonal[self.orthant].reshape(-1, self.rows.shape[1])[:, some]
+    def scaled_rows(self, scaling: NesterovTodd) -> FloatArray:
+        """W^-1 G of each block, (r, c, k)."""
+        scaled = np.empty_like(self.cone_part)
+        diagonal = scaling.diagonal[self.orthant].reshape(-1, scaled.shape[2])
         at = len(diagonal)
-        scaled[:at] = part[:at] / diagonal[:, None]
+        scaled[:at] = self.cone_part[:at] / diagonal[:, None]
         for slab in self.slabs:
             end = at + scaling.cones.shapes[slab][0]
-            scaled[at:end] = scaling.over(slab, part[at:end], some)
+            scaled[at:end] = scaling.over(slab, self.cone_part[at:end])
             at = end
         return scaled
 
@@ -219,7 +214,7 @@ def _inverse_root(rows: FloatArray, hard: float, both: FloatArray, root: FloatAr
     least = _root_of_squares(rows, both, root)
     worst = np.flatnonzero(~(least > hard))
     if len(worst):
-        root[:, :, worst] = root_by_reflections(rows[:, :, worst])
+        root[:, :, worst] = _root_by_reflections(rows[:, :, worst])
 
 
 def _root_of_squares(rows: FloatArray, both: FloatArray, root: FloatArray) -> FloatArray:
@@ -241,7 +236,7 @@ def _root_of_squares(rows: FloatArray, both: FloatArray, root: FloatArray) -> Fl
     return least
 
 
-def root_by_reflections(rows: FloatArray) -> FloatArray:
+def _root_by_reflections(rows: FloatArray) -> FloatArray:
     """By Householder reflections of the rows themselves, whose squares rounding would not tell
     apart once it spoils the openings. The largest column and row that are left come first: rows
     differ by all that lies between open and pressed corners (A. J. Cox, N. J. Higham, Stability of

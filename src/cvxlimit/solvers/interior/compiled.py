@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.solvers.extensions import BATCH
-from cvxlimit.solvers.interior.blocks import LIMITS, Group, root_by_reflections
+from cvxlimit.solvers.interior.blocks import LIMITS, Group
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
 from cvxlimit.solvers.interior.elimination import NewtonSystem
 
@@ -66,12 +66,6 @@ class CompiledScaling(NesterovTodd):
         if not BATCH.scaling(cones.layout, s, z, self.plain, self.w, self.sizes):
             raise FloatingPointError("an iterate left the cones")
         self._given = cones.layout, self.plain, self.w, self.sizes
-        self.diagonal, self.frames = np.sqrt(self.plain), []
-        at, first = 0, 0
-        for d, k in cones.shapes:
-            frame = self.sizes[first : first + k], self.w[at : at + d * k].reshape(d, k)
-            self.frames.append(frame)
-            at, first = at + d * k, first + k
         self.lam = self.times(z)
 
     def times(self, v: FloatArray, sign: float = 1.0) -> FloatArray:
@@ -102,7 +96,7 @@ LANES = 4
 
 
 class _Table(NamedTuple):
-    """What batch.c has to know of a group, and room for its roots and their least pivots."""
+    """What batch.c has to know of a group, and room for its roots."""
 
     shape: IntArray  # r, c, k, linear rows, the first of these
     slabs: IntArray  # size and places in w and sizes of each cone of a block
@@ -110,12 +104,10 @@ class _Table(NamedTuple):
     slots: NDArray[np.int32]  # (tiles, e (e + 1) / 2, LANES): where products are added
     local: IntArray  # c, k, the first of its variables
     root: FloatArray  # (tiles, c, c, LANES)
-    least: FloatArray  # (tiles * LANES,)
 
 
 class CompiledSystem(NewtonSystem):
-    """The Newton system, compiled but for hard blocks. Parts of groups come in tiles of blocks:
-    (tiles, i, j, LANES)."""
+    """The Newton system, compiled. Parts of groups come in tiles of blocks: (tiles, i, j, LANES)."""
 
     cones_type = CompiledCones
     scaling: CompiledScaling
@@ -147,21 +139,14 @@ class CompiledSystem(NewtonSystem):
             at,
             np.array([c, k, group.columns.start]),
             np.empty((tiles, c, c, LANES)),
-            np.empty(tiles * LANES),
         )
 
     def _summed(self, hard: float) -> FloatArray:
         scaling, data = self.scaling, np.zeros(len(self._indices))
-        own = scaling.plain, scaling.w, scaling.sizes
+        numbers = LIMITS.regularisation, hard, LIMITS.softest
         for group, at in zip(self.groups, self._tables, strict=True):
-            given = at.shape, group.cone_part, own[0], at.slabs, *own[1:], LIMITS.regularisation
-            BATCH.roots(*given, at.root, at.least)
-            worst = np.flatnonzero(~(at.least[: group.rows.shape[1]] > hard))
-            if len(worst):
-                place = worst // LANES, slice(None), slice(None), worst % LANES
-                part = group.cone_part[place].transpose(1, 2, 0)
-                rows = group.scaled_rows(scaling, part, worst)
-                at.root[place] = root_by_reflections(rows).transpose(2, 0, 1)
+            frames = at.slabs, scaling.w, scaling.sizes
+            BATCH.roots(at.shape, group.cone_part, scaling.plain, *frames, *numbers, at.root)
             BATCH.add_squares(at.square, at.root, group.equation_part, at.slots, data)
         return data
 

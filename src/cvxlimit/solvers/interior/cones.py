@@ -10,9 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
-
-_ALL = slice(None)
+from cvxlimit.arrays import FloatArray
 
 
 class Cones:
@@ -141,9 +139,9 @@ class NesterovTodd:
             r[1:] = scale * (2.0 * sign * along * w[1:] + a[1:])
         return result
 
-    def over(self, slab: int, matrix: FloatArray, some: IntArray | slice = _ALL) -> FloatArray:
-        """W^-1 of one slab's cones, or of ``some``, times matrices (d, c, k)."""
-        size, w = (part[..., some] for part in self.frames[slab])
+    def over(self, slab: int, matrix: FloatArray) -> FloatArray:
+        """W^-1 of one slab's cones times matrices (d, c, k)."""
+        size, w = self.frames[slab]
         result = np.empty_like(matrix)
         cross = np.einsum("dk,dck->ck", w[1:], matrix[1:])
         result[0] = (w[0] * matrix[0] - cross) / size

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
+from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.blocks import LIMITS, Blocks
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
 from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
@@ -131,7 +132,7 @@ class NewtonSystem:
     def _summed(self, hard: float) -> FloatArray:
         """Entries of the Schur complement."""
         self._roots = [
-            group.eliminated(group.scaled_rows(self.scaling, group.cone_part), hard, parts)
+            group.eliminated(group.scaled_rows(self.scaling), hard, parts)
             for group, parts in zip(self.groups, self._parts, strict=True)
         ]
         return np.asarray(self._sums @ self._entries, dtype=float)
@@ -242,7 +243,7 @@ class NewtonSystem:
 
 
 def largest(v: FloatArray) -> float:
-    return float(np.abs(v).max(initial=0.0))
+    return float(np.abs(v).max(initial=0.0) if BATCH is None else BATCH.largest(v))
 
 
 def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> FloatArray:
