@@ -144,7 +144,7 @@ class _Proof:
 
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
-        self.ladder = run.ladder or (*leading_ladder(), *default_ladder()[:2])
+        self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
 
     def steps(self) -> Steps:
         run = self.run

@@ -31,7 +31,8 @@ class LadderNumbers:
     leading: float = 1e-6  # of problems that only lead the way:
     leading_iterations: int = 60  # those not solved in 60 were never solved later
     steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
-    steps_from: int = 200  # from so many contacts on
+    steps_from: int = 200  # from so many contacts on, and of
+    leads_from: int = 500  # relaxations, which it starts cold, from so many
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
@@ -117,15 +118,18 @@ def iterate_ladder(tolerance: float | None = None, is_linear: bool = True) -> La
     return (*first, settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
 
 
-def leading_ladder(tolerance: float = NUMBERS.leading) -> Ladder:
-    """The ladder for one of many problems whose answers are checked outside the solver: a budget of
-    iterations, and no first-order methods, which keep one problem busy for minutes.
+def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Ladder:
+    """The ladder for one of many problems on so many contacts whose answers are checked outside the
+    solver: a budget of iterations, and no first-order methods, which keep one problem busy for
+    minutes.
     """
     most = NUMBERS.leading_iterations
+    own = warm_ladder(contacts) if contacts >= NUMBERS.leads_from else ()
     clarabel = clarabel_at(tolerance, iterations=most)
     if "QOCO" not in installed():
-        return clarabel
-    return (settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", iterations=most), *clarabel)
+        return (*own, *clarabel)
+    qoco = settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", iterations=most)
+    return (*own, qoco, *clarabel)
 
 
 def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:

@@ -503,7 +503,7 @@ def test_no_rung_that_leads_runs_without_a_budget() -> None:
         found = list(InnerMethod(run, max_iterations=6).iterates())
         assert 0 < len(found) <= 7
         assert all(i.lower <= 0.5 for i in found)
-    for rung in leading_ladder():
+    for rung in leading_ladder(1_000):
         assert {"max_iter", "max_iters"} & set(rung.options)
     assert settings_for("SCS").options["time_limit_secs"] > 0.0
 

@@ -107,7 +107,7 @@ class _Table(NamedTuple):
 
 
 class CompiledSystem(NewtonSystem):
-    """The Newton system, compiled. Parts of groups come in tiles of blocks: (tiles, i, j, LANES)."""
+    """The Newton system. Parts of groups come in tiles of blocks: (tiles, i, j, LANES)."""
 
     cones_type = CompiledCones
     scaling: CompiledScaling

@@ -78,9 +78,9 @@ class SafeProblems:
         self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
-        self.leading = run.ladder or leading_ladder()
+        self.leading = run.ladder or leading_ladder(len(run.contacts))
         self.warm = () if run.ladder else warm_ladder(len(run.contacts))
-        self.stepping = (*self.warm, *self.leading)
+        self.stepping = (*self.warm, *(rung for rung in self.leading if rung not in self.warm))
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
             self.half = None if reductions is None else Half.of(reductions, self.moments)
