@@ -153,9 +153,11 @@ def node_ladder() -> Ladder:
 
 
 def tight_ladder() -> Ladder:
-    """The ladder for forces that count to 1e-9 of the load."""
-    first = clarabel_at(NUMBERS.tight, iterations=NUMBERS.tight_iterations)
-    return (*first, *default_ladder()[:1])
+    """The ladder for forces that count to 1e-9 of the load: our own solver takes half to a third of
+    Clarabel's time, if it is compiled."""
+    most = NUMBERS.tight_iterations
+    own = () if BATCH is None else (settings_for("BLOCKWISE", NUMBERS.tight, iterations=most),)
+    return (*own, *clarabel_at(NUMBERS.tight, iterations=most), *default_ladder()[:1])
 
 
 @dataclass(frozen=True)
