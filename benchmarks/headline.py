@@ -15,7 +15,7 @@ from benchmarks.results import environment, fitted_exponent
 from benchmarks.runs import Limits, run_apart
 from cvxlimit.compare.comparison import Runner, side_by_side
 from cvxlimit.compare.models import Method, Model, Row
-from cvxlimit.solvers.sparse import best_backend
+from cvxlimit.solvers.sparse import backends
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
 OCTAGON = Model("cvxlimit/octagon/1e-6", "cvxlimit, octagon", surface="octagon", tolerance=1e-6)
@@ -81,7 +81,7 @@ def run(repeat: int, limits: Limits, folder: Path, quick: bool, say: Say) -> str
     text = "\n".join(
         [
             f"{machine['cpu']}, {machine['cores']} cores, load {machine['load_before']} at start; "
-            f"medians of {repeat} runs, methods in turns; blockwise solver with {best_backend()}",
+            f"medians of {repeat} runs, methods in turns; blockwise solver with {backends()[0]}",
             "",
             "### Panels",
             panels((*rows, *many)),

@@ -13,10 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cvxlimit.kernels import load_cvxopt
 from cvxlimit.versions import __version__
-
-load_cvxopt()  # before CVXPY does
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text("utf-8")
 _HOME = {

@@ -481,7 +481,7 @@ class TestRefusals:
         with pytest.raises(SolverError, match="no option 'tol'; its options are tolerance"):
             problem.solve(solver=Blockwise(), tol=1e-3)
         with pytest.raises(
-            SolverError, match="backend must be one of supernodal, cholmod, superlu, got 'lu'"
+            SolverError, match="backend must be one of supernodal, superlu, got 'lu'"
         ):
             problem.solve(solver=Blockwise(), backend="lu")
 

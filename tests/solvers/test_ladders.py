@@ -69,7 +69,7 @@ class TestLadder:
         assert first.lower is None or first.lower <= TRUE * (1.0 + 2e-6)
         assert first.upper is None or first.upper >= TRUE * (1.0 - 2e-6)
 
-    @pytest.mark.parametrize("ladder", ["HIGHS", ["HIGHS"], [UNFIT, "GLPK"]], ids=str)
+    @pytest.mark.parametrize("ladder", ["HIGHS", ["HIGHS"], [UNFIT, "SCIPY"]], ids=str)
     @pytest.mark.parametrize(
         "method",
         [

@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
     {"errors", "arrays"},
-    {"checks", "extras", "files", "bracket", "markup", "versions", "kernels", "progressbar"},
+    {"checks", "extras", "files", "bracket", "markup", "versions", "progressbar"},
     {"strengths"},
     {"geometry"},
     {"loads", "ties"},

@@ -54,11 +54,7 @@ def registry() -> dict[str, Method]:
     tried = (1e-2, 1e-3, 1e-4, *several)
     made += _runs("conic", "clarabel-qdldl", "CLARABEL", tried, _QDLDL)
     for surface in ("conic", "octagon"):
-        for backend, spelt in (
-            ("supernodal", "own Cholesky"),
-            ("superlu", "SuperLU"),
-            ("cholmod", "CHOLMOD"),
-        ):
+        for backend, spelt in (("supernodal", "own Cholesky"), ("superlu", "SuperLU")):
             short, label = f"blockwise-{backend}", f"blockwise {spelt}"
             made += _runs(surface, short, "BLOCKWISE", several, label, backend=backend)
     for way in ("faer", "mkl", "panua"):  # builds without one refuse it, and that is a row as well

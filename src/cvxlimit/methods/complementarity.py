@@ -25,7 +25,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState
-from cvxlimit.solvers.sparse import factorised
+from cvxlimit.solvers.sparse import symmetric_lu
 from cvxlimit.surfaces import Conic, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking, TorsionShear
 
@@ -165,7 +165,7 @@ class _Newton:
             return None
         damping = max(weight, _N.rounding * largest) * sp.eye_array(len(down))
         try:
-            return factorised((square + damping).tocsc())(down)
+            return symmetric_lu((square + damping).tocsc(), "MMD_AT_PLUS_A")(down)
         except RuntimeError:
             return None
 

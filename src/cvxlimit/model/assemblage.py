@@ -132,7 +132,8 @@ class Balance:
         if self.held is not None:  # ways to move that nothing resists; no load does work on them
             idle = _IDLE * float(square.diagonal().max())
             square = square + idle * sp.eye_array(square.shape[0])
-        return factorised(square.tocsc())
+        free = int(self.statics.row_of_block.max()) + 1
+        return factorised(square.tocsc(), square.shape[0] // free)
 
     def change(self, residual: FloatArray) -> FloatArray:
         return self.along(residual if self.rates is None else np.asarray(self.rates @ residual))

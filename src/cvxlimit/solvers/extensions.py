@@ -24,4 +24,4 @@ BATCH: Any = _loaded("interior._batch")
 """Small blocks and cones of the interior point, ``interior/batch.c``; else NumPy."""
 
 CHOLESKY: Any = _loaded("_cholesky")
-"""Sparse factorisation, ``cholesky.c``; else CHOLMOD or SuperLU."""
+"""Sparse factorisation, ``cholesky.c``; else SuperLU."""

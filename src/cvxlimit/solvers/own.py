@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
-from cvxlimit.solvers.sparse import BACKENDS, best_backend
+from cvxlimit.solvers.sparse import BACKENDS, backends
 
 _Named = dict[str, Any]
 
@@ -32,8 +32,8 @@ class Blockwise(CLARABEL):
     answer before, which halves the iterations where the problem has changed little; a start that is
     no use costs time.
 
-    Options: ``tolerance`` (1e-11), ``max_iter`` (150), ``backend`` (``"cholmod"`` or
-    ``"superlu"``; the better one that is installed).
+    Options: ``tolerance`` (1e-11), ``max_iter`` (150), ``backend`` (``"supernodal"``, our
+    own Cholesky where it is compiled, or ``"superlu"``).
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _is_alike(one: sp.csr_array, other: sp.csr_array) -> bool:
 
 
 def _checked(options: _Named) -> _Named:
-    known = {"tolerance": 1e-11, "max_iter": 150, "backend": best_backend()}
+    known = {"tolerance": 1e-11, "max_iter": 150, "backend": backends()[0]}
     unknown, backend = [*options.keys() - known.keys()], options.get("backend", "superlu")
     if unknown:
         has = f"its options are {', '.join(known)}"

@@ -99,9 +99,9 @@ _ROWS = (
     Solver("XPRESS", "commercial", _ALONE),
     Solver("CUCLARABEL", "Apache-2.0", _ALONE),
     Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",), has_cones=False),
-    Solver("CVXOPT", "GPL-3.0", _FAST, ("abstol", "reltol", "feastol"), splits_equations=True),
-    Solver("GLPK", "GPL-3.0", _FAST, has_cones=False, distribution="cvxopt"),
-    Solver("GLPK_MI", "GPL-3.0", _FAST, has_cones=False, distribution="cvxopt"),
+    Solver("CVXOPT", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), splits_equations=True),
+    Solver("GLPK", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
+    Solver("GLPK_MI", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
     Solver("GLOP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
     Solver("PDLP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
     Solver("CBC", "EPL-2.0", _ALONE, has_cones=False),
@@ -179,10 +179,7 @@ def check_installed(settings: SolverSettings) -> None:
         raise ModelError(f"there is no solver {name!r}; {hint}")
     backend = settings.options.get("backend", "superlu")
     if backend in BACKENDS and backend not in backends():
-        cure = {"cholmod": "it comes with the package cvxopt"}
-        raise ModelError(
-            f"{backend} is not installed; {cure.get(backend, 'it needs a C compiler')}"
-        )
+        raise ModelError(f"the factorisation {backend!r} needs a C compiler at installation")
 
 
 def able(with_cones: bool = False) -> list[str]:
