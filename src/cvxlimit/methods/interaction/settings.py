@@ -14,6 +14,7 @@ class SupportSettings:
     """Support functions, arms and shapes of contacts."""
 
     halvings: int = 45  # of pieces at most: they are then as short as rounding
+    pieces: int = 8  # into which an edge is cut at a time
     most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
     edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
     boxes: float = 1e-8  # the same over boxes, which close more slowly
