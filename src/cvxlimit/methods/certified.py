@@ -170,7 +170,7 @@ class _Proof:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
-            prove(run, self._end)
+            prove(run, self._end, self._asked)
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
@@ -216,6 +216,12 @@ class _Proof:
                 break
         yield from rounds
         yield None
+
+    @property
+    def _asked(self) -> float:
+        """Relative width at which branch and bound ends."""
+        is_small = len(self.run.contacts) <= BRACKET.few
+        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
 
     @property
     def _end(self) -> float:
@@ -267,8 +273,7 @@ class _Proof:
 
     def _branch(self, outer: UpperBound) -> Iterator[None]:
         run, before = self.run, self.run.best.bracket.width
-        is_small = len(run.contacts) <= BRACKET.few
-        asked = self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
+        is_small, asked = len(run.contacts) <= BRACKET.few, self._asked
         if before <= asked or self.rule.branching_seconds == 0.0:
             return
         start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
