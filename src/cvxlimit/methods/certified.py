@@ -202,13 +202,16 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its copies take long a first lower bound does not wait for all."""
+        """The relaxation; where its copies take long a first lower bound waits for no more of them
+        than bring the upper bound near the relaxation's load factor."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
-        for number, _ in enumerate(rounds, 1):
+        for _ in rounds:
             yield None
             upper, state = run.best.bracket.upper, outer.state
-            is_late = number >= BRACKET.leading and run.clock.elapsed > BRACKET.budget
-            if is_late and state is not None and upper > 0.0 and not run.is_boundless(upper):
+            if run.clock.elapsed <= BRACKET.budget or run.is_boundless(upper):
+                continue
+            least = (1.0 - BRACKET.near) * upper
+            if state is not None and 0.0 < least <= (state.load_factor or 0.0):
                 for iterate in self.method.iterates(state.forces):
                     yield None
                     if iterate.is_safe:

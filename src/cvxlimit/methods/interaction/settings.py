@@ -130,7 +130,7 @@ class BracketSettings:
     worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
     beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
     most_rounds: int = 12  # solves with added copies,
-    leading: int = 3  # after so many of which a lower bound comes first if the budget is spent
+    near: float = 0.25  # of the upper bound to the relaxation from which a lower one may come first
     least_problems: float = 2.0  # that there must be time for, or no branching begins
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
