@@ -170,7 +170,7 @@ class _Proof:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
-            prove(run, self._end)
+            prove(run, self._end, self._asked)
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
@@ -202,13 +202,16 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its copies take long a first lower bound does not wait for all."""
+        """The relaxation; where its copies take long a first lower bound waits for no more of them
+        than bring the upper bound near the relaxation's load factor."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
-        for number, _ in enumerate(rounds, 1):
+        for _ in rounds:
             yield None
             upper, state = run.best.bracket.upper, outer.state
-            is_late = number >= BRACKET.leading and run.clock.elapsed > BRACKET.budget
-            if is_late and state is not None and upper > 0.0 and not run.is_boundless(upper):
+            if run.clock.elapsed <= BRACKET.budget or run.is_boundless(upper):
+                continue
+            least = (1.0 - BRACKET.near) * upper
+            if state is not None and 0.0 < least <= (state.load_factor or 0.0):
                 for iterate in self.method.iterates(state.forces):
                     yield None
                     if iterate.is_safe:
@@ -216,6 +219,12 @@ class _Proof:
                 break
         yield from rounds
         yield None
+
+    @property
+    def _asked(self) -> float:
+        """Relative width at which branch and bound ends."""
+        is_small = len(self.run.contacts) <= BRACKET.few
+        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
 
     @property
     def _end(self) -> float:
@@ -267,8 +276,7 @@ class _Proof:
 
     def _branch(self, outer: UpperBound) -> Iterator[None]:
         run, before = self.run, self.run.best.bracket.width
-        is_small = len(run.contacts) <= BRACKET.few
-        asked = self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
+        is_small, asked = len(run.contacts) <= BRACKET.few, self._asked
         if before <= asked or self.rule.branching_seconds == 0.0:
             return
         start, seconds = run.clock.elapsed, self._branching_seconds(is_small)

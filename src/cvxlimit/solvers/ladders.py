@@ -35,7 +35,8 @@ class LadderNumbers:
     leads_from: int = 500  # relaxations, which it starts cold, from so many
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
-    node: float = 1e-8  # of nodes,
+    node: float = 1e-8  # of nodes that are to be close to rounding,
+    node_share: float = 1e-3  # of the gap asked for, up to which others may be looser,
     node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
@@ -141,15 +142,17 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
     return (own,) if contacts >= NUMBERS.steps_from else ()
 
 
-def node_ladder() -> Ladder:
-    """The ladder for nodes of a search: QOCO where it is installed, then what solves the nodes that
-    it gives up; boxes that carry nothing have no force as their answer, on which Clarabel fails.
+def node_ladder(gap: float = 0.0) -> Ladder:
+    """The ladder for nodes of a search that ends at a relative ``gap``: QOCO where it is installed,
+    then what solves the nodes that it gives up; boxes that carry nothing have no force as their
+    answer, on which Clarabel fails.
     """
+    asked = max(NUMBERS.node, NUMBERS.node_share * gap)
     others = tuple(settings_for(name, NUMBERS.node) for name in ("CLARABEL", "BLOCKWISE"))
     if "QOCO" not in installed():
         return others
     most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
-    return (settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few), *others)
+    return (settings_for("QOCO", asked, iterations=most, max_ir_iters=few), *others)
 
 
 def tight_ladder() -> Ladder:

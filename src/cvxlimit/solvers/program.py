@@ -32,6 +32,7 @@ class ConeProgram:
 
     ``cost`` (n,), ``matrix`` (m, n) and ``right`` (m,) are c, A and b; ``zero`` rows of equations
     come first, then ``nonneg`` inequalities, then second-order cones of the sizes in ``cones``.
+    ``parts`` are the matrix's equations and other rows, where they are known apart.
 
     Example
     -------
@@ -49,6 +50,22 @@ class ConeProgram:
     zero: int
     nonneg: int
     cones: tuple[int, ...] = ()
+    parts: tuple[sp.csc_array, sp.csc_array] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        cost: FloatArray,
+        equations: sp.csc_array,
+        inequalities: sp.csc_array,
+        right: FloatArray,
+        nonneg: int,
+        cones: tuple[int, ...],
+    ) -> ConeProgram:
+        """From the equations' rows and the others, for solvers that want them apart."""
+        matrix = sp.vstack([equations, inequalities], format="csc")
+        parts = equations, inequalities
+        return cls(cost, matrix, right, equations.shape[0], nonneg, cones, parts)
 
     def solve(
         self, settings: SolverSettings, cache: dict[str, Any] | None = None, is_warm: bool = True
@@ -84,9 +101,9 @@ class ConeProgram:
         )
         data = {keys.C: self.cost, ConicSolver.DIMS: dims, keys.A: self.matrix, keys.B: self.right}
         if is_split:
-            rows = self.matrix.tocsr()
-            data |= {keys.A: rows[:p].tocsc(), keys.B: self.right[:p]}
-            data |= {keys.G: rows[p:].tocsc(), keys.H: self.right[p:]}
+            equations, others = self.parts or self._split()
+            data |= {keys.A: equations, keys.B: self.right[:p]}
+            data |= {keys.G: others, keys.H: self.right[p:]}
         return data, {
             ConicSolver.VAR_ID: 0,
             ConicSolver.DIMS: dims,
@@ -94,3 +111,7 @@ class ConeProgram:
             ConicSolver.NEQ_CONSTR: [],
             keys.OFFSET: 0.0,
         }
+
+    def _split(self) -> tuple[sp.csc_array, sp.csc_array]:
+        rows = self.matrix.tocsr()
+        return rows[: self.zero].tocsc(), rows[self.zero :].tocsc()

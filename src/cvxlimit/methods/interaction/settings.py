@@ -14,6 +14,7 @@ class SupportSettings:
     """Support functions, arms and shapes of contacts."""
 
     halvings: int = 45  # of pieces at most: they are then as short as rounding
+    pieces: int = 8  # into which an edge is cut at a time
     most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
     edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
     boxes: float = 1e-8  # the same over boxes, which close more slowly
@@ -114,6 +115,8 @@ class BranchSettings:
     steps: int = 16  # places tried on the way between two force states
     halvings: int = 25  # after the last good one
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
+    tries: tuple[int, int] = (2, 8)  # splits tried at a node, at least and at most,
+    contacts_tried: int = 500  # times contacts in all, as far as those allow
     due: float = 0.3  # share of the best split's gain from which others are due in its parts
     climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps
     climb_solves: int = 16  # of each
@@ -129,7 +132,7 @@ class BracketSettings:
     worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
     beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
     most_rounds: int = 12  # solves with added copies,
-    leading: int = 3  # after so many of which a lower bound comes first if the budget is spent
+    near: float = 0.25  # of the upper bound to the relaxation from which a lower one may come first
     least_problems: float = 2.0  # that there must be time for, or no branching begins
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for

@@ -59,13 +59,13 @@ class HullProblem:
         outcome, x, y = columns.program().solve(settings or default_ladder()[0])
         if x is None or y is None:
             return LimitState(outcome, None, None, None)
-        forces = columns.meaning @ x
+        forces = columns.forces(x)
         if self.forces is not None:
             forces = self.forces @ forces
         return LimitState(
             outcome,
             self.scaling.load_factor(float(x[0])),
-            self.scaling.forces(np.asarray(forces).reshape(-1, len(COMPONENTS))),
+            self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
             self.mechanism(y),
         )
 
@@ -198,6 +198,12 @@ class CopyColumns:
     def meaning(self) -> sp.csc_array:
         return stacked(self.gives, (len(COMPONENTS) * len(self.problem.contacts), self.width))
 
+    def forces(self, x: FloatArray) -> FloatArray:
+        """Contact forces (6 n,) of variables x."""
+        rows, columns, values = (np.concatenate(part) for part in zip(*self.gives, strict=True))
+        size = len(COMPONENTS) * len(self.problem.contacts)
+        return np.asarray(np.bincount(rows, values * x[columns], size), dtype=float)
+
     def program(self) -> ConeProgram:
         problem = self.problem
         every = np.arange(len(problem.rows))
@@ -210,24 +216,34 @@ class CopyColumns:
             for sign in (-1.0, 1.0):
                 self._at_most_zero((np.array([1]), sign))
             upper = [0.0, 1.0]
-        equations = problem.matrix @ self.meaning + stacked(loads, (len(every), self.width))
-        matrix = sp.vstack(
-            [equations, stacked(self.signs, (self.nonneg, self.width)), self._cones()], format="csc"
-        )
-        shears = len(self.shears)
-        inequalities = np.concatenate([np.zeros(self.nonneg - len(upper)), upper])
-        right = np.concatenate([-problem.dead, inequalities, np.zeros(3 * shears)])
-        return ConeProgram(cost, matrix, right, len(every), self.nonneg, (3,) * shears)
+        entries = [self._equilibrium(), *loads]
+        equations = stacked(entries, (len(every), self.width))
+        shears, first = len(self.shears), self.nonneg
+        limits = self.signs + [(first + rows, at, v) for rows, at, v in self._cones()]
+        inequalities = stacked(limits, (first + 3 * shears, self.width))
+        bounds = np.concatenate([np.zeros(first - len(upper)), upper])
+        right = np.concatenate([-problem.dead, bounds, np.zeros(3 * shears)])
+        return ConeProgram.of(cost, equations, inequalities, right, first, (3,) * shears)
 
-    def _cones(self) -> sp.csc_array:
+    def _equilibrium(self) -> _Entry:
+        """The equations' matrix times :attr:`meaning`, without making that: a product of sparse
+        matrices takes SciPy several times as long."""
+        matrix = self.problem.matrix
+        rows, columns, values = (np.concatenate(part) for part in zip(*self.gives, strict=True))
+        start, count = matrix.indptr[rows], np.diff(matrix.indptr)[rows]
+        end = np.cumsum(count)
+        at = np.arange(end[-1]) + np.repeat(start - end + count, count)
+        found = matrix.data[at] * np.repeat(values, count)
+        return matrix.indices[at], np.repeat(columns, count), found
+
+    def _cones(self) -> list[_Entry]:
         k = self.shears
         top, one = 3 * np.arange(len(k)), np.ones(len(k))
         cones = [(top, self.pressed[k], -self.friction[k])]
         cones += [(top + 1, self.shear[0], -one), (top + 2, self.shear[1], -one)]
         place = np.searchsorted(k, self.twists)
         cones.append((top[place], self.tau, np.ones(len(place))))
-        cones += [(top[at], size, weight) for at, size, weight in self.drag]
-        return stacked(cones, (3 * len(k), self.width))
+        return cones + [(top[at], size, weight) for at, size, weight in self.drag]
 
 
 def stacked(entries: list[_Entry], shape: tuple[int, int]) -> sp.csc_array:

@@ -183,8 +183,9 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
             yield state
 
 
-def prove(run: Run, end: float = np.inf) -> None:
-    """Give ``run.best`` a proved lower bound where it has none, if that costs little of its width.
+def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
+    """Give ``run.best`` a proved lower bound where it has none, if that costs little of its width,
+    or of the relative width ``asked`` for that it has to spare.
 
     Forces at full slip have no share of friction to spare, and mixing in a state that has some
     moves pressure centres, about which the shear then turns by more than it gains: Eq. 30 is not
@@ -198,7 +199,9 @@ def prove(run: Run, end: float = np.inf) -> None:
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
         return
-    spare = max(PROOF.most_of_width * best.bracket.width, PROOF.most_spent) * best.bracket.unit
+    width = best.bracket.width
+    within = min(PROOF.most_of_width * asked, asked - width)
+    spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
     for tried, margin in product((_proof, _stepped), PROOF.margins):
         if run.clock.elapsed > end and margin < PROOF.margins[-1]:
             continue
