@@ -142,13 +142,15 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
     return (own,) if contacts >= NUMBERS.steps_from else ()
 
 
-def node_ladder(gap: float = 0.0) -> Ladder:
-    """The ladder for nodes of a search that ends at a relative ``gap``: QOCO where it is installed,
-    then what solves the nodes that it gives up; boxes that carry nothing have no force as their
-    answer, on which Clarabel fails.
+def node_ladder(contacts: int = 0, gap: float = 0.0) -> Ladder:
+    """The ladder for nodes of a search on so many contacts that ends at a relative ``gap``: our own
+    solver on many, QOCO where it is installed, then what solves the nodes that it gives up; boxes
+    that carry nothing have no force as their answer, on which Clarabel fails.
     """
     asked = max(NUMBERS.node, NUMBERS.node_share * gap)
     others = tuple(settings_for(name, NUMBERS.node) for name in ("CLARABEL", "BLOCKWISE"))
+    if contacts >= NUMBERS.leads_from:
+        return (settings_for("BLOCKWISE", asked, iterations=NUMBERS.tight_iterations), *others[:1])
     if "QOCO" not in installed():
         return others
     most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements

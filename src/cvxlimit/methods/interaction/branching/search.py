@@ -52,7 +52,8 @@ class BranchAndBound:
         self._end = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
             opening = None if outer is None else outer.certifier.witnesses.opening_field
-            ladder, self._tight = run.ladder or node_ladder(tolerance), run.ladder or tight_ladder()
+            ladder = run.ladder or node_ladder(len(run.contacts), tolerance)
+            self._tight = run.ladder or tight_ladder()
             self.relaxer = Relaxer(run.assemblage, run.moments, ladder, opening)
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)

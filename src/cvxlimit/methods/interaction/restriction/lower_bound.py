@@ -27,7 +27,7 @@ from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, clarabel_at, default_ladder, tight_ladder
+from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 
@@ -235,7 +235,7 @@ def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) ->
     centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
     copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
-    state = HullProblem(_slippery(run, margin)).solve(copies, clarabel_at(1e-11)[0])
+    state = HullProblem(_slippery(run, margin)).solve(copies, tight_ladder()[0])
     if state.forces is None or state.load_factor is None:
         return None
     held = _held(contacts, centre * extent, np.flatnonzero(~is_idle))
