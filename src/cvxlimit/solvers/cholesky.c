@@ -72,15 +72,17 @@ static int set_structure(Py_ssize_t n, const int64_t *indptr, const int64_t *ind
     for (Py_ssize_t j = 0; j < n; j++) {
         Py_ssize_t most = indptr[j + 1] - indptr[j], size = 0;
         for (Py_ssize_t c = child[j]; c >= 0; c = sibling[c]) most += sizes[c];
-        Py_ssize_t *own = structs[j] = malloc(sizeof(Py_ssize_t) * (most + 1));
+        Py_ssize_t *own = structs[j] = malloc(sizeof(Py_ssize_t) * (most + 1)), in_order = 0;
         if (!own) return 0;
         mark[j] = j;
-        for (Py_ssize_t k = indptr[j]; k < indptr[j + 1]; k++)
-            if (mark[indices[k]] != j) mark[indices[k]] = j, own[size++] = indices[k];
-        for (Py_ssize_t c = child[j]; c >= 0; c = sibling[c])
+        for (Py_ssize_t c = child[j]; c >= 0; c = sibling[c]) {
             for (Py_ssize_t k = 0; k < sizes[c]; k++)
                 if (mark[structs[c][k]] != j) mark[structs[c][k]] = j, own[size++] = structs[c][k];
-        qsort(own, size, sizeof(Py_ssize_t), compared);
+            if (c == child[j]) in_order = size;
+        }
+        for (Py_ssize_t k = indptr[j]; k < indptr[j + 1]; k++)
+            if (mark[indices[k]] != j) mark[indices[k]] = j, own[size++] = indices[k];
+        if (in_order < size) qsort(own, size, sizeof(Py_ssize_t), compared);
         sizes[j] = size;
         own = realloc(structs[j], sizeof(Py_ssize_t) * (size + 1));
         if (own) structs[j] = own;

@@ -547,10 +547,79 @@ static PyObject *local(PyObject *self, PyObject *const *args, Py_ssize_t given) 
     END(NONE);
 }
 
+static int compared(const void *a, const void *b) {
+    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* Lower half of the n equations' Schur complement, by columns: each block fills the square of its own
+ * equations (k, e) of every group, those below n, and every diagonal entry is there. Slots (k, e (e + 1)
+ * / 2) say where each pair's product goes, -1 for none. Returns the number of entries. */
+static PyObject *pattern(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(5);
+    int64_t *start = NULL, *by_column = NULL, *mark = NULL;
+    INTEGERS(int64_t, shapes, 0, -1); /* k and e of every group */
+    INTEGERS(int64_t, at, 1, -1);
+    int64_t *indptr = array(&a, args[2], 8, -1, 1), *indices, count = 0, pairs = 0, place = 0;
+    if (!indptr) goto fail;
+    int64_t n = a.views[2].len / 8 - 1, groups = a.views[0].len / 16;
+    for (int64_t g = 0; g < groups; g++) {
+        place += shapes[2 * g] * shapes[2 * g + 1];
+        pairs += shapes[2 * g] * shapes[2 * g + 1] * (shapes[2 * g + 1] + 1) / 2;
+    }
+    indices = array(&a, args[3], 8, pairs + n, 1);
+    if (!indices) goto fail;
+    int32_t *slots = array(&a, args[4], 4, pairs, 1);
+    if (!slots) goto fail;
+    if (place != a.views[1].len / 8) {
+        PyErr_SetString(PyExc_ValueError, "another number of equations was expected");
+        goto fail;
+    }
+    start = calloc(n + 2, 8), by_column = malloc(16 * (pairs + 1)), mark = malloc(8 * (n + 1));
+    if (!start || !by_column || !mark) {
+        free(start), free(by_column), free(mark);
+        PyErr_NoMemory();
+        goto fail;
+    }
+#define EACH_PAIR(code) \
+    do { \
+        const int64_t *own = at; \
+        int64_t pair = 0; \
+        for (int64_t g = 0; g < groups; g++) \
+            for (int64_t block = 0, e = shapes[2 * g + 1]; block < shapes[2 * g]; block++, own += e) \
+                for (int64_t i = 0; i < e; i++) \
+                    for (int64_t j = 0; j <= i; j++, pair++) { \
+                        int64_t low = own[i] < own[j] ? own[i] : own[j]; \
+                        int64_t high = own[i] < own[j] ? own[j] : own[i]; \
+                        slots[pair] = -1; \
+                        if (low >= 0 && high < n) code; \
+                    } \
+    } while (0)
+    EACH_PAIR(start[low + 2]++);
+    for (int64_t j = 0; j < n; j++) start[j + 2] += start[j + 1];
+    EACH_PAIR((by_column[2 * start[low + 1]] = high, by_column[2 * start[low + 1]++ + 1] = pair));
+    for (int64_t j = 0; j < n; j++) mark[j] = -1;
+    for (int64_t j = 0; j < n; j++) {
+        int64_t first = indptr[j] = count;
+        indices[count++] = j, mark[j] = j;
+        for (int64_t p = start[j]; p < start[j + 1]; p++) {
+            int64_t row = by_column[2 * p];
+            if (mark[row] != j) mark[row] = j, indices[count++] = row;
+        }
+        qsort(indices + first, count - first, 8, compared);
+        for (int64_t p = first; p < count; p++) mark[indices[p]] = -2 - p;
+        for (int64_t p = start[j]; p < start[j + 1]; p++)
+            slots[by_column[2 * p + 1]] = (int32_t)(-2 - mark[by_column[2 * p]]);
+    }
+    indptr[n] = count;
+    free(start), free(by_column), free(mark);
+    END(PyLong_FromLongLong(count));
+}
+
 static PyMethodDef functions[] = {
     FUNCTION(product), FUNCTION(quotient),    FUNCTION(clipped), FUNCTION(margin), FUNCTION(shortest),
     FUNCTION(scaling), FUNCTION(times),       FUNCTION(squared), FUNCTION(matvec), FUNCTION(largest),
-    FUNCTION(roots),   FUNCTION(add_squares), FUNCTION(local),   NO_FUNCTION,
+    FUNCTION(roots),   FUNCTION(add_squares), FUNCTION(local),   FUNCTION(pattern), NO_FUNCTION,
 };
 
 MODULE(_batch, functions)

@@ -120,17 +120,27 @@ class CompiledSystem(NewtonSystem):
         kept = [m if isinstance(m, Rows) else Rows(m) for m in matrices]
         super()._name(kept, arrays)
 
-    def _set_sums(self, slots: list[IntArray]) -> None:
-        self._tables = [self._table(*of) for of in zip(self.groups, slots, strict=True)]
+    def _set_pattern(self) -> None:
+        at = [self._position[group.equations.T] for group in self.groups]
+        shapes = np.array([part.shape for part in at])
+        sizes = shapes[:, 0] * shapes[:, 1] * (shapes[:, 1] + 1) // 2
+        self._indptr = np.empty(self.equations + 1, dtype=np.int64)
+        indices = np.empty(sizes.sum() + self.equations, dtype=np.int64)
+        slots = np.empty(sizes.sum(), dtype=np.int32)
+        places = np.concatenate([part.ravel() for part in at])
+        count = BATCH.pattern(shapes.ravel(), places, self._indptr, indices, slots)
+        self._indices = indices[:count].copy()
+        own = np.split(slots, np.cumsum(sizes)[:-1])
+        pairs = zip(self.groups, own, strict=True)
+        self._tables = [self._table(g, o.reshape(g.rows.shape[1], -1).T) for g, o in pairs]
 
-    def _table(self, group: Group, slots: IntArray) -> _Table:
+    def _table(self, group: Group, slots: NDArray[np.int32]) -> _Table:
         (r, k), (c, _), e = group.rows.shape, group.given.shape, len(group.equations)
         shapes = np.array(self.cones.shapes, dtype=np.int64).reshape(-1, 2)
         entries, cones = np.cumsum(shapes.prod(axis=1)), np.cumsum(shapes[:, 1])
         starts = np.stack([shapes[:, 0], entries - shapes.prod(axis=1), cones - shapes[:, 1]])
         plain = (group.orthant.stop - group.orthant.start) // k
-        lower = np.maximum(slots, slots.transpose(0, 2, 1))[:, *np.tril_indices(e)].T
-        at = _tiled(lower, -1).astype(np.int32)
+        at = _tiled(slots, -1)
         tiles = len(at)
         return _Table(
             np.array([r, c, k, plain, group.orthant.start]),

@@ -58,10 +58,15 @@ class NewtonSystem:
         for group in self.groups:
             arrays.append(_dense_parts(G, group.rows, group.given))
             arrays.append(_dense_parts(padded, group.equations, group.given))
-        E, G = E[:, self.columns], G[self.rows][:, self.columns]
+        E, G = self._in_order(E), self._in_order(G[self.rows])
         arrays += [E[:, self.border].toarray(), G[:, self.border].toarray()]
         whole = sp.vstack([E, G], format="csr")
         return [E, G, E.T.tocsr(), G.T.tocsr(), whole, whole.T.tocsr()], arrays
+
+    def _in_order(self, matrix: sp.csr_array) -> sp.csr_array:
+        """With its columns in the order of the groups; products do not mind unsorted rows."""
+        indices = _rank(self.columns)[matrix.indices]
+        return sp.csr_array((matrix.data, indices, matrix.indptr), shape=matrix.shape)
 
     def _name(self, matrices: Sequence[Any], arrays: list[FloatArray]) -> None:
         self._matrices = matrices
@@ -115,7 +120,6 @@ class NewtonSystem:
             keys.append(np.where(inside, column * p + row, -1))
         diagonal = np.arange(p) * (p + 1)
         unique = np.unique(np.concatenate([key[key >= 0] for key in keys] + [diagonal]))
-        self._diagonal = np.searchsorted(unique, diagonal)
         self._indices, self._indptr = unique % p, np.searchsorted(unique, np.arange(p + 1) * p)
         self._set_sums([np.where(k >= 0, np.searchsorted(unique, k), -1) for k in keys])
 
@@ -141,8 +145,9 @@ class NewtonSystem:
         """Raises LinAlgError, RuntimeError or ArithmeticError where rounding makes it singular."""
         self.scaling = scaling
         data = self._summed(LIMITS.hard * LIMITS.target / self.target)
-        diagonal = data[self._diagonal] * (1.0 + LIMITS.regularisation)
-        data[self._diagonal] = np.where(diagonal > 0.0, diagonal, 1.0)
+        first = self._indptr[:-1]
+        diagonal = data[first] * (1.0 + LIMITS.regularisation)
+        data[first] = np.where(diagonal > 0.0, diagonal, 1.0)
         if not np.isfinite(data).all():
             raise FloatingPointError("rounding has made a block singular")
         self._solve = self.factorisation.factorise(data)
