@@ -11,7 +11,7 @@
 #define REVISION 1 /* of the interfaces: extensions.py asks for it */
 #define MOST 16 /* arguments of a function */
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define WIDE __attribute__((target_clones("default", "fma")))
 #else
 #define WIDE
