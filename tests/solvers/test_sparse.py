@@ -119,3 +119,19 @@ def test_groups_of_rows_in_any_order_and_indefinite(group: int) -> None:
     least = np.linalg.eigvalsh(matrix.toarray())[0]
     for m in (matrix, unsorted, matrix - (least + 1e-3) * sp.eye_array(63).tocsc()):
         np.testing.assert_allclose(m @ factorised(m.copy(), group)(right), right, atol=1e-10)
+
+
+@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize(("width", "height"), [(1, 700), (150, 40), (400, 3)])
+def test_wide_fronts(backend: str, width: int, height: int) -> None:
+    """Products of many columns at a time, and of few; a band of dense blocks, whose solution is
+    known to 1e-9 for a condition below 1e4."""
+    rng = np.random.default_rng(5)
+    band = sp.kron(grid(1, height) + sp.eye_array(height), np.ones((width, width))).tocsc()
+    band.data = rng.normal(size=band.nnz)
+    matrix = (band @ band.T + 1e-3 * abs(band).sum() * sp.eye_array(width * height)).tocsc()
+    lower = sp.tril(matrix, format="csc")
+    lower.sort_indices()
+    expected = rng.normal(size=width * height)
+    solve = BACKENDS[backend](lower.indices, lower.indptr).factorise(lower.data)
+    np.testing.assert_allclose(solve(matrix @ expected), expected, rtol=1e-9, atol=1e-9)
