@@ -208,16 +208,8 @@ def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[Split]:
     for contact, forces in filter(None, chain.from_iterable(zip_longest(*turns))):
         first.setdefault(contact, forces)
     splits = (s for j, forces in first.items() for s in _places(relaxer, node, forces, j))
-    return list(islice(splits, _tries(relaxer))) or _widest(relaxer, node)
-
-
-def _tries(relaxer: Relaxer) -> int:
-    """Splits tried at a node: fewer where problems are large, for then few nodes follow, among
-    which what was learned is spread. With tied signs bounds differ less."""
-    least, most = BRANCH.tries
-    if relaxer.moments.slopes is not None:
-        return least
-    return min(max(BRANCH.contacts_tried // len(relaxer.contacts), least), most)
+    tries = BRANCH.tries if relaxer.moments.slopes is None else BRANCH.tied_tries
+    return list(islice(splits, tries)) or _widest(relaxer, node)
 
 
 def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
