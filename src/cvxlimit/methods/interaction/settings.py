@@ -115,8 +115,6 @@ class BranchSettings:
     steps: int = 16  # places tried on the way between two force states
     halvings: int = 25  # after the last good one
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    tries: int = 8  # splits tried at a node at most,
-    tied_tries: int = 2  # with tied signs, where bounds differ less
     due: float = 0.3  # share of the best split's gain from which others are due in its parts
     climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps
     climb_solves: int = 16  # of each

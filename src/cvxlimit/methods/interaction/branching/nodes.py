@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice, pairwise, zip_longest
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,20 +29,13 @@ from cvxlimit.surfaces import Rocking
 
 @dataclass(frozen=True)
 class Split:
-    """The box of a ``contact`` cut along an ``axis`` at ``ends``, for the pressure was ``at`` that
-    place. Every part has a bound, which holds in all nodes below the one where it was found."""
+    """The box of a ``contact`` cut along an ``axis`` at ``ends``. Every part has a bound, which
+    holds in all nodes below the one where it was found."""
 
     contact: int
     axis: int
     ends: tuple[float, ...]
     bounds: tuple[float, ...]
-    at: float
-
-    @property
-    def nearest(self) -> list[int]:
-        """Parts, nearest first."""
-        inside = np.clip(self.at, self.ends[:-1], self.ends[1:])
-        return [int(k) for k in np.argsort(np.abs(inside - self.at), kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,24 +185,18 @@ def _excess(relaxer: Relaxer, boxes: FloatArray, seen: _Seen) -> FloatArray:
 
 
 def choices(relaxer: Relaxer, node: Node, goal: Goal) -> list[Split]:
-    """Where to split, most promising first; none if nothing can. Contacts that carry most of the
-    gap, and those with the largest excess: what moves in one of many mechanisms of a node may be at
-    rest in the next. Each along both axes: which one gains is rarely seen beforehand."""
+    """Where to split; none if nothing can. The contact that carries most of the gap, and with
+    independent signs also the one with the largest excess: what moves in one of many mechanisms of
+    a node may be at rest in the next."""
     if node.forces is None or node.mechanism is None:
         return _widest(relaxer, node)
-    own = node.forces, node.mechanism, np.ones(len(relaxer.contacts), dtype=bool)
-    beneath = _beneath(relaxer, node, own, goal)
-    turns = [
-        [(int(j), seen[0]) for j in np.argsort(-order) if order[j] > 0.0]
-        for seen in ((own,) if beneath is own else (own, beneath))
-        for order in (scores(relaxer, node.boxes, seen), _excess(relaxer, node.boxes, seen))
-    ]
-    first: dict[int, FloatArray] = {}
-    for contact, forces in filter(None, chain.from_iterable(zip_longest(*turns))):
-        first.setdefault(contact, forces)
-    splits = (s for j, forces in first.items() for s in _places(relaxer, node, forces, j))
-    tries = BRANCH.tries if relaxer.moments.slopes is None else BRANCH.tied_tries
-    return list(islice(splits, tries)) or _widest(relaxer, node)
+    every = np.ones(len(relaxer.contacts), dtype=bool)
+    seen = _beneath(relaxer, node, (node.forces, node.mechanism, every), goal)
+    orders = [scores(relaxer, node.boxes, seen)]
+    if relaxer.moments.slopes is None:
+        orders.append(_excess(relaxer, node.boxes, seen))
+    best = dict.fromkeys(int(order.argmax()) for order in orders if order.max() > 0.0)
+    return [_place(relaxer, node, seen[0], j) for j in best] or _widest(relaxer, node)
 
 
 def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
@@ -234,14 +221,13 @@ def _beneath(relaxer: Relaxer, node: Node, seen: _Seen, goal: Goal) -> _Seen:
     return seen
 
 
-def _places(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> list[Split]:
-    """Splits of a contact near where it is pressed, first that of more room to both sides."""
+def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Split:
     centre = centres(forces, relaxer.contacts)[contact]
     high = node.boxes[contact, :, 1]
     low, centre = relaxer.moments.folded(node.boxes[contact], centre)
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
-    axes = [a for a in np.argsort(-inner).tolist() if high[a] - low[a] > BRANCH.narrowest]
-    return [_cut(relaxer, node, contact, axis, float(centre[axis])) for axis in axes]
+    axis = int(inner.argmax())
+    return _cut(relaxer, node, contact, axis, float(centre[axis]))
 
 
 def _widest(relaxer: Relaxer, node: Node) -> list[Split]:
@@ -255,21 +241,20 @@ def _widest(relaxer: Relaxer, node: Node) -> list[Split]:
 def _cut(relaxer: Relaxer, node: Node, contact: int, axis: int, at: float) -> Split:
     low, high = node.boxes[contact, axis].tolist()
     ends = relaxer.moments.split(low, high, at)
-    return Split(contact, axis, tuple(ends), (np.inf,) * (len(ends) - 1), at)
+    return Split(contact, axis, tuple(ends), (np.inf,) * (len(ends) - 1))
 
 
 def explore(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
     """Split a node where that gains most. What else was tried is due in its parts: splits are tried
     once for several levels, and parts closed here need no problem there."""
     relaxer.begun()
-    tried: list[tuple[float, Split, list[Node]]] = []
-    worth = -np.inf
+    tried = []
     for split in node.due[:1] or choices(relaxer, node, goal):
-        parts = _parts(relaxer, node, split, goal, worth)
+        parts = _parts(relaxer, node, split, goal)
         bounds = tuple(part.bound for part in parts)
-        found = _worth(node, bounds, goal)
-        tried.append((found, replace(split, bounds=bounds), parts))
-        worth = max(worth, found)
+        gains = [node.bound - max(bound, goal.lower) for bound in bounds]
+        worth = min(gains) + 0.1 * float(np.mean(gains))
+        tried.append((worth, replace(split, bounds=bounds), parts))
         if max(bounds) <= goal.cut:
             break
     if not tried:
@@ -285,28 +270,16 @@ def explore(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
     return relaxer.explored([_settled(relaxer, part, due, goal) for part in parts], goal)
 
 
-def _worth(node: Node, bounds: Sequence[float], goal: Goal) -> float:
-    """Of a split: what its worst part gains, and a little for the others."""
-    gains = node.bound - np.maximum(bounds, goal.cut)
-    return float(gains.min() + 0.1 * gains.mean())
-
-
-def _parts(relaxer: Relaxer, node: Node, split: Split, goal: Goal, least: float) -> list[Node]:
-    """The parts of a node, those whose bound is not known to close them solved once, that of the
-    present pressure centre first; no further ones where the split cannot be worth ``least``."""
+def _parts(relaxer: Relaxer, node: Node, split: Split, goal: Goal) -> list[Node]:
+    """The parts of a node, those whose bound is not known to close them solved once."""
     j, added = split.contact, node.added.without(np.array([split.contact]))
     parts = []
     for ends, bound in zip(pairwise(split.ends), split.bounds, strict=True):
         boxes = node.boxes.copy()
         boxes[j, split.axis] = ends
-        parts.append(replace(node, boxes=boxes, added=added, bound=min(node.bound, bound)))
-    hoped = [min(part.bound, goal.cut) for part in parts]
-    for k in split.nearest:
-        if parts[k].bound > goal.cut:
-            parts[k] = relaxer.evaluated(parts[k], goal, 1)
-        hoped[k] = parts[k].bound
-        if _worth(node, hoped, goal) <= least:
-            break
+        part = replace(node, boxes=boxes, added=added, bound=min(node.bound, bound))
+        is_open = part.bound > goal.cut
+        parts.append(relaxer.evaluated(part, goal, 1) if is_open else part)
     return parts
 
 
