@@ -35,8 +35,7 @@ class LadderNumbers:
     leads_from: int = 500  # relaxations, which it starts cold, from so many
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
-    node: float = 1e-8  # of nodes that are to be close to rounding,
-    node_share: float = 1e-3  # of the gap asked for, up to which others may be looser,
+    node: float = 1e-8  # of nodes,
     node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
@@ -142,19 +141,19 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
     return (own,) if contacts >= NUMBERS.steps_from else ()
 
 
-def node_ladder(contacts: int = 0, gap: float = 0.0) -> Ladder:
-    """The ladder for nodes of a search on so many contacts that ends at a relative ``gap``: our own
-    solver on many, QOCO where it is installed, then what solves the nodes that it gives up; boxes
-    that carry nothing have no force as their answer, on which Clarabel fails.
+def node_ladder(contacts: int = 0) -> Ladder:
+    """The ladder for nodes of a search on so many contacts: our own solver on many, QOCO where it
+    is installed, then what solves the nodes that it gives up; boxes that carry nothing have no
+    force as their answer, on which Clarabel fails.
     """
-    asked = max(NUMBERS.node, NUMBERS.node_share * gap)
     others = tuple(settings_for(name, NUMBERS.node) for name in ("CLARABEL", "BLOCKWISE"))
     if contacts >= NUMBERS.leads_from:
-        return (settings_for("BLOCKWISE", asked, iterations=NUMBERS.tight_iterations), *others[:1])
+        own = settings_for("BLOCKWISE", NUMBERS.node, iterations=NUMBERS.tight_iterations)
+        return (own, *others[:1])
     if "QOCO" not in installed():
         return others
     most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
-    return (settings_for("QOCO", asked, iterations=most, max_ir_iters=few), *others)
+    return (settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few), *others)
 
 
 def tight_ladder() -> Ladder:

@@ -23,7 +23,7 @@ from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.solvers import LimitState, SolverSettings, node_ladder
+from cvxlimit.solvers import LimitState, SolverSettings, node_ladder, tight_ladder
 from cvxlimit.surfaces import Rocking
 
 
@@ -95,7 +95,8 @@ class Relaxer:
         opening: FloatArray | None = None,
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
-        self.ladder = tuple(ladder or node_ladder())
+        self.ladder = tuple(ladder or node_ladder(len(self.contacts)))
+        self.tight = tuple(ladder or tight_ladder())
         self.flow = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=self.flow)
         if opening is not None:

@@ -24,7 +24,7 @@ from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import whole_boxes
-from cvxlimit.solvers import LimitState, Outcome, node_ladder, tight_ladder
+from cvxlimit.solvers import LimitState, Outcome
 
 _State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium
 
@@ -52,9 +52,7 @@ class BranchAndBound:
         self._end = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
             opening = None if outer is None else outer.certifier.witnesses.opening_field
-            ladder = run.ladder or node_ladder(len(run.contacts), tolerance)
-            self._tight = run.ladder or tight_ladder()
-            self.relaxer = Relaxer(run.assemblage, run.moments, ladder, opening)
+            self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening)
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.price: float | None = None
@@ -215,7 +213,7 @@ class BranchAndBound:
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:
         copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
         with self.run.clock.phase("solve"):
-            state = self.relaxer.solve(copies, None, ladder=self._tight)
+            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
         self.solves += 1
         if state.forces is None or state.load_factor is None:
             return None
