@@ -24,6 +24,9 @@ Solve = Callable[[FloatArray], FloatArray]
 _LEAF = 24
 """Parts of so few nodes are not split any more."""
 
+_FEW = 1_500
+"""Equations below which SuperLU takes less time than ordering them takes."""
+
 _LANDMARKS = 6
 
 _BALANCE = 0.3
@@ -33,9 +36,9 @@ _BALANCE = 0.3
 def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     """Solver of a positive definite matrix (n, n), whose rows belong together in groups of so many,
     the equations of a masonry block."""
-    if CHOLESKY is None:
-        return symmetric_lu(matrix, "MMD_AT_PLUS_A")
     n = matrix.shape[0]
+    if CHOLESKY is None or n < _FEW:
+        return symmetric_lu(matrix, "MMD_AT_PLUS_A")
     node = np.arange(n) // group
     places = node[matrix.indices], np.repeat(node, np.diff(matrix.indptr))
     graph = sp.coo_array((np.ones(matrix.nnz), places), shape=(n // group, n // group))
