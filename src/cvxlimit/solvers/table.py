@@ -178,8 +178,10 @@ def check_installed(settings: SolverSettings) -> None:
         hint = f"did you mean {near}?" if near else f"installed are {here}"
         raise ModelError(f"there is no solver {name!r}; {hint}")
     backend = settings.options.get("backend", "superlu")
-    if backend in BACKENDS and backend not in backends():
-        raise ModelError(f"the factorisation {backend!r} needs a C compiler at installation")
+    if name == "BLOCKWISE" and backend not in backends():
+        cure = f"here are {', '.join(backends())}"
+        cure += "" if backend not in BACKENDS else "; it needs a C compiler at installation"
+        raise ModelError(f"BLOCKWISE has no factorisation {backend!r}; {cure}")
 
 
 def able(with_cones: bool = False) -> list[str]:
