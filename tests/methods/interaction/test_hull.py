@@ -403,5 +403,18 @@ def test_relief_makes_every_problem_solvable() -> None:
     assert -float((up.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
 
 
+def test_nothing_stands_on_a_box_beside_its_contact() -> None:
+    """No copy is left: the dead load is relieved as a whole and no load factor carries more."""
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    up = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
+    scene = Scene((ground, prism("b1", 3, 0.0, 0.4)), ("ground",), up, friction=0.6)
+    copies = INDEPENDENT.box_copies(scene.contacts, np.array([[[0.9, 1.0], [0.9, 1.0]]]))
+    assert len(copies) == 0
+    state = HullProblem(scene).solve(copies, relief_price=50.0)
+    assert state.load_factor == pytest.approx(0.0, abs=1e-7)
+    assert state.mechanism is not None
+    assert -float((scene.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
+
+
 def test_fractions_are_of_half_sides() -> None:
     np.testing.assert_allclose(half_extent(block_of((1.0, 0.5))), [[0.5, 0.25]])

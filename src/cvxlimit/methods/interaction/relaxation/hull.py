@@ -232,7 +232,7 @@ class CopyColumns:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.gives, strict=True))
         start, count = matrix.indptr[rows], np.diff(matrix.indptr)[rows]
         end = np.cumsum(count)
-        at = np.arange(end[-1]) + np.repeat(start - end + count, count)
+        at = np.arange(count.sum()) + np.repeat(start - end + count, count)
         found = matrix.data[at] * np.repeat(values, count)
         return matrix.indices[at], np.repeat(columns, count), found
 
