@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -9,8 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
+from cvxlimit.arrays import IntArray
 from cvxlimit.solvers.extensions import CHOLESKY
-from cvxlimit.solvers.sparse import BACKENDS, backends, factorised, nested_dissection
+from cvxlimit.solvers.sparse import (
+    BACKENDS,
+    backends,
+    factorised,
+    minimum_degree,
+    nested_dissection,
+)
+
+ORDERS = (minimum_degree, nested_dissection)
 
 
 def grid(width: int, height: int) -> sp.csr_array:
@@ -41,11 +52,13 @@ def test_any_graph_is_ordered(nodes: int, links: int, seed: int) -> None:
     ends = rng.integers(0, nodes, (2, links if nodes else 0))
     both = np.concatenate([ends, ends[::-1]], axis=1)
     graph = sp.coo_array((np.ones(both.shape[1]), tuple(both)), shape=(nodes, nodes)).tocsr()
-    assert np.sort(nested_dissection(graph)).tolist() == list(range(nodes))
+    for order in ORDERS:
+        assert np.sort(order(graph)).tolist() == list(range(nodes))
 
 
+@pytest.mark.parametrize("ordered", ORDERS)
 @pytest.mark.parametrize(("width", "height"), [(40, 40), (12, 200)])
-def test_fill_in(width: int, height: int) -> None:
+def test_fill_in(width: int, height: int, ordered: Callable[[sp.csr_array], IntArray]) -> None:
     """A grid in random order: within George's bound of 31/4 n log2 n entries (1973).
 
     And half of the fill-in without reordering, or less.
@@ -53,7 +66,7 @@ def test_fill_in(width: int, height: int) -> None:
     rng = np.random.default_rng(1)
     shuffled = rng.permutation(width * height)
     graph = grid(width, height)[shuffled][:, shuffled]
-    order = nested_dissection(graph.tocsr())
+    order = ordered(graph.tocsr())
     matrix = laplacian(graph)
     n = width * height
     assert fill(matrix[order][:, order]) <= 31 / 4 * n * np.log2(n)

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.linalg import SuperLU as SuperLUFactors
 from scipy.sparse.linalg import splu
 
 from cvxlimit.arrays import FloatArray, IntArray
@@ -20,6 +21,10 @@ from cvxlimit.solvers.extensions import CHOLESKY
 
 Indices = NDArray[np.signedinteger[Any]]
 Solve = Callable[[FloatArray], FloatArray]
+
+_WIDE = 5_000
+"""Nodes from which a cut into halves leaves less fill-in than minimum degrees do: fifty thousand
+contacts are factorised in half of the time, where sixteen thousand take a tenth less without."""
 
 _LEAF = 24
 """Parts of so few nodes are not split any more."""
@@ -42,7 +47,7 @@ def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     node = np.arange(n) // group
     places = node[matrix.indices], np.repeat(node, np.diff(matrix.indptr))
     graph = sp.coo_array((np.ones(matrix.nnz), places), shape=(n // group, n // group))
-    order = (nested_dissection(graph.tocsr())[:, None] * group + np.arange(group)).ravel()
+    order = (elimination_order(graph.tocsr())[:, None] * group + np.arange(group)).ravel()
     lower = sp.tril(matrix[order][:, order], format="csc")
     lower.sum_duplicates()
     try:
@@ -58,9 +63,13 @@ def symmetric_lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"
 
     Raises RuntimeError if a pivot is zero.
     """
-    options = {"SymmetricMode": True, "Equil": False}
-    solve: Solve = splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options).solve
+    solve: Solve = _lu(matrix, order).solve
     return solve
+
+
+def _lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> SuperLUFactors:
+    options = {"SymmetricMode": True, "Equil": False}
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
 
 
 class Supernodal:
@@ -112,11 +121,26 @@ def backends() -> tuple[str, ...]:
     return tuple(BACKENDS)[CHOLESKY is None :]
 
 
+def elimination_order(graph: sp.csr_array) -> IntArray:
+    """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in."""
+    return minimum_degree(graph) if graph.shape[0] < _WIDE else nested_dissection(graph)
+
+
+def minimum_degree(graph: sp.csr_array) -> IntArray:
+    """Nodes with the fewest neighbours first, by SuperLU, which tells its order with the factors of
+    a matrix only: those of a diagonally dominant one."""
+    n = graph.shape[0]
+    if n == 0:
+        return np.zeros(0, dtype=np.int64)
+    degree = np.diff(graph.indptr) + 1.0
+    links = sp.csc_array((-np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))
+    return np.argsort(_lu(links + sp.diags_array(degree, format="csc"), "MMD_AT_PLUS_A").perm_c)
+
+
 def nested_dissection(graph: sp.csr_array) -> IntArray:
-    """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in: it
-    is cut along a level of one of a few coordinates, the separator comes last, each part is treated
-    alike. Coordinates are distances in edges from nodes far apart: they follow a wall around
-    corners.
+    """The graph is cut along a level of one of a few coordinates, the separator comes last, each
+    part is treated alike. Coordinates are distances in edges from nodes far apart: they follow a
+    wall around corners.
     """
     n = graph.shape[0]
     graph = sp.csr_array((np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))

@@ -18,7 +18,7 @@ from cvxlimit.errors import SolverError
 from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.blocks import LIMITS, Blocks
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
-from cvxlimit.solvers.sparse import BACKENDS, nested_dissection
+from cvxlimit.solvers.sparse import BACKENDS, elimination_order
 
 
 class NewtonSystem:
@@ -106,7 +106,7 @@ class NewtonSystem:
         _, node = np.unique(fingerprint, return_inverse=True)
         members = sp.csr_array((np.ones(self.equations), (node, np.arange(self.equations))))
         node_touches = members @ touches
-        node_rank = _rank(nested_dissection((node_touches @ node_touches.T).tocsr()))
+        node_rank = _rank(elimination_order((node_touches @ node_touches.T).tocsr()))
         self.order = np.argsort(node_rank[node], kind="stable")
         self._position = np.append(_rank(self.order), self.equations)
 
