@@ -137,8 +137,9 @@ def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
-    distance, found = map(np.asarray, cKDTree(places).query(images))
-    if distance.max() > near or len(np.unique(found)) < len(places):
+    tree = cKDTree(places, balanced_tree=False, compact_nodes=False)
+    distance, found = map(np.asarray, tree.query(images, distance_upper_bound=2.0 * near))
+    if distance.max() > near or not np.bincount(found, minlength=len(places)).all():
         return None
     return np.asarray(found)
 

@@ -29,7 +29,7 @@ contacts are factorised in half of the time, where sixteen thousand take a tenth
 _LEAF = 24
 """Parts of so few nodes are not split any more."""
 
-_FEW = 1_500
+_FEW = 400
 """Equations below which SuperLU takes less time than ordering them takes."""
 
 _LANDMARKS = 6
@@ -48,13 +48,16 @@ def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     places = node[matrix.indices], np.repeat(node, np.diff(matrix.indptr))
     graph = sp.coo_array((np.ones(matrix.nnz), places), shape=(n // group, n // group))
     order = (elimination_order(graph.tocsr())[:, None] * group + np.arange(group)).ravel()
-    lower = sp.tril(matrix[order][:, order], format="csc")
-    lower.sum_duplicates()
+    rank = np.argsort(order)
+    row, column = rank[matrix.indices], np.repeat(rank, np.diff(matrix.indptr))
+    is_kept = row >= column
+    entries = matrix.data[is_kept], (row[is_kept], column[is_kept])
+    lower = sp.coo_array(entries, shape=(n, n)).tocsc()
+    lower.sort_indices()
     try:
         solve = Supernodal(lower.indices, lower.indptr).factorise(lower.data)
     except ArithmeticError:  # indefinite by rounding: LU does not mind
         return symmetric_lu(matrix, "MMD_AT_PLUS_A")
-    rank = np.argsort(order)
     return lambda right: solve(right[order])[rank]
 
 

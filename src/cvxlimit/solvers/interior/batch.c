@@ -247,6 +247,21 @@ static PyObject *matvec(PyObject *self, PyObject *const *args, Py_ssize_t given)
     END(NONE);
 }
 
+static PyObject *transposed_matvec(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(5);
+    INTEGERS(int32_t, starts, 0, -1);
+    Py_ssize_t rows = a.views[0].len / 4 - 1;
+    INTEGERS(int32_t, columns, 1, starts[rows]);
+    DOUBLES(data, 2, starts[rows]);
+    DOUBLES(v, 3, rows);
+    RESULT(out, 4, -1); /* zeros */
+    for (Py_ssize_t i = 0; i < rows; i++) {
+        double own = v[i];
+        for (int32_t j = starts[i]; j < starts[i + 1]; j++) out[columns[j]] += data[j] * own;
+    }
+    END(NONE);
+}
+
 static PyObject *largest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(1);
     DOUBLES(v, 0, -1);
@@ -619,7 +634,8 @@ static PyObject *pattern(PyObject *self, PyObject *const *args, Py_ssize_t given
 static PyMethodDef functions[] = {
     FUNCTION(product), FUNCTION(quotient),    FUNCTION(clipped), FUNCTION(margin), FUNCTION(shortest),
     FUNCTION(scaling), FUNCTION(times),       FUNCTION(squared), FUNCTION(matvec), FUNCTION(largest),
-    FUNCTION(roots),   FUNCTION(add_squares), FUNCTION(local),   FUNCTION(pattern), NO_FUNCTION,
+    FUNCTION(roots),   FUNCTION(add_squares), FUNCTION(local),   FUNCTION(pattern), FUNCTION(transposed_matvec),
+    NO_FUNCTION,
 };
 
 MODULE(_batch, functions)

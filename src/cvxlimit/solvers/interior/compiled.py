@@ -5,7 +5,7 @@ on few contacts cost more than what they compute.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,8 @@ from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.blocks import LIMITS, Group
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
-from cvxlimit.solvers.interior.elimination import NewtonSystem
+from cvxlimit.solvers.interior.elimination import Entries, NewtonSystem, Places
+from cvxlimit.solvers.sparse import Indices
 
 
 def newton_system(
@@ -80,14 +81,26 @@ class CompiledScaling(NesterovTodd):
 class Rows:
     """A sparse matrix, to be multiplied by one vector."""
 
-    def __init__(self, matrix: sp.csr_array) -> None:
-        self.indptr = matrix.indptr.astype(np.int32)
-        self.indices = matrix.indices.astype(np.int32)
-        self.data = matrix.data
+    def __init__(self, data: FloatArray, indices: Indices, indptr: Indices, width: int) -> None:
+        self.width = width
+        self.given = indptr.astype(np.int32), indices, data
+
+    def transpose(self) -> Columns:
+        return Columns(self)
 
     def __matmul__(self, v: FloatArray) -> FloatArray:
-        result = np.empty(len(self.indptr) - 1)
-        BATCH.matvec(self.indptr, self.indices, self.data, v, result)
+        BATCH.matvec(*self.given, v, result := np.empty(len(self.given[0]) - 1))
+        return result
+
+
+class Columns:
+    """The transpose of a sparse matrix."""
+
+    def __init__(self, rows: Rows) -> None:
+        self.rows = rows
+
+    def __matmul__(self, v: FloatArray) -> FloatArray:
+        BATCH.transposed_matvec(*self.rows.given, v, result := np.zeros(self.rows.width))
         return result
 
 
@@ -112,13 +125,19 @@ class CompiledSystem(NewtonSystem):
     cones_type = CompiledCones
     scaling: CompiledScaling
 
-    def _laid_out(self, A: sp.csr_array) -> tuple[list[sp.csr_array], list[FloatArray]]:
-        matrices, arrays = super()._laid_out(A)
-        return matrices, [*(_tiled(array) for array in arrays[:-2]), *arrays[-2:]]
+    _sparse = staticmethod(Rows)
 
-    def _name(self, matrices: Sequence[Any], arrays: list[FloatArray]) -> None:
-        kept = [m if isinstance(m, Rows) else Rows(m) for m in matrices]
-        super()._name(kept, arrays)
+    def _places_of(self, group: Group, cones: Entries, equations: Entries) -> list[Places]:
+        c, k = group.given.shape
+        result: list[Places] = []
+        for height, entries in ((len(group.rows), cones), (len(group.equations), equations)):
+            last = [part[entries[3] == k - 1] for part in entries]
+            more = [(*last[:3], last[3] + i) for i in range(1, 1 + -k % LANES)]
+            entry, place, variable, block = map(np.concatenate, zip(entries, *more, strict=True))
+            tile, lane = np.divmod(block, LANES)
+            at = ((tile * height + place) * c + variable) * LANES + lane
+            result.append(((-(-k // LANES), height, c, LANES), at, entry))
+        return result
 
     def _set_pattern(self) -> None:
         at = [self._position[group.equations.T] for group in self.groups]
@@ -140,7 +159,7 @@ class CompiledSystem(NewtonSystem):
         entries, cones = np.cumsum(shapes.prod(axis=1)), np.cumsum(shapes[:, 1])
         starts = np.stack([shapes[:, 0], entries - shapes.prod(axis=1), cones - shapes[:, 1]])
         plain = (group.orthant.stop - group.orthant.start) // k
-        at = _tiled(slots, -1)
+        at = _tiled(slots)
         tiles = len(at)
         return _Table(
             np.array([r, c, k, plain, group.orthant.start]),
@@ -167,11 +186,9 @@ class CompiledSystem(NewtonSystem):
         return result
 
 
-def _tiled(parts: NDArray[Any], beyond: int | None = None) -> NDArray[Any]:
-    """(..., k) to (tiles, ..., LANES); the last block is repeated beyond the last, or a number."""
-    *shape, k = parts.shape
-    more = np.repeat(parts[..., -1:], -k % LANES, axis=-1)
-    if beyond is not None:
-        more[:] = beyond
-    whole = np.concatenate([parts, more], axis=-1).reshape(*shape, -1, LANES)
+def _tiled(slots: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(..., k) to (tiles, ..., LANES), with -1 beyond the last."""
+    *shape, k = slots.shape
+    more = np.full((*shape, -k % LANES), -1, dtype=slots.dtype)
+    whole = np.concatenate([slots, more], axis=-1).reshape(*shape, -1, LANES)
     return np.ascontiguousarray(np.moveaxis(whole, -2, 0))

@@ -16,9 +16,15 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.extensions import BATCH
-from cvxlimit.solvers.interior.blocks import LIMITS, Blocks
+from cvxlimit.solvers.interior.blocks import LIMITS, Blocks, Group
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd
-from cvxlimit.solvers.sparse import BACKENDS, elimination_order
+from cvxlimit.solvers.sparse import BACKENDS, Indices, elimination_order
+
+Entries = tuple[IntArray, IntArray, IntArray, IntArray]
+"""Entries of A: numbers, their rows and columns in their blocks, and these."""
+
+Places = tuple[tuple[int, ...], IntArray, IntArray]
+"""An array's shape, places in it, and entries of A that go there."""
 
 
 class NewtonSystem:
@@ -43,51 +49,89 @@ class NewtonSystem:
         self.columns, self.rows = found.columns, found.rows
         self.cones = self.cones_type(found.cones.orthant, found.cones.shapes)
         self.border, self.groups = slice(found.inner, self.variables), found.groups
-        self._given, self._places = A, list[IntArray]()
-        self._name(*self._laid_out(A))
+        self._set_rows(A)
+        self._places = [self._places_of(*own) for own in self._entries_by_group()]
+        self.renew(A.data)
         self.target = LIMITS.target
         self._set_order()
         self._set_pattern()
         self.factorisation = BACKENDS[backend](self._indices, self._indptr)
 
-    def _laid_out(self, A: sp.csr_array) -> tuple[list[sp.csr_array], list[FloatArray]]:
-        """A in the order of the groups, in all forms in which it is needed."""
-        E, G = A[: self.equations], A[self.equations :]
-        padded = sp.vstack([E, sp.csr_array((1, self.variables))], format="csr")
-        arrays = []
+    def _set_rows(self, A: sp.csr_array) -> None:
+        """Which entry of A stands where in the order of the groups. Products do not mind unsorted
+        rows."""
+        p = self.equations
+        numbers = np.arange(len(A.data)), A.indices, A.indptr
+        order = np.concatenate([np.arange(p), p + self.rows])
+        placed = sp.csr_array(numbers, shape=A.shape)[order]
+        self._given_entries = placed.data
+        self._layout = _rank(self.columns)[placed.indices].astype(np.int32), placed.indptr
+        self.lengths = np.diff(placed.indptr)  # entries of each equation and cone row
+        row = np.repeat(np.arange(len(order)), self.lengths)
+        self._at = row, self._layout[0].astype(np.int64)
+
+    @staticmethod
+    def _sparse(data: FloatArray, indices: Indices, indptr: Indices, width: int) -> Any:
+        return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, width))
+
+    def _entries_by_group(self) -> list[tuple[Group, Entries, Entries]]:
+        """Of each group, the entries in its blocks' cone rows and equations."""
+        p, (row, column) = self.equations, self._at
+        firsts = [group.columns.start for group in self.groups]
+        owner = np.searchsorted([*firsts, self.border.start], column, side="right") - 1
+        by_owner = np.argsort(owner, kind="stable")
+        parts = np.split(by_owner, np.searchsorted(owner[by_owner], np.arange(1, len(firsts) + 1)))
+        place, result = np.zeros(len(self.rows), dtype=np.int64), []
         for group in self.groups:
-            arrays.append(_dense_parts(G, group.rows, group.given))
-            arrays.append(_dense_parts(padded, group.equations, group.given))
-        E, G = self._in_order(E), self._in_order(G[self.rows])
-        arrays += [E[:, self.border].toarray(), G[:, self.border].toarray()]
-        whole = sp.vstack([E, G], format="csr")
-        return [E, G, E.T.tocsr(), G.T.tocsr(), whole, whole.T.tocsr()], arrays
+            place[group.rows] = np.arange(len(group.rows))[:, None]
+        place = place[self.rows]
+        for group, at in zip(self.groups, parts, strict=False):
+            variable, block = np.divmod(column[at] - group.columns.start, group.given.shape[1])
+            is_cone = row[at] >= p
+            cones, equations = at[is_cone], at[~is_cone]
+            found = _places_in(group.equations, row[equations], block[~is_cone], p)
+            result.append(
+                (
+                    group,
+                    (cones, place[row[cones] - p], variable[is_cone], block[is_cone]),
+                    (equations, found, variable[~is_cone], block[~is_cone]),
+                )
+            )
+        return result
 
-    def _in_order(self, matrix: sp.csr_array) -> sp.csr_array:
-        """With its columns in the order of the groups; products do not mind unsorted rows."""
-        indices = _rank(self.columns)[matrix.indices]
-        return sp.csr_array((matrix.data, indices, matrix.indptr), shape=matrix.shape)
-
-    def _name(self, matrices: Sequence[Any], arrays: list[FloatArray]) -> None:
-        self._matrices = matrices
-        self.E, self.G, self.Et, self.Gt, self.A, self.At = matrices
-        *parts, self._edge, rows = arrays
-        self._edge_rows = np.ascontiguousarray(rows.T)
-        pairs = zip(self.groups, parts[::2], parts[1::2], strict=True)
-        self.groups = [replace(g, cone_part=G, equation_part=E) for g, G, E in pairs]
+    def _places_of(self, group: Group, cones: Entries, equations: Entries) -> list[Places]:
+        c, k = group.given.shape
+        return [
+            ((height, c, k), (place * c + variable) * k + block, entry)
+            for height, (entry, place, variable, block) in (
+                (len(group.rows), cones),
+                (len(group.equations), equations),
+            )
+        ]
 
     def renew(self, data: FloatArray) -> None:
-        """Other numbers for the entries of A, in its order: their places are looked up once."""
-        if not self._places:
-            numbered = sp.csr_array(self._given, copy=True)
-            numbered.data = np.arange(1.0, len(data) + 1.0)
-            matrices, arrays = self._laid_out(numbered)
-            self._places = [np.rint(m.data).astype(np.int64) for m in matrices]
-            self._places += [np.rint(array).astype(np.int64) for array in arrays]
-        parts = [np.append(0.0, data)[at] for at in self._places]
-        for matrix, part in zip(self._matrices, parts, strict=False):
-            matrix.data = part
-        self._name(self._matrices, parts[len(self._matrices) :])
+        """Other numbers for the entries of A, in its order."""
+        data, (indices, indptr), p = data[self._given_entries], self._layout, self.equations
+        cut, n = int(indptr[p]), self.variables
+        self.E = self._sparse(data[:cut], indices[:cut], indptr[: p + 1], n)
+        self.G = self._sparse(data[cut:], indices[cut:], indptr[p:] - cut, n)
+        self.A = self._sparse(data, indices, indptr, n)
+        self.Et, self.Gt, self.At = (A.transpose() for A in (self.E, self.G, self.A))
+        groups = []
+        for group, places in zip(self.groups, self._places, strict=True):
+            parts = []
+            for shape, at, entries in places:
+                part = np.zeros(shape)
+                part.ravel()[at] = data[entries]
+                parts.append(part)
+            groups.append(replace(group, cone_part=parts[0], equation_part=parts[1]))
+        self.groups = groups
+        whole = np.zeros((self.equations + len(self.rows), self.variables - self.border.start))
+        row, column = self._at
+        beyond = column >= self.border.start
+        whole[row[beyond], column[beyond] - self.border.start] = data[beyond]
+        self._edge = whole[: self.equations]
+        self._edge_rows = np.ascontiguousarray(whole[self.equations :].T)
 
     def _set_order(self) -> None:
         """Elimination order: equations with the same blocks form one node of the graph."""
@@ -251,11 +295,10 @@ def largest(v: FloatArray) -> float:
     return float(np.abs(v).max(initial=0.0) if BATCH is None else BATCH.largest(v))
 
 
-def _dense_parts(matrix: sp.csr_array, rows: IntArray, columns: IntArray) -> FloatArray:
-    shape = (len(rows), *columns.shape)
-    i = np.broadcast_to(rows[:, None], shape).ravel()
-    j = np.broadcast_to(columns[None], shape).ravel()
-    return np.asarray(matrix[i, j]).reshape(shape)
+def _places_in(equations: IntArray, row: IntArray, block: IntArray, beyond: int) -> IntArray:
+    """Where rows stand among the ``equations`` (e, k) of blocks, which ascend."""
+    keys = (equations + (beyond + 1) * np.arange(equations.shape[1])).T.ravel()
+    return np.searchsorted(keys, (beyond + 1) * block + row) - len(equations) * block
 
 
 def _rank(order: IntArray) -> IntArray:

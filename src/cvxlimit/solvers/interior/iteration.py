@@ -158,7 +158,7 @@ class InteriorPoint:
     def _state(self, c: FloatArray, b: FloatArray) -> None:
         zero = self.system.equations
         self.c, self.f, self.h = c[self.system.columns], b[:zero], b[zero:][self.system.rows]
-        self._empty = np.flatnonzero((np.diff(self.system.E.indptr) == 0) & (self.f != 0.0))
+        self._empty = np.flatnonzero((self.system.lengths[:zero] == 0) & (self.f != 0.0))
         entries = np.abs(self.f[self.f != 0.0])
         self._unit = float(entries.mean()) if len(entries) else 1.0
         self._loads = float(entries.sum()) or 1.0
