@@ -302,10 +302,21 @@ class Scene(RemadeFromFields, SceneJoints):
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        same = () if {"supports", "blocks"} & set(changes) else ("geometry", "free")
-        for kept in ("_detection", "_given_contacts", *same):
-            if kept in self.__dict__:
-                copy.__dict__[kept] = self.__dict__[kept]
+        if not {"supports", "blocks"} & set(changes):
+            kept = {"geometry", "free"} | ({"dead_forces"} if "dead" not in changes else set())
+        else:
+            kept = set()
+        for name in {"_detection", "_given_contacts"} | kept:
+            if name in self.__dict__:
+                copy.__dict__[name] = self.__dict__[name]
+        return copy
+
+    def _beside(self, name: str, value: object) -> Scene:
+        """The same scene, whose contacts follow from something else."""
+        copy = object.__new__(type(self))
+        copy.__dict__.update(self.__dict__)
+        copy.__dict__.pop("contacts", None)
+        copy.__dict__[name] = value
         return copy
 
     @cached_property
@@ -337,16 +348,12 @@ class Scene(RemadeFromFields, SceneJoints):
                 f"scenes {self.name!r} and {other.name!r} differ in their blocks, supports or "
                 "joint tolerance, and so in their contacts"
             )
-        copy = self._copy()
-        copy.__dict__["_detection"] = other._detection
-        return copy
+        return self._beside("_detection", other._detection)
 
     def _with_contacts(self, contacts: Contacts) -> Scene:
         """The same scene with these contacts in place of those detected, for what solves it: files,
         pickles, other units and other strengths know nothing of them."""
-        copy = self._copy()
-        copy.__dict__["_given_contacts"] = contacts
-        return copy
+        return self._beside("_given_contacts", contacts)
 
     def _with_own(self, contacts: Contacts) -> Contacts:
         values: dict[str, Any] = {}

@@ -46,7 +46,7 @@ class LadderNumbers:
 
 NUMBERS = LadderNumbers()
 
-BLOCKWISE_FROM = {"conic": (1_800, 4_000), "facets": (1_200, 1_300), "lean": (1_500, 2_500)}
+BLOCKWISE_FROM = {"conic": (950, 4_000), "facets": (500, 1_300), "lean": (1_000, 2_500)}
 """From how many variables on the blockwise solver comes first, by the kind of problem: compiled,
 and by NumPy."""
 

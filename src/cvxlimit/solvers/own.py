@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,12 +12,12 @@ import scipy.sparse as sp
 from cvxpy.constraints import SOC
 from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
-from threadpoolctl import ThreadpoolController
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
 from cvxlimit.solvers.sparse import BACKENDS, backends
+from cvxlimit.solvers.threads import one_thread
 
 _Named = dict[str, Any]
 
@@ -73,9 +72,7 @@ class Blockwise(CLARABEL):
         """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
         c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
-        # Small blocks gain nothing from threads of BLAS, which wait for each other on a busy
-        # machine: with all cores taken, runs with four took 1.8 times as long as with one.
-        with _threads().limit(limits=1, user_api="blas"):
+        with one_thread():
             own = _Kept.of(kept.get(self.name()), c, data, b, options.pop("backend"))
             start = own.start if warm_start else kept.get("start")
             result = own.program.minimise(**options, start=start)
@@ -90,12 +87,6 @@ class Blockwise(CLARABEL):
             solve_time=result.seconds,
             iterations=result.iterations,
         )
-
-
-@cache
-def _threads() -> ThreadpoolController:
-    """Looking for libraries takes 3 ms, which is a tenth of a small problem."""
-    return ThreadpoolController()
 
 
 @dataclass(frozen=True, eq=False)

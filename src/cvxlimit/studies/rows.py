@@ -14,7 +14,6 @@ from inspect import Parameter, Signature, signature
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import is_number, ratio
@@ -29,6 +28,7 @@ from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import ladder_of
+from cvxlimit.solvers.threads import one_thread
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies.leaders import Leaders
 from cvxlimit.studies.variations import varied
@@ -273,5 +273,5 @@ def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> li
         if len(seen) > 2:  # this one, and one that overlaps with it
             seen.popitem(last=False)
     found, known = seen[name]
-    with threadpool_limits(1):
+    with one_thread():
         return [found.row(variation, known) for variation in variations]
