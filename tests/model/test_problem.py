@@ -141,7 +141,7 @@ class TestLinprog:
     def test_tuff_wall(self, surface: str, count: int, reach: float) -> None:
         scene = builtin_scene("tuff-wall")
         answer = linear_load_factor(scene, count, reach)
-        solution = solve(scene, surface)
+        solution = solve(scene, surface, tolerance=1e-7)
         assert_certified(solution, scene)
         assert solution.load_factor == pytest.approx(answer.load_factor, rel=1e-7)
 

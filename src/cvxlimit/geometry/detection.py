@@ -229,12 +229,13 @@ def _is_aligned_rectangle(flat: FloatArray, sides: IntArray, size: FloatArray) -
 
 
 def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]:
-    seen: Counter[tuple[int, int]] = Counter()
-    names = []
-    for i, k in zip(a.tolist(), b.tolist(), strict=True):
-        seen[i, k] += 1
-        repeat = f"#{seen[i, k]}" if seen[i, k] > 1 else ""
-        names.append(f"{blocks[i].id}-{blocks[k].id}{repeat}")
+    ids, pairs = [block.id for block in blocks], list(zip(a.tolist(), b.tolist(), strict=True))
+    names = [f"{ids[i]}-{ids[k]}" for i, k in pairs]
+    if len(set(pairs)) < len(pairs):
+        seen: Counter[tuple[int, int]] = Counter()
+        for j, pair in enumerate(pairs):
+            seen[pair] += 1
+            names[j] += f"#{seen[pair]}" if seen[pair] > 1 else ""
     return tuple(names)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import reduce
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import STRAIGHT, Facets
 from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
+from cvxlimit.geometry.nearby import overlapping
 from cvxlimit.geometry.polygons import members_of
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
@@ -183,17 +185,19 @@ def facing_pairs(
     """Rows of pieces of pairs of blocks that face each other from near planes and whose boxes meet;
     in the order of the blocks' pairs and, within, of their facets."""
     margin = reach.near[table.block][:, None]
-    low, high = table.corners.min(axis=1) - margin, table.corners.max(axis=1) + margin
+    corners = np.moveaxis(table.corners, 1, 0)
+    low, high = (reduce(end, corners) for end in (np.minimum, np.maximum))
+    low, high = low - margin, high + margin
     start = np.flatnonzero(np.diff(table.block, prepend=-1))
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
     pair, lower = members_of(start, len(table.block), first)
     other = second[pair]
-    meet = ((low[lower] <= block_high[other]) & (block_low[other] <= high[lower])).all(axis=1)
+    meet = overlapping(low, high, lower, block_low, block_high, other)
     row, upper = members_of(start, len(table.block), other[meet])
     lower = lower[meet][row]
     facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= _FACING
     lower, upper = lower[facing], upper[facing]
-    meet = ((low[lower] <= high[upper]) & (low[upper] <= high[lower])).all(axis=1)
+    meet = overlapping(low, high, lower, low, high, upper)
     lower, upper = lower[meet], upper[meet]
     length = np.minimum(reach.near[table.block[lower]], reach.near[table.block[upper]])
     near = _within(table, lower, upper, length) & _within(table, upper, lower, length)
