@@ -185,6 +185,28 @@ class TestNewtonSystem:
         terms = abs(E.T) @ abs(y) + abs(G.T) @ abs(z), abs(E) @ abs(x), abs(G) @ abs(x)
         assert np.all(np.abs(left) <= 1e-9 * (1.0 + np.concatenate(terms)))
 
+    @pytest.mark.parametrize("kind", SYSTEMS)
+    def test_entries_given_twice_add_up(self, kind: type[NewtonSystem], backend: str) -> None:
+        """Each entry in two halves, then other numbers: as a system made of those; 1e-9 because
+        the right-hand side is of order one."""
+        rng = np.random.default_rng(6)
+        G = sp.block_diag([sp.csr_array(rng.normal(size=(5, 3))) for _ in range(6)], format="csr")
+        G = sp.hstack([G, sp.csr_array((30, 1))])
+        A = sp.vstack([sp.csr_array(rng.normal(size=(7, 19))), G], format="csr")
+        halves = [np.repeat(0.5 * A.data, 2), np.repeat(A.indices, 2), 2 * A.indptr]
+        scaled, right = rng.uniform(0.5, 2.0, (2, 30)), rng.normal(size=19 + 7 + 30)
+        answers = []
+        for factor in (1.0, 3.0):
+            whole = kind(factor * A, 7, 30, [], backend)
+            twice = kind(sp.csr_array(tuple(halves), shape=A.shape), 7, 30, [], backend)
+            twice.renew(factor * halves[0])
+            for system in (whole, twice):
+                system.factorise(system.cones.scaling(*scaled))
+                answers.append(system.solve(right))
+        np.testing.assert_allclose(answers[1], answers[0], atol=1e-9)
+        np.testing.assert_allclose(answers[3], answers[2], atol=1e-9)
+        assert np.abs(answers[2] - answers[0]).max() > 0.01
+
     def test_a_bounded_variable_in_all_equations(self, backend: str) -> None:
         """It borders the Schur complement although it has a cone row: max t, t <= 2 or less."""
         n = 300

@@ -6,6 +6,7 @@ Eliminating them leaves a Schur complement with six rows per masonry block.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -49,17 +50,19 @@ class NewtonSystem:
         self.columns, self.rows = found.columns, found.rows
         self.cones = self.cones_type(found.cones.orthant, found.cones.shapes)
         self.border, self.groups = slice(found.inner, self.variables), found.groups
-        self._set_rows(A)
-        self._places = [self._places_of(*own) for own in self._entries_by_group()]
+        row, column = self._set_rows(A)
+        self._places = [self._places_of(*own) for own in self._entries_by_group(row, column)]
+        self._beyond = np.flatnonzero(column >= self.border.start)
+        self._edge_at = row[self._beyond], column[self._beyond] - self.border.start
         self.renew(A.data)
         self.target = LIMITS.target
         self._set_order()
         self._set_pattern()
         self.factorisation = BACKENDS[backend](self._indices, self._indptr)
 
-    def _set_rows(self, A: sp.csr_array) -> None:
-        """Which entry of A stands where in the order of the groups. Products do not mind unsorted
-        rows."""
+    def _set_rows(self, A: sp.csr_array) -> tuple[IntArray, IntArray]:
+        """Which entry of A stands where in the order of the groups; their rows and columns.
+        Products do not mind unsorted rows."""
         p = self.equations
         numbers = np.arange(len(A.data)), A.indices, A.indptr
         order = np.concatenate([np.arange(p), p + self.rows])
@@ -67,16 +70,17 @@ class NewtonSystem:
         self._given_entries = placed.data
         self._layout = _rank(self.columns)[placed.indices].astype(np.int32), placed.indptr
         self.lengths = np.diff(placed.indptr)  # entries of each equation and cone row
-        row = np.repeat(np.arange(len(order)), self.lengths)
-        self._at = row, self._layout[0].astype(np.int64)
+        return np.repeat(np.arange(len(order)), self.lengths), self._layout[0].astype(np.int64)
 
     @staticmethod
     def _sparse(data: FloatArray, indices: Indices, indptr: Indices, width: int) -> Any:
         return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, width))
 
-    def _entries_by_group(self) -> list[tuple[Group, Entries, Entries]]:
+    def _entries_by_group(
+        self, row: IntArray, column: IntArray
+    ) -> list[tuple[Group, Entries, Entries]]:
         """Of each group, the entries in its blocks' cone rows and equations."""
-        p, (row, column) = self.equations, self._at
+        p = self.equations
         firsts = [group.columns.start for group in self.groups]
         owner = np.searchsorted([*firsts, self.border.start], column, side="right") - 1
         by_owner = np.argsort(owner, kind="stable")
@@ -119,17 +123,14 @@ class NewtonSystem:
         self.Et, self.Gt, self.At = (A.transpose() for A in (self.E, self.G, self.A))
         groups = []
         for group, places in zip(self.groups, self._places, strict=True):
-            parts = []
-            for shape, at, entries in places:
-                part = np.zeros(shape)
-                part.ravel()[at] = data[entries]
-                parts.append(part)
-            groups.append(replace(group, cone_part=parts[0], equation_part=parts[1]))
+            cones, equations = (
+                np.asarray(np.bincount(at, data[entries], math.prod(shape)), float).reshape(shape)
+                for shape, at, entries in places
+            )
+            groups.append(replace(group, cone_part=cones, equation_part=equations))
         self.groups = groups
         whole = np.zeros((self.equations + len(self.rows), self.variables - self.border.start))
-        row, column = self._at
-        beyond = column >= self.border.start
-        whole[row[beyond], column[beyond] - self.border.start] = data[beyond]
+        np.add.at(whole, self._edge_at, data[self._beyond])
         self._edge = whole[: self.equations]
         self._edge_rows = np.ascontiguousarray(whole[self.equations :].T)
 
