@@ -24,8 +24,8 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.cases.panel import build
 from benchmarks.engine import arrays
+from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.elimination import NewtonSystem
-from cvxlimit.solvers.sparse import BACKENDS
 
 console = Console(highlight=False, soft_wrap=True)
 
@@ -76,16 +76,16 @@ def factorisations() -> Iterator[list[float]]:
         yield spent
 
 
-def measured(size: int, backend: str) -> Row:
+def measured(size: int) -> Row:
     """One panel of about so many contacts."""
-    scene = build(size)
-    program = arrays(scene, "conic", backend)()
+    scene, way = build(size), "NumPy" if BATCH is None else "compiled"
+    program = arrays(scene, "conic", way)()
     start = process_time()
     with factorisations() as spent:
         found = program.minimise(TOLERANCE, 200)
     seconds = process_time() - start
     stiffer = scene.with_joints(friction=1.01 * float(scene.contacts.friction.max()))
-    warm = arrays(stiffer, "conic", backend)().minimise(TOLERANCE, 200, found.middle)
+    warm = arrays(stiffer, "conic", way)().minimise(TOLERANCE, 200, found.middle)
     number = len(scene.contacts)
     return Row(number, seconds, median(spent), found.iterations, warm.iterations)
 
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = []
     with threadpool_limits(1):
         for size in asked.sizes:
-            rows.append(measured(size, next(iter(BACKENDS))))
+            rows.append(measured(size))
             console.print(str(rows[-1]))
     if asked.picture is not None:
         drawn(rows).savefig(asked.picture, dpi=150)
