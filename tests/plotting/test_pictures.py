@@ -354,6 +354,7 @@ def test_a_thumbnail_is_small(arch: Solution) -> None:
 class TestSheet:
     """Figures for a journal's column: nothing leaves the paper, letters can be read."""
 
+    @pytest.mark.exhaustive_cases("None-mechanism", "figsize0-utilisation")
     @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
     @pytest.mark.parametrize("figsize", [(3.4, 2.9), None])
     def test_words_stay_on_the_paper(self, tuff: Solution, kind: str, figsize) -> None:

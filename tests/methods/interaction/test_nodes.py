@@ -27,6 +27,9 @@ FloatArray = NDArray[np.float64]
 TIGHT = settings_for("CLARABEL", 1e-9)
 
 
+@pytest.mark.exhaustive_cases(
+    "signed-torsion-bending-0.0", "signed-torsion-bending-1e-05", "paper-0.0"
+)
 @pytest.mark.parametrize("precision", [0.0, 1e-5])
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_rules_within_boxes_are_exact_where_something_is_missing(
@@ -99,6 +102,9 @@ def prisms(corners: int) -> Contacts:
     return Scene(blocks, ("ground",), Load(acceleration=(1.0, 0.0, 0.0)), friction=0.6).contacts
 
 
+@pytest.mark.exhaustive_cases(
+    *(f"{corners}-{name}" for corners in (5, 6) for name in ("paper", "signed-torsion-bending"))
+)
 @pytest.mark.parametrize("name", sorted(MOMENTS))
 @pytest.mark.parametrize("corners", [3, 4, 5, 6, 8])
 def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str) -> None:
