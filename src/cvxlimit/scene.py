@@ -302,12 +302,8 @@ class Scene(RemadeFromFields, SceneJoints):
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""
         copy = replace(self, **changes)  # type: ignore[arg-type]
-        if not {"supports", "blocks"} & set(changes):
-            kept = {"geometry", "free"} | ({"dead_forces"} if "dead" not in changes else set())
-        else:
-            kept = set()
-        for name in {"_detection", "_given_contacts"} | kept:
-            if name in self.__dict__:
+        for name, parts in _FOLLOW_FROM.items():
+            if name in self.__dict__ and not parts & changes.keys():
                 copy.__dict__[name] = self.__dict__[name]
         return copy
 
@@ -368,6 +364,17 @@ class Scene(RemadeFromFields, SceneJoints):
             if own:
                 values[what] = np.array([own.get(pair, default) for pair in contacts.pairs])
         return contacts.with_values(**values)
+
+
+_SHAPES = frozenset({"blocks", "supports"})
+_FOLLOW_FROM: dict[str, frozenset[str]] = {
+    "_detection": frozenset(),
+    "_given_contacts": frozenset(),
+    "geometry": _SHAPES,
+    "free": _SHAPES,
+    "dead_forces": _SHAPES | {"dead"},
+}
+"""What a copy keeps, unless one of these is changed."""
 
 
 def check_scene(value: Any) -> None:

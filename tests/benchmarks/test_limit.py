@@ -1,11 +1,19 @@
-"""The least that a solver could take, of a good start."""
+"""The least that a solver could take: a table and a chart."""
 
 from __future__ import annotations
 
-from benchmarks.limit import measured
+from pathlib import Path
+
+import pytest
+from benchmarks.cases.panel import build
+from benchmarks.limit import main
+from matplotlib.image import imread
 
 
-def test_a_good_start_saves_iterations() -> None:
-    """From the way to the answer for 1 % less friction it takes fewer iterations."""
-    row = measured(60)
-    assert 0 < row.warm < row.cold
+def test_one_row_for_each_panel(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "limit.png"
+    main(["60", "100", "--picture", str(picture)])
+    rows = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines()[2:]]
+    assert [int(row[0]) for row in rows] == [len(build(size).contacts) for size in (60, 100)]
+    assert {len(row) for row in rows} == {8}
+    assert imread(picture)[..., :3].std() > 0.0

@@ -231,17 +231,21 @@ static PyObject *squared(PyObject *self, PyObject *const *args, Py_ssize_t given
 
 /* ---- sparse rows ---- */
 
+#define ROWS \
+    INTEGERS(int32_t, starts, 0, -1); \
+    Py_ssize_t rows = a.views[0].len / 4 - 1; \
+    INTEGERS(int32_t, columns, 1, starts[rows]); \
+    DOUBLES(data, 2, starts[rows])
+#define EACH_ENTRY(i, j) for (int32_t j = starts[i]; j < starts[i + 1]; j++)
+
 static PyObject *matvec(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(5);
-    INTEGERS(int32_t, starts, 0, -1);
-    Py_ssize_t rows = a.views[0].len / 4 - 1;
-    INTEGERS(int32_t, columns, 1, starts[rows]);
-    DOUBLES(data, 2, starts[rows]);
+    ROWS;
     DOUBLES(v, 3, -1);
     RESULT(out, 4, rows);
     for (Py_ssize_t i = 0; i < rows; i++) {
         double sum = 0.0;
-        for (int32_t j = starts[i]; j < starts[i + 1]; j++) sum += data[j] * v[columns[j]];
+        EACH_ENTRY(i, j) sum += data[j] * v[columns[j]];
         out[i] = sum;
     }
     END(NONE);
@@ -249,15 +253,12 @@ static PyObject *matvec(PyObject *self, PyObject *const *args, Py_ssize_t given)
 
 static PyObject *transposed_matvec(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(5);
-    INTEGERS(int32_t, starts, 0, -1);
-    Py_ssize_t rows = a.views[0].len / 4 - 1;
-    INTEGERS(int32_t, columns, 1, starts[rows]);
-    DOUBLES(data, 2, starts[rows]);
+    ROWS;
     DOUBLES(v, 3, rows);
     RESULT(out, 4, -1); /* zeros */
     for (Py_ssize_t i = 0; i < rows; i++) {
         double own = v[i];
-        for (int32_t j = starts[i]; j < starts[i + 1]; j++) out[columns[j]] += data[j] * own;
+        EACH_ENTRY(i, j) out[columns[j]] += data[j] * own;
     }
     END(NONE);
 }
