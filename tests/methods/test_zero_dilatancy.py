@@ -77,7 +77,7 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
     assert lost < 2e-6 * abs(factor)
 
 
-@pytest.mark.exhaustive_cases("ferris-tin-loi-2", "ferris-tin-loi-3")
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", PUBLISHED)
 class TestWalls:
     def test_within_what_is_known(self, name: str) -> None:

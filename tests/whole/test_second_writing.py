@@ -54,6 +54,7 @@ def check(seed: int) -> None:
     assert solution.upper - solution.lower <= TOLERANCE * abs(solution.upper) + ZERO
 
 
+@pytest.mark.exhaustive_cases(*map(str, range(5010, 5030)))
 @pytest.mark.parametrize("seed", [749, 30891, *range(5000, 5030)])
 def test_any_outline(seed: int) -> None:
     """749: a brick on a notched block whose hull lost a corner, [0.28871, 0.28871] for 0.37064."""

@@ -294,6 +294,7 @@ def test_a_load_that_presses_down_does_no_harm(moments: str) -> None:
     assert np.abs(alone.residual(solution.forces, 0.0)).max() < 1e-12
 
 
+@pytest.mark.exhaustive_cases("wall-independent", "wall-signed")
 @pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize(
     "scene", [side_by_side(), partly_pressed(1), partly_pressed(2)], ids=["two", "row", "wall"]

@@ -102,9 +102,7 @@ def prisms(corners: int) -> Contacts:
     return Scene(blocks, ("ground",), Load(acceleration=(1.0, 0.0, 0.0)), friction=0.6).contacts
 
 
-@pytest.mark.exhaustive_cases(
-    *(f"{corners}-{name}" for corners in (5, 6) for name in ("paper", "signed-torsion-bending"))
-)
+@pytest.mark.exhaustive_cases(*(f"{corners}-{name}" for corners in (5, 6) for name in MOMENTS))
 @pytest.mark.parametrize("name", sorted(MOMENTS))
 @pytest.mark.parametrize("corners", [3, 4, 5, 6, 8])
 def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str) -> None:
