@@ -2,9 +2,9 @@
 
     .venv/bin/python -m benchmarks.engine [--repeat 5] [SCENE[:SURFACE] ...]
 
-Medians; methods in turns; our own compiled, and as it runs without a C compiler. Cold: the limit
-problem, by tolerance. Warm: the same with friction 1 % higher, from a point on the way to the first
-answer (``middle``). Times are the solver's alone.
+Medians; methods in turns; our own as one compiled call for small programs, in compiled parts, and
+as it runs without a C compiler. Cold: the limit problem, by tolerance. Warm: the same with friction
+1 % higher, from a point on the way to the first answer (``middle``). Times are the solver's alone.
 """
 
 from __future__ import annotations
@@ -13,18 +13,21 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from unittest.mock import patch
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, settings_for
 from cvxlimit.solvers.interior import compiled
-from cvxlimit.solvers.interior.iteration import InteriorPoint
+from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
+from cvxlimit.solvers.interior.whole import small_program
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 SCENES = (
@@ -32,23 +35,41 @@ SCENES = (
     "s10-panel",
 )  # fmt: skip
 TOLERANCES = (1e-4, 1e-6, 1e-8)
-WAYS = {"compiled": "supernodal", "NumPy": "superlu"}
-"""Ways to run our own, with their factorisations."""
+WAYS = {"whole": "", "compiled": "supernodal", "NumPy": "superlu"}
+"""Ways to run our own, with their factorisations: ``whole`` is one compiled call."""
+
+
+Run = Callable[[float, Point | None], Result | None]
+Program = tuple[NDArray[np.float64], sp.csc_array, NDArray[np.float64], tuple[int, int, list[int]]]
+
+
+def program_of(scene: Scene, surface: str) -> Program:
+    """The limit problem's cost, matrix and right-hand side, and its cones."""
+    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
+    dims, c, b = data["dims"], np.asarray(data["c"]), np.asarray(data["b"])
+    return c, sp.csc_array(data["A"]), b, (dims.zero, dims.nonneg, list(dims.soc))
 
 
 def arrays(scene: Scene, surface: str, way: str) -> Callable[[], InteriorPoint]:
     """What sets up the engine for a limit problem."""
-    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
-    data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
-    dims, matrix = data["dims"], sp.csr_array(data["A"])
-    c, b = np.asarray(data["c"]), np.asarray(data["b"])
-    extension = None if way == "NumPy" else compiled.BATCH
+    c, matrix, b, cones = program_of(scene, surface)
+    rows, extension = sp.csr_array(matrix), None if way == "NumPy" else compiled.BATCH
 
     def setup() -> InteriorPoint:
         with patch.object(compiled, "BATCH", extension):
-            return InteriorPoint(c, matrix, b, dims.zero, dims.nonneg, list(dims.soc), WAYS[way])
+            return InteriorPoint(c, rows, b, *cones, WAYS[way])
 
     return setup
+
+
+def own(scene: Scene, surface: str, way: str) -> Run:
+    """The engine on a limit problem, set up and run."""
+    if way != "whole":
+        setup = arrays(scene, surface, way)
+        return lambda tolerance, start: setup().minimise(tolerance, 100, start)
+    given = program_of(scene, surface)
+    return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
 
 
 def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:
@@ -74,18 +95,13 @@ def measured(name: str, repeat: int) -> dict[str, str]:
     found: dict[str, str] = {}
     rougher = scene.with_friction(1.01 * float(scene.contacts.friction[0]))
     for way in WAYS:
-        setup, stronger = arrays(scene, surface, way), arrays(rougher, surface, way)
-        start = setup().minimise(1e-6, 100).middle
+        first, second = own(scene, surface, way), own(rougher, surface, way)
+        before = first(1e-6, None)
+        if before is None:  # too large for it
+            continue
         for tolerance in TOLERANCES:
-
-            def cold(setup=setup, tolerance=tolerance):  # type: ignore[no-untyped-def]
-                return setup().minimise(tolerance, 100)
-
-            def warm(setup=stronger, tolerance=tolerance, start=start):  # type: ignore[no-untyped-def]
-                return setup().minimise(tolerance, 100, start)
-
-            runs[f"own {way} {tolerance:g}"] = cold
-            runs[f"own {way} {tolerance:g} warm"] = warm
+            runs[f"own {way} {tolerance:g}"] = partial(first, tolerance, None)
+            runs[f"own {way} {tolerance:g} warm"] = partial(second, tolerance, before.middle)
     seconds: dict[str, list[float]] = {label: [] for label in runs}
     for _ in range(repeat):
         for label, run in runs.items():

@@ -29,11 +29,12 @@ from cvxlimit.solvers import (
     default_ladder,
     limit_ladder,
 )
-from cvxlimit.solvers.extensions import BATCH
+from cvxlimit.solvers.extensions import BATCH, SMALL
 from cvxlimit.solvers.interior.compiled import CompiledCones, CompiledSystem
 from cvxlimit.solvers.interior.cones import Cones
 from cvxlimit.solvers.interior.elimination import NewtonSystem
 from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
+from cvxlimit.solvers.interior.whole import small_program
 from cvxlimit.solvers.sparse import backends
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, named_scene, scenes
@@ -406,10 +407,8 @@ class TestWarmStarts:
         )
         middle = own.minimise(1e-8, 100).middle
         assert middle is not None
-        assert own.cones.margin(own.h - own.system.G @ middle.x) > 0.0
-        x = np.empty_like(middle.x)
-        x[own.system.columns] = middle.x
-        state = problem.state(Outcome("on the way", 0.0, 0.0), x, middle.y)
+        assert own.cones.margin(own.h - own.system.G @ middle.x[own.system.columns]) > 0.0
+        state = problem.state(Outcome("on the way", 0.0, 0.0), middle.x, middle.y)
         bounds = Certifier(assemblage, DEFAULT_SURFACES).of(state)
         assert bounds.lower_is_proved
         assert bounds.lower == pytest.approx(state.load_factor, rel=1e-12)
@@ -446,6 +445,128 @@ def _flat(dual: Any) -> FloatArray:
     """A dual value, or the several of a cone, as one array."""
     parts = dual if isinstance(dual, list) else [dual]
     return np.concatenate([np.atleast_1d(part).ravel() for part in parts])
+
+
+@pytest.mark.skipif(SMALL is None, reason="not compiled here")
+class TestSmall:
+    """The whole iteration compiled, on general programs; test_hull.py has copies of contacts."""
+
+    @staticmethod
+    def given(problem: cp.Problem) -> tuple[FloatArray, sp.csc_array, FloatArray, Any]:
+        data = problem.get_problem_data(Blockwise())[0]
+        dims = data["dims"]
+        return data["c"], sp.csc_array(data["A"]), data["b"], (dims.zero, dims.nonneg, dims.soc)
+
+    @pytest.mark.parametrize("seed", range(12))
+    def test_as_the_general_way(self, seed: int) -> None:
+        """Both to 1e-9; what else they share are formulas."""
+        c, A, b, cones = self.given(random_program(np.random.default_rng(seed)))
+        expected = InteriorPoint(c, sp.csr_array(A), b, *cones, backends()[0]).minimise(1e-9, 100)
+        found = small_program(c, A, b, cones, 1e-9, 100)
+        assert found is not None
+        assert found.status == expected.status == "Solved"
+        assert found.objective == pytest.approx(expected.objective, rel=1e-7, abs=1e-8)
+
+    @pytest.mark.parametrize("seed", range(12))
+    def test_both_sides_are_feasible(self, seed: int) -> None:
+        """Sizes of entries are of the order of 1; 1e-7 is ten times what is asked for."""
+        c, A, b, cones = self.given(random_program(np.random.default_rng(100 + seed)))
+        found = small_program(c, A, b, cones, 1e-8, 100)
+        assert found is not None
+        x, y, z, s = (getattr(found.point, name) for name in "xyzs")
+        zero, orthant, soc = cones
+        assert np.abs(A @ x + np.concatenate([np.zeros(zero), s]) - b).max() < 1e-7
+        assert np.abs(A.T @ np.concatenate([y, z]) + c).max() < 1e-7
+        for side in (s, z):
+            assert side[:orthant].min(initial=1.0) > 0.0
+            at = orthant
+            for size in soc:
+                assert np.linalg.norm(side[at + 1 : at + size]) < side[at]
+                at += size
+        assert -b @ np.concatenate([y, z]) == pytest.approx(c @ x, rel=1e-7, abs=1e-7)
+
+    @pytest.mark.parametrize("seed", range(6))
+    def test_the_order_of_what_is_given_does_not_matter(self, seed: int) -> None:
+        """Equations and columns in another order, an entry in two parts: the same optimum."""
+        rng = np.random.default_rng(seed)
+        c, A, b, cones = self.given(random_program(rng))
+        rows = np.concatenate([rng.permutation(cones[0]), np.arange(cones[0], len(b))])
+        columns = rng.permutation(len(c))
+        other = sp.csc_array(A[rows][:, columns])
+        share = rng.random(len(other.data))
+        halves = np.column_stack([share * other.data, (1.0 - share) * other.data]).ravel()
+        twice = sp.csc_array((halves, np.repeat(other.indices, 2), 2 * other.indptr), other.shape)
+        first = small_program(c, A, b, cones, 1e-9, 100)
+        second = small_program(c[columns], twice, b[rows], cones, 1e-9, 100)
+        assert first is not None
+        assert second is not None
+        assert second.objective == pytest.approx(first.objective, rel=1e-7, abs=1e-8)
+
+    @pytest.mark.parametrize("seed", range(6))
+    @pytest.mark.parametrize("above", [1e-3, 0.1, 1.0])
+    def test_it_may_end_where_the_dual_objective_is_enough(self, seed: int, above: float) -> None:
+        """What it then says is a bound: feasible duals whose objective lies between both."""
+        c, A, b, cones = self.given(random_program(np.random.default_rng(seed)))
+        whole = small_program(c, A, b, cones, 1e-9, 100)
+        assert whole is not None
+        enough = whole.objective - above
+        found = small_program(c, A, b, cones, 1e-9, 100, enough)
+        assert found is not None
+        assert found.iterations <= whole.iterations
+        y = np.concatenate([found.point.y, found.point.z])
+        assert np.abs(A.T @ y + c).max() < 1e-3 * above
+        assert enough <= -b @ y <= whole.objective + 1e-7 * (1.0 + abs(whole.objective))
+
+    @pytest.mark.parametrize("size", [0.0, 1e-6, 1.0, 1e6, np.nan, np.inf])
+    def test_any_start(self, size: float) -> None:
+        """From its own path, from noise and from none the optimum is the same."""
+        rng = np.random.default_rng(3)
+        c, A, b, cones = self.given(random_program(rng))
+        cold = small_program(c, A, b, cones, 1e-9, 100)
+        assert cold is not None
+        assert cold.middle is not None
+        for point in (cold.middle, cold.point):
+            noisy = Point(*(v + size * rng.normal(size=len(v)) for v in _parts(point)))
+            found = small_program(c, A, b, cones, 1e-9, 100, start=noisy)
+            assert found is not None
+            assert found.objective == pytest.approx(cold.objective, rel=1e-7, abs=1e-8)
+        short = Point(*(v[1:] for v in _parts(cold.point)))
+        found = small_program(c, A, b, cones, 1e-9, 100, start=short)
+        assert found is not None
+        assert found.objective == cold.objective
+
+    def test_equations_out_of_reach_of_each_other(self) -> None:
+        """Two walls of blocks without a common equation, and a variable in all equations of both:
+        max t, t <= x for all x, where x = 1 and x = 2 in turns."""
+        n = 120
+        x, t = cp.Variable(n), cp.Variable()
+        value = 1.0 + np.arange(n) % 2
+        problem = cp.Problem(
+            cp.Maximize(t),
+            [x - t >= 0, x + 0 * t == value, t <= 9.0, cp.sum(x[: n // 2]) >= 0],
+        )
+        assert problem.solve(solver=Blockwise()) == pytest.approx(1.0, abs=1e-8)
+
+    def test_wrong_arrays_are_refused(self) -> None:
+        """A size that does not fit would be a crash: arrays of a wrong kind, length or place."""
+        c, A, b, (zero, orthant, soc) = self.given(random_program(np.random.default_rng(0)))
+        size = len(c) + zero + 2 * (len(b) - zero)
+        indptr, indices = A.indptr.astype(np.int32), A.indices.astype(np.int32)
+        right = [
+            c, indptr, indices, A.data, b, zero, orthant, np.array(soc), 1e-8, 50, np.inf, 0,
+            np.zeros(size), np.zeros(size),
+        ]  # fmt: skip
+        SMALL.minimise(*right)
+        wrong = {
+            0: c[:-1], 1: indptr.astype(np.int64), 2: indices + len(b), 3: A.data[:-1], 4: b[:-1],
+            5: -1, 6: orthant + 1, 7: np.array([*soc, 3]), 12: np.zeros(size - 1),
+            13: np.zeros(size + 1),
+        }  # fmt: skip
+        for place, value in wrong.items():
+            with pytest.raises((ValueError, BufferError)):
+                SMALL.minimise(*right[:place], value, *right[place + 1 :])
+        with pytest.raises(TypeError):
+            SMALL.minimise(*right[:-1])
 
 
 class TestNoAnswer:

@@ -51,7 +51,7 @@ class Repeats:
     def lead(self, place: FloatArray) -> bool:
         """Start others from a point on the way to the last answer; False if there is none."""
         key, kept = next(reversed(self._kept.items()), ("", {}))
-        middle = None if "BLOCKWISE" not in kept else kept["BLOCKWISE"].start
+        middle = kept.get("middle")
         led = self._led.setdefault(key, [])
         if middle is None or any(middle is point for _, point in led):
             return False

@@ -23,5 +23,8 @@ def _loaded(name: str) -> Any:
 BATCH: Any = _loaded("interior._batch")
 """Small blocks and cones of the interior point, ``interior/batch.c``; else NumPy."""
 
+SMALL: Any = _loaded("interior._small")
+"""The whole interior point for small programs, ``interior/small.c``; else the parts above."""
+
 CHOLESKY: Any = _loaded("_cholesky")
 """Sparse factorisation, ``cholesky.c``; else SuperLU."""

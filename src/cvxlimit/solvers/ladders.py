@@ -13,7 +13,8 @@ from typing import Any
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.extensions import BATCH
+from cvxlimit.solvers.extensions import BATCH, SMALL
+from cvxlimit.solvers.sparse import backends
 from cvxlimit.solvers.table import SOLVERS, SolverSettings, check_installed, installed, settings_for
 
 Ladder = tuple[SolverSettings, ...]
@@ -26,6 +27,8 @@ class LadderNumbers:
     least_bracket: float = 1e-6  # narrowest that is asked of QOCO with cones
     lean: float = 1e-10  # tolerance of QOCO without cones and facets
     enough: float = 1 / 3  # gap of the blockwise solver, over the width of the bracket asked for
+    few: int = 950  # variables below which it is asked for more digits, which are cheap there,
+    few_gap: float = 1e-9  # and Clarabel is next: contacts of weak stone may be too large for it
     tiny: int = 100  # variables up to which Clarabel comes first in any case
     loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
     leading: float = 1e-6  # of problems that only lead the way:
@@ -37,6 +40,7 @@ class LadderNumbers:
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
+    node_share: float = 0.01  # or this share of the width at which nodes are closed,
     node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100
@@ -46,7 +50,7 @@ class LadderNumbers:
 
 NUMBERS = LadderNumbers()
 
-BLOCKWISE_FROM = {"conic": (950, 4_000), "facets": (500, 1_300), "lean": (1_000, 2_500)}
+BLOCKWISE_FROM = {"conic": (100, 4_000), "facets": (500, 1_300), "lean": (1_000, 2_500)}
 """From how many variables on the blockwise solver comes first, by the kind of problem: compiled,
 and by NumPy."""
 
@@ -128,7 +132,7 @@ def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Lad
     exact = settings_for(
         "BLOCKWISE", NUMBERS.leads, f"BLOCKWISE {NUMBERS.leads:g}", iterations=most
     )
-    own = (exact,) if contacts >= NUMBERS.leads_from else ()
+    own = (exact,) if SMALL is not None or contacts >= NUMBERS.leads_from else ()
     clarabel = clarabel_at(tolerance, iterations=most)
     if "QOCO" not in installed():
         return (*own, *clarabel)
@@ -145,19 +149,22 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
     return (own,) if contacts >= NUMBERS.steps_from else ()
 
 
-def node_ladder(contacts: int = 0) -> Ladder:
-    """The ladder for nodes of a search on so many contacts: our own solver on many, QOCO where it
-    is installed, then what solves the nodes that it gives up; boxes that carry nothing have no
-    force as their answer, on which Clarabel fails.
+def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
+    """The ladder for nodes of a search on so many contacts that are closed at a relative width of
+    ``tolerance``: our own solver on many, or where it is compiled whole, QOCO where it is
+    installed, then what solves the nodes that it gives up; boxes that carry nothing have no force
+    as their answer, on which Clarabel fails.
     """
-    others = tuple(settings_for(name, NUMBERS.node) for name in ("CLARABEL", "BLOCKWISE"))
+    most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
+    clarabel = settings_for("CLARABEL", NUMBERS.node)
     if contacts >= NUMBERS.leads_from:
         own = settings_for("BLOCKWISE", NUMBERS.node, iterations=NUMBERS.tight_iterations)
-        return (own, *others[:1])
-    if "QOCO" not in installed():
-        return others
-    most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
-    return (settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few), *others)
+        return (own, clarabel)
+    asked = max(NUMBERS.node, NUMBERS.node_share * tolerance)
+    small = () if SMALL is None else (settings_for("BLOCKWISE", asked, iterations=most),)
+    last = settings_for("BLOCKWISE", NUMBERS.node)
+    qoco = settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few)
+    return (*small, *((qoco,) if "QOCO" in installed() else ()), clarabel, last)
 
 
 def tight_ladder() -> Ladder:
@@ -199,18 +206,22 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     starts no tighter than it has to.
     """
     first, *others = default_ladder(shape.cones > 0)
-    own, kind = settings_for("BLOCKWISE"), shape.kind
+    # The general way, which rounding harms less than the one for small programs.
+    own, kind = settings_for("BLOCKWISE", backend=backends()[0]), shape.kind
     # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
-    enough = settings_for("BLOCKWISE", NUMBERS.enough * tolerance)
+    asked, tight = NUMBERS.enough * tolerance, replace(own, label="BLOCKWISE tight")
+    if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind][BATCH is None]):
+        return (settings_for("BLOCKWISE", asked), tight, first, *others)
     if shape.variables >= BLOCKWISE_FROM[kind][BATCH is None]:
-        return (enough, replace(own, label="BLOCKWISE tight"), first, *others)
+        digits = settings_for("BLOCKWISE", min(asked, NUMBERS.few_gap))
+        return (digits, first, tight, *others)
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)):
         return (first, own, *others)
-    asked = NUMBERS.lean if kind == "lean" else None
+    lean = NUMBERS.lean if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
-        return (first, settings_for("QOCO", asked), own, *others)
+        return (first, settings_for("QOCO", lean), own, *others)
     refined: dict[str, Any] = {"ir_tol": NUMBERS.refined, "max_ir_iters": NUMBERS.refinements}
-    quick = settings_for("QOCO", asked, **refined)
+    quick = settings_for("QOCO", lean, **refined)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
     is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
     before = (settings_for("QOCO", loose, **refined),) if is_loose else ()

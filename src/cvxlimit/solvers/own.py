@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +16,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
+from cvxlimit.solvers.interior.whole import small_program
 from cvxlimit.solvers.sparse import BACKENDS, backends
 from cvxlimit.solvers.threads import one_thread
 
@@ -72,13 +73,16 @@ class Blockwise(CLARABEL):
         """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
         c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
-        with one_thread():
-            own = _Kept.of(kept.get(self.name()), c, data, b, options.pop("backend"))
-            start = own.start if warm_start else kept.get("start")
-            result = own.program.minimise(**options, start=start)
-            if start is not None and result.status != SOLVED:
-                result = own.program.minimise(**options)
-        kept[self.name()] = own.after(result)
+        start, backend = kept.get("middle" if warm_start else "start"), options.pop("backend")
+        result = None if "backend" in solver_opts else _small(c, data, b, options, start)
+        if result is None:
+            with one_thread():
+                own = kept[self.name()] = _Kept.of(kept.get(self.name()), c, data, b, backend)
+                result = own.program.minimise(**options, start=start)
+                if start is not None and result.status != SOLVED:
+                    result = own.program.minimise(**options)
+        if result.middle is not None:
+            kept["middle"] = result.middle
         return SimpleNamespace(
             status=result.status,
             x=result.point.x,
@@ -89,14 +93,24 @@ class Blockwise(CLARABEL):
         )
 
 
+def _small(
+    c: FloatArray, data: _Named, b: FloatArray, options: _Named, start: Point | None
+) -> Result | None:
+    """The answer by one compiled call, where the program suits and it finds one."""
+    dims = data[ConicSolver.DIMS]
+    return small_program(
+        c, sp.csc_array(data[keys.A]), b, (dims.zero, dims.nonneg, list(dims.soc)),
+        options["tolerance"], options["max_iter"], data.get("enough", np.inf), start,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """A program for the next of its pattern, and a point from which to start it."""
+    """A program, for the next of its pattern."""
 
     program: InteriorPoint
     matrix: sp.csr_array
     about: tuple[object, ...]
-    start: Point | None
 
     @classmethod
     def of(cls, before: Any, c: FloatArray, data: _Named, b: FloatArray, backend: str) -> _Kept:
@@ -105,12 +119,7 @@ class _Kept:
         if isinstance(before, _Kept) and before.about == about and _is_alike(before.matrix, matrix):
             before.program.renew(c, np.asarray(matrix.data, dtype=float), b)
             return before
-        start = before.start if isinstance(before, _Kept) else None
-        program = InteriorPoint(c, matrix, b, *about[1:4], backend)
-        return cls(program, matrix, about, start)
-
-    def after(self, result: Result) -> _Kept:
-        return self if result.middle is None else replace(self, start=result.middle)
+        return cls(InteriorPoint(c, matrix, b, *about[1:4], backend), matrix, about)
 
 
 def _is_alike(one: sp.csr_array, other: sp.csr_array) -> bool:

@@ -32,7 +32,7 @@ class ConeProgram:
 
     ``cost`` (n,), ``matrix`` (m, n) and ``right`` (m,) are c, A and b; ``zero`` rows of equations
     come first, then ``nonneg`` inequalities, then second-order cones of the sizes in ``cones``.
-    ``parts`` are the matrix's equations and other rows, where they are known apart.
+    Our own solver may end where the dual objective is ``enough``.
 
     Example
     -------
@@ -50,30 +50,16 @@ class ConeProgram:
     zero: int
     nonneg: int
     cones: tuple[int, ...] = ()
-    parts: tuple[sp.csc_array, sp.csc_array] | None = None
-
-    @classmethod
-    def of(
-        cls,
-        cost: FloatArray,
-        equations: sp.csc_array,
-        inequalities: sp.csc_array,
-        right: FloatArray,
-        nonneg: int,
-        cones: tuple[int, ...],
-    ) -> ConeProgram:
-        """From the equations' rows and the others, for solvers that want them apart."""
-        matrix = sp.vstack([equations, inequalities], format="csc")
-        parts = equations, inequalities
-        return cls(cost, matrix, right, equations.shape[0], nonneg, cones, parts)
+    enough: float = np.inf
 
     def solve(
         self, settings: SolverSettings, cache: dict[str, Any] | None = None, is_warm: bool = True
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
         """One run of one solver: outcome, x, and the duals (zero,) of the equations. Solvers that
-        start from the program before leave what they need in ``cache``; where the start is not to
-        be warm they take the structure from there, which is that of any program of this pattern,
-        and start from its ``"start"``, if there is one.
+        start from the program before leave what they need in ``cache``, a point on the way to the
+        answer under ``"middle"``; where the start is not to be warm they take the structure from
+        there, which is that of any program of this pattern, and start from its ``"start"``, if
+        there is one.
 
         Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
         """
@@ -100,8 +86,9 @@ class ConeProgram:
             zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
         )
         data = {keys.C: self.cost, ConicSolver.DIMS: dims, keys.A: self.matrix, keys.B: self.right}
+        data["enough"] = self.enough
         if is_split:
-            equations, others = self.parts or self._split()
+            equations, others = self._split()
             data |= {keys.A: equations, keys.B: self.right[:p]}
             data |= {keys.G: others, keys.H: self.right[p:]}
         return data, {

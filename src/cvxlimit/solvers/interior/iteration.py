@@ -96,7 +96,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Status; the answer, in the order of the program given; a point on the way to start from."""
+    """Status; the answer; a point on the way, to start from; both in the order of the program."""
 
     status: str
     point: Point
@@ -192,11 +192,16 @@ class InteriorPoint:
         reached = SOLVED if not rank[0] else ALMOST if worst < NUMBERS.almost else STALLED
         status, point = outcome or (reached, best)
         objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(self.c @ point.x))
-        x, z, s = np.empty_like(point.x), np.empty_like(point.z), np.empty_like(point.s)
-        x[self.system.columns] = point.x
-        z[self.system.rows], s[self.system.rows] = point.z, point.s
+        halfway = None if middle is None else self._given(middle)
         seconds = time.perf_counter() - began
-        return Result(status, Point(x, point.y, z, s), objective, count, seconds, middle)
+        return Result(status, self._given(point), objective, count, seconds, halfway)
+
+    def _given(self, at: Point) -> Point:
+        """A point in the order of the program given."""
+        x, z, s = np.empty_like(at.x), np.empty_like(at.z), np.empty_like(at.s)
+        x[self.system.columns] = at.x
+        z[self.system.rows], s[self.system.rows] = at.z, at.s
+        return Point(x, at.y, z, s)
 
     def _cold(self) -> Point:
         """Least-squares solutions, moved inside the cones (Vandenberghe, section 7.3)."""
@@ -229,11 +234,12 @@ class InteriorPoint:
         given = (start.x, start.y, start.z, start.s)
         if any(a.shape != b.shape for a, b in zip(own, given, strict=True)):
             return None
-        e = self.cones.identity
-        lifted = [v + NUMBERS.shift * float(np.abs(v).mean()) * e for v in (start.z, start.s)]
+        e, rows = self.cones.identity, self.system.rows
+        sides = start.z[rows], start.s[rows]
+        lifted = [v + NUMBERS.shift * float(np.abs(v).mean()) * e for v in sides]
         if not min(self.cones.margin(v) for v in lifted) > 0.0:
             return None
-        return Point(start.x, start.y, *lifted)
+        return Point(start.x[self.system.columns], start.y, *lifted)
 
     def _measured(self, at: Point) -> _Measure:
         system = self.system
