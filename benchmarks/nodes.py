@@ -28,7 +28,10 @@ from cvxlimit.solvers import settings_for
 console = Console(highlight=False, markup=False, soft_wrap=True)
 
 _TOLERANCE = 0.0099
-_SOLVERS = (("CLARABEL", 1e-8), ("CLARABEL", 1e-6), ("QOCO", 1e-8), ("QOCO", 1e-6))
+_SOLVERS = (
+    ("CLARABEL", 1e-8), ("CLARABEL", 1e-6), ("QOCO", 1e-8), ("QOCO", 1e-6), ("BLOCKWISE", 1e-8),
+    ("BLOCKWISE", 1e-4),
+)  # fmt: skip
 
 
 def searched(seed: int, **where: Any) -> BranchAndBound:

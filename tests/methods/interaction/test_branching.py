@@ -117,7 +117,8 @@ class Frozen:
         self.problem = cp.Problem(cp.Maximize(self.alpha), limits)
 
     def __call__(self, share: np.ndarray) -> float:
-        e = np.clip(share.reshape(-1, 2), -1.0, 1.0) * self.half
+        # Clarabel finds nothing where arms are shorter than 1e-7 of the sides.
+        e = np.clip(share.reshape(-1, 2), 1e-7 - 1.0, 1.0 - 1e-7) * self.half
         for axis in range(2):
             self.e[axis].value, self.eps[axis].value = e[:, axis], np.abs(e[:, axis])
         self.arm.value = torsion_arm(*(2.0 * (self.half - np.abs(e))).T)

@@ -5,6 +5,8 @@ True states are made here from Eq. 30 as written, with the arm of the independen
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
-from cvxlimit.masonry import single_block
+from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
@@ -25,6 +27,8 @@ from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
+from cvxlimit.solvers import settings_for
+from cvxlimit.solvers.interior.iteration import Point
 from determinate import (
     DETERMINATE,
     MOMENTS,
@@ -418,3 +422,44 @@ def test_nothing_stands_on_a_box_beside_its_contact() -> None:
 
 def test_fractions_are_of_half_sides() -> None:
     np.testing.assert_allclose(half_extent(block_of((1.0, 0.5))), [[0.5, 0.25]])
+
+
+@pytest.mark.parametrize("moments", NAMES)
+def test_a_start_costs_or_saves_time_only(moments: str) -> None:
+    """From halfway to another problem's answer, with other copies of some contacts, and from noise:
+    the load factor of a cold solve. Both are solved to 1e-8."""
+    scene, rng = random_wall(11), np.random.default_rng(0)
+    reading, problem, rung = (
+        parse_moments(moments),
+        HullProblem(scene),
+        settings_for("BLOCKWISE", 1e-8),
+    )
+    boxes = whole_boxes(scene.contacts)
+    first = problem.solve(reading.box_copies(scene.contacts, boxes), rung)
+    boxes[rng.permutation(len(boxes))[:5], :, 0] = 0.2
+    copies = reading.box_copies(scene.contacts, boxes)
+    cold = problem.solve(copies, rung, relief_price=10.0)
+    assert first.halfway is not None
+    assert cold.halfway is not None
+    point = first.halfway.point
+    noise = Point(*(rng.normal(size=len(v)) for v in (point.x, point.y, point.z, point.s)))
+    for start in (first.halfway, cold.halfway, replace(first.halfway, point=noise)):
+        warm = problem.solve(copies, rung, relief_price=10.0, start=start)
+        assert warm.load_factor == pytest.approx(cold.load_factor, rel=1e-7)
+
+
+@pytest.mark.parametrize("moments", NAMES)
+def test_what_ends_early_still_bounds(moments: str) -> None:
+    """A load factor that is not reached: the mechanism proves it, and less is not claimed."""
+    scene, reading = random_wall(11), parse_moments(moments)
+    problem, copies = HullProblem(scene), reading.box_copies(scene.contacts)
+    whole = problem.solve(copies, settings_for("BLOCKWISE", 1e-8)).load_factor
+    assert whole is not None
+    for above in (1.5, 1.1, 1.01):
+        state = problem.solve(copies, settings_for("BLOCKWISE", 1e-8), enough=above * whole)
+        rates = state.mechanism
+        assert rates is not None
+        statics = problem.assemblage.statics
+        power = float(statics.live @ rates.ravel())
+        bound = -float(statics.dead @ rates.ravel()) / power
+        assert whole * (1.0 - 1e-7) <= bound <= above * whole * (1.0 + 1e-7)

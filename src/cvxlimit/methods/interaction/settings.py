@@ -96,7 +96,7 @@ class BranchSettings:
     narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
     rounds: int = 2  # solves per node, with copies added
-    precision: float = 1e-5  # of powers in its bounds, over the relative tolerance
+    precision: float = 1e-3  # of powers in its bounds, over the relative tolerance
     speed_at_rest: float = 1e-3  # share of the largest with which contacts at rest count
     at_rest: float = 0.1  # share of the gap in power below which a node's excess is at rest
     moves: float = 1e-3  # share of the largest speed from which a contact moves
@@ -109,6 +109,8 @@ class BranchSettings:
     gain: float = 0.05  # share of the gap that a round of it must close for another one
     tightening: float = 0.25  # share of the time that it may take
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
+    beneath: float = 0.02  # of that gap below which a solve may end before it is done
+    remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most

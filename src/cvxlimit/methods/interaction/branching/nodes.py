@@ -16,14 +16,14 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.hull import Halfway, HullProblem, HullState
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.solvers import LimitState, SolverSettings, node_ladder, tight_ladder
+from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
 from cvxlimit.surfaces import Rocking
 
 
@@ -42,7 +42,8 @@ class Split:
 class Node:
     """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
     relaxation's ``forces`` and ``load_factor``, copies ``added`` by pricing, and splits that were
-    tried above and are ``due``. ``is_missing`` is True if copies were added since it was solved."""
+    tried above and are ``due``. ``is_missing`` is True if copies were added since it was solved;
+    ``halfway`` is where the solver may start for its parts."""
 
     bound: float
     boxes: FloatArray
@@ -52,6 +53,7 @@ class Node:
     mechanism: FloatArray | None = None
     due: tuple[Split, ...] = ()
     is_missing: bool = False
+    halfway: Halfway | None = None
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class Explored:
 
 class Relaxer:
     """All that nodes of one scene share; ``opening`` is a field (free blocks, 6) that opens all
-    contacts, where one is known."""
+    contacts, where one is known, ``tolerance`` the relative width at which nodes are closed."""
 
     def __init__(
         self,
@@ -93,9 +95,10 @@ class Relaxer:
         moments: Moments,
         ladder: Sequence[SolverSettings] | None = None,
         opening: FloatArray | None = None,
+        tolerance: float = 1e-4,
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
-        self.ladder = tuple(ladder or node_ladder(len(self.contacts)))
+        self.ladder = tuple(ladder or node_ladder(len(self.contacts), tolerance))
         self.tight = tuple(ladder or tight_ladder())
         self.flow = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=self.flow)
@@ -126,8 +129,9 @@ class Relaxer:
         for number in range(BRANCH.rounds):
             if number >= rounds and not node.load_factor <= goal.cut < node.bound:
                 break
-            state = self.solve(first.joined(node.added), goal.price)
-            node = replace(node, is_missing=False)
+            copies, enough = first.joined(node.added), goal.cut - BRANCH.beneath * goal.width
+            state = self.solve(copies, goal.price, start=node.halfway, enough=enough)
+            node = replace(node, is_missing=False, halfway=state.halfway or node.halfway)
             if state.mechanism is None or state.load_factor is None:
                 break
             node = replace(node, forces=state.forces, load_factor=state.load_factor)
@@ -149,11 +153,13 @@ class Relaxer:
         price: float | None,
         glued: IntArray | None = None,
         ladder: Sequence[SolverSettings] | None = None,
-    ) -> LimitState:
+        start: Halfway | None = None,
+        enough: float = -np.inf,
+    ) -> HullState:
         for settings in ladder or self.ladder:
             self.solves += 1
             self.solvers.add(settings.name)
-            state = self.problem.solve(copies, settings, price, glued)
+            state = self.problem.solve(copies, settings, price, glued, start, enough)
             if state.mechanism is not None or state.outcome.claims_no_optimum:
                 break
         return state

@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class BranchAndBound:
         self._end = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
             opening = None if outer is None else outer.certifier.witnesses.opening_field
-            self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening)
+            self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening, tolerance)
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.price: float | None = None
@@ -61,6 +62,7 @@ class BranchAndBound:
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
         self.solves = self.count = self.nodes = 0
+        self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
         self._executor, self._workers = executor, max(workers, 1)
         self._task: Task | None = None
@@ -167,13 +169,17 @@ class BranchAndBound:
 
     def _push(self, node: Node) -> None:
         self.count += 1
+        if len(self.open) > BRANCH.remembered:
+            node = replace(node, halfway=None)
         heapq.heappush(self.open, (-node.bound, self.count, node))
 
     def _book(self) -> None:
         run, before = self.run, self.run.best
-        if self.forces is not None and self.lower > before.bracket.lower:
+        forces = None if self.forces is self._booked else self.forces
+        if forces is not None and self.lower > before.bracket.lower:
+            self._booked = forces
             with run.clock.phase("certify"):
-                run.best = self.checker.of(self.forces, self.lower).raising(run.best)
+                run.best = self.checker.of(forces, self.lower).raising(run.best)
         mechanism = (self.open[0][2] if self.open else self._last).mechanism
         run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower

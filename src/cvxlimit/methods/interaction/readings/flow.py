@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import BoolArray, FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.settings import SUPPORT
@@ -15,6 +17,14 @@ from cvxlimit.methods.interaction.states.support import (
     whole_boxes,
 )
 from cvxlimit.model.flow import Shortfall
+
+
+@dataclass
+class _Opened:
+    """What a field (n, 6) misses of opening contacts, by their number and their box."""
+
+    rates: FloatArray = field(default_factory=lambda: np.zeros(0))
+    missing: dict[tuple[int, bytes], float] = field(default_factory=dict)
 
 
 class InteractionFlow:
@@ -38,7 +48,7 @@ class InteractionFlow:
         self.contacts, self.moments, self.is_coarse = contacts, moments, is_coarse
         self.precision = precision
         self._asked, self._worst = np.zeros(0), (np.zeros(0),) * 3
-        self._given, self._opened = np.zeros(0), Shortfall(np.zeros(0), np.zeros(0))
+        self._opened = _Opened()
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         has_corners = moments.has_corner_hull(contacts, self.boxes)
@@ -54,10 +64,15 @@ class InteractionFlow:
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, exact everywhere; kept, for one field opens every mechanism. In boxes it opens
         much more than of the whole, which decides how good bounds are."""
-        if not np.array_equal(rates, self._given):
-            found = self._support(-rates, SUPPORT.halvings)[0]
-            self._given, self._opened = rates.copy(), Shortfall(found, np.zeros(0))
-        return self._opened
+        known = self._opened
+        if not np.array_equal(rates, known.rates):
+            known.rates, known.missing = rates.copy(), {}
+        each = np.ascontiguousarray(self.boxes).reshape(-1, 4).view("V32").ravel().tolist()
+        keys = list(enumerate(each))
+        if any(new := [key not in known.missing for key in keys]):
+            found = self._support(-rates, SUPPORT.halvings, chosen=np.array(new))[0]
+            known.missing |= {keys[j]: float(found[j]) for j in np.flatnonzero(new)}
+        return Shortfall(np.array([known.missing[key] for key in keys]), np.zeros(0))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         return self._support(-rates, 0)[0]
@@ -73,12 +88,20 @@ class InteractionFlow:
         return self._worst
 
     def within(self, boxes: FloatArray, precision: float = 0.0) -> InteractionFlow:
-        """The rule in boxes, for one of many mechanisms: coarse."""
-        return InteractionFlow(self.contacts, self.moments, boxes, True, precision)
+        """The rule in boxes, for one of many mechanisms: coarse. Of a field that was opened in
+        other boxes only what has changed is computed."""
+        result = InteractionFlow(self.contacts, self.moments, boxes, True, precision)
+        result._opened = self._opened
+        return result
 
     def _support(
-        self, w: FloatArray, halvings: int, floor: FloatArray | None = None
+        self,
+        w: FloatArray,
+        halvings: int,
+        floor: FloatArray | None = None,
+        chosen: BoolArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the rectangles only those ``chosen`` (n,)."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         arm, friction = np.full(len(w), np.nan), self.contacts.friction
         least = np.full(len(w), -np.inf) if floor is None else floor
@@ -86,7 +109,8 @@ class InteractionFlow:
         asked = Asked(w, self.half, friction, self.boxes, least, precision)
         if len(rows := self._corners):
             power[rows] = corner_support(w, self.contacts)[rows]
-        if len(rows := self._rectangles):
+        rows = self._rectangles if chosen is None else self._rectangles[chosen[self._rectangles]]
+        if len(rows):
             power[rows], centre[rows] = self.moments.support(asked.take(rows), halvings)
         if len(self._cells):
             rows = np.unique(self._cells.contact)

@@ -7,6 +7,8 @@ bound, where compiling by CVXPY would take longer than solving. The formulas are
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -19,9 +21,36 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
+from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.solvers.program import ConeProgram
 
 _Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Roles:
+    """Whose a problem's columns, rows and cones are: an array of copies for each of their kinds,
+    which are the same in all problems of a scene."""
+
+    columns: list[IntArray]
+    rows: list[IntArray]
+    cones: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Halfway:
+    """A point on the way to an answer, from which a problem with other copies may start."""
+
+    copies: Copies
+    roles: Roles
+    point: Point
+
+
+@dataclass(frozen=True, eq=False)
+class HullState(LimitState):
+    """An answer, and a point on the way to it where the solver gave one."""
+
+    halfway: Halfway | None = None
 
 
 class HullProblem:
@@ -49,24 +78,31 @@ class HullProblem:
         settings: SolverSettings | None = None,
         relief_price: float | None = None,
         glued: IntArray | None = None,
-    ) -> LimitState:
+        start: Halfway | None = None,
+        enough: float = -np.inf,
+    ) -> HullState:
         """One run of one solver; never raises for what the solver does. Any share of the dead load
         may be taken off at ``relief_price``. Contacts ``glued`` (k,) bear any force; what that says
-        bounds nothing."""
+        bounds nothing. Our own solver begins at the ``start``, and ends where the load factor is
+        below ``enough`` for certain."""
         if self.half is not None:
             copies = copies.without(self.half.dropped)
         columns = CopyColumns(self, copies, relief_price, glued)
-        outcome, x, y = columns.program().solve(settings or default_ladder()[0])
+        program = replace(columns.program(), enough=-enough / self.scaling.load_factor(1.0))
+        cache = {"start": None if start is None else columns.start(start)}
+        outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
         if x is None or y is None:
-            return LimitState(outcome, None, None, None)
+            return HullState(outcome, None, None, None)
         forces = columns.forces(x)
         if self.forces is not None:
             forces = self.forces @ forces
-        return LimitState(
+        middle = cache.get("middle")
+        return HullState(
             outcome,
             self.scaling.load_factor(float(x[0])),
             self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
             self.mechanism(y),
+            halfway=None if middle is None else Halfway(copies, columns.roles, middle),
         )
 
     def mechanism(self, duals: FloatArray) -> FloatArray:
@@ -81,7 +117,8 @@ class CopyColumns:
 
     Variables are the load factor, the relief, and per copy N, V1, V2 (where it shears), tau (where
     its arm is not zero), bounds on abs(V1) and abs(V2) (where they drag on torsion), a torsion of
-    its own (where Eq. 27 limits it), and per contact what of M2, M1 and MT is free within bounds.
+    its own (where Eq. 27 limits it), and its share of what of M2, M1 and MT is free within bounds.
+    No row has variables of two copies, so that solvers which eliminate by blocks have small ones.
     """
 
     def __init__(
@@ -95,11 +132,13 @@ class CopyColumns:
         self.half = problem.extent[copies.contact]
         self.arm = copy_arms(copies, problem.contacts)
         self.friction = problem.contacts.friction[copies.contact]
-        self.width, self.nonneg = (1 if price is None else 2), 0
+        self.width = self.nonneg = 0
         self.gives: list[_Entry] = []
         self.signs: list[_Entry] = []
         self.along = sheared(copies, self.arm)
         self.shears = np.flatnonzero(self.along.any(axis=1))
+        self.roles = Roles([], [], self.shears)
+        self._new(len(copies) + np.arange(1 if price is None else 2))
         self.twists = np.flatnonzero(self.arm > 0.0)
         self._add_compression()
         self._add_shear()
@@ -107,17 +146,17 @@ class CopyColumns:
         self.drag = [self._drag(axis) for axis in (0, 1)]
         if glued is not None:
             for component in COMPONENTS:
-                self._give(component, glued, self._new(len(glued)), 1.0)
+                self._give(component, glued, self._new(len(copies) + glued), 1.0)
 
     def _add_compression(self) -> None:
         copies, every = self.copies, np.arange(len(self.copies))
-        self.pressed = self._new(len(copies))
+        self.pressed = self._new(every)
         e1, e2 = (self.half * copies.centre).T
         for component, value in (("N", 1.0), ("M1", e2), ("M2", -e1)):
             self._give(component, copies.contact, self.pressed, value)
         idle = np.ones(len(every), dtype=bool)
         idle[self.shears] = self.friction[self.shears] <= 0.0  # elsewhere its cone says N >= 0
-        self._at_most_zero((self.pressed[idle], -1.0))
+        self._at_most_zero(every[idle], (self.pressed[idle], -1.0))
         for axis, moment in enumerate(("M2", "M1")):
             reach = (self.half * copies.spread)[:, axis]
             spread = np.flatnonzero(reach > 0.0)
@@ -126,16 +165,24 @@ class CopyColumns:
     def _add_shear(self) -> None:
         k, signed = self.shears, self.copies.signed[:, None]
         self.about = np.where(signed, self.half * self.copies.lever, 0.0)[k]
-        self.shear = self._new(len(k)), self._new(len(k))
+        self.shear = self._new(k), self._new(k)
         contact = self.copies.contact[k]
-        for axis, component in enumerate(("V1", "V2")):
-            self._give(component, contact, self.shear[axis], self.along[k, axis])
+        # Without an arm Eq. 27 leaves shear along the lever only; two rows that say so would leave
+        # solvers no interior.
+        size = np.hypot(self.about[:, 0], self.about[:, 1])
+        is_led = self.copies.limited[k] & (self.arm[k] <= 0.0) & (size > 0.0)
+        ahead = self.about / np.where(size > 0.0, size, 1.0)[:, None]
+        first, second = np.where(is_led[:, None], ahead, self.along[k]).T
+        self.about[is_led] = 0.0
+        self._give("V1", contact, self.shear[0], first)
+        self._give("V2", contact, self.shear[0], np.where(is_led, second, 0.0))
+        self._give("V2", contact, self.shear[1], np.where(is_led, 0.0, second))
         self._give("MT", contact, self.shear[0], -self.about[:, 1])
         self._give("MT", contact, self.shear[1], self.about[:, 0])
 
     def _add_torsion(self) -> None:
-        self.tau = self._new(len(self.twists))
-        self._at_most_zero((self.tau, -1.0))
+        self.tau = self._new(self.twists)
+        self._at_most_zero(self.twists, (self.tau, -1.0))
         own = self.copies.limited[self.twists]
         free = self.twists[~own]
         self._add_bounded("MT", free, self.arm[free], self.tau[~own])
@@ -144,14 +191,15 @@ class CopyColumns:
     def _limit_torsion(self, twists: IntArray, tau: IntArray) -> None:
         """Eq. 27: torsion of their own for limited copies, which with what their shear does about
         the contact's centre is at most c mu N."""
-        limited = np.flatnonzero(self.copies.limited[self.shears])
+        limited = np.flatnonzero((self.copies.limited & (self.arm > 0.0))[self.shears])
         k, about = self.shears[limited], self.about[limited]
-        own = self._new(len(twists))
+        own = self._new(twists)
         self._give("MT", self.copies.contact[twists], own, 1.0)
         place = np.searchsorted(k, twists)
         for sign in (1.0, -1.0):
-            self._at_most_zero((own, sign), (tau, -self.arm[twists]))
+            self._at_most_zero(twists, (own, sign), (tau, -self.arm[twists]))
             rows = self._at_most_zero(
+                k,
                 (self.shear[0][limited], -sign * about[:, 1]),
                 (self.shear[1][limited], sign * about[:, 0]),
                 (self.pressed[k], -self.arm[k] * self.friction[k]),
@@ -164,22 +212,22 @@ class CopyColumns:
         eps = self.half[k, 1 - axis] * (fixed + copies.spread[k, 1 - axis])
         weight = eps / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
         rows = np.flatnonzero(weight > 0.0)
-        size = self._new(len(rows))
+        size = self._new(k[rows])
         for sign in (1.0, -1.0):
-            self._at_most_zero((self.shear[axis][rows], sign), (size, -1.0))
+            self._at_most_zero(k[rows], (self.shear[axis][rows], sign), (size, -1.0))
         return rows, size, weight[rows]
 
     def _add_bounded(self, component: str, k: IntArray, reach: FloatArray, size: IntArray) -> None:
-        contact, place = np.unique(self.copies.contact[k], return_inverse=True)
-        part = self._new(len(contact))
-        self._give(component, contact, part, 1.0)
+        part = self._new(k)
+        self._give(component, self.copies.contact[k], part, 1.0)
         for sign in (1.0, -1.0):
-            rows = self._at_most_zero((part, sign))
-            self.signs.append((rows[place], size, -reach))
+            self._at_most_zero(k, (part, sign), (size, -reach))
 
-    def _new(self, count: int) -> IntArray:
-        self.width += count
-        return np.arange(self.width - count, self.width)
+    def _new(self, k: IntArray) -> IntArray:
+        """Columns of the copies k."""
+        self.roles.columns.append(k)
+        self.width += len(k)
+        return np.arange(self.width - len(k), self.width)
 
     def _give(
         self, component: str, contact: IntArray, columns: IntArray, values: FloatArray | float
@@ -187,12 +235,30 @@ class CopyColumns:
         rows = len(COMPONENTS) * contact + COLUMN[component]
         self.gives.append((rows, columns, np.broadcast_to(values, rows.shape)))
 
-    def _at_most_zero(self, *terms: tuple[IntArray, FloatArray | float]) -> IntArray:
-        count = len(terms[0][0])
+    def _at_most_zero(self, k: IntArray, *terms: tuple[IntArray, FloatArray | float]) -> IntArray:
+        """Rows of the copies k."""
+        self.roles.rows.append(k)
+        count = len(k)
         rows = self.nonneg + np.arange(count)
         self.signs += [(rows, columns, np.broadcast_to(v, count)) for columns, v in terms]
         self.nonneg += count
         return rows
+
+    def start(self, other: Halfway) -> Point:
+        """The point of another problem for this one, where it has what this one has. What is new
+        begins at zero, as far from the cones' edges as the others on the mean."""
+        match = _matched(self.copies, other.copies)
+        columns = _placed(self.roles.columns, other.roles.columns, match)
+        lines = _placed(self.roles.rows, other.roles.rows, match)
+        cones = _placed([self.roles.cones], [other.roles.cones], match)
+        first = sum(map(len, other.roles.rows))
+        triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
+        rows, point = np.concatenate([lines, triples.ravel()]), other.point
+        top = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
+        z, s = (
+            np.where(rows < 0, float(np.abs(v).mean()) * top, v[rows]) for v in (point.z, point.s)
+        )
+        return Point(np.where(columns < 0, 0.0, point.x[columns]), point.y, z, s)
 
     @property
     def meaning(self) -> sp.csc_array:
@@ -210,20 +276,21 @@ class CopyColumns:
         loads = [(every, np.zeros(len(every), dtype=int), problem.live)]
         cost, upper = np.zeros(self.width), []
         cost[0] = -1.0
+        relief = np.arange(1, 1 if self.price is None else 2)
         if self.price is not None:
             cost[1] = self.price / problem.scaling.load_factor(1.0)
             loads.append((every, np.ones(len(every), dtype=int), -problem.dead))
-            for sign in (-1.0, 1.0):
-                self._at_most_zero((np.array([1]), sign))
             upper = [0.0, 1.0]
+        for sign in (-1.0, 1.0):
+            self._at_most_zero(len(self.copies) + relief, (relief, sign))
+        zero, first, shears = len(every), len(every) + self.nonneg, len(self.shears)
         entries = [self._equilibrium(), *loads]
-        equations = stacked(entries, (len(every), self.width))
-        shears, first = len(self.shears), self.nonneg
-        limits = self.signs + [(first + rows, at, v) for rows, at, v in self._cones()]
-        inequalities = stacked(limits, (first + 3 * shears, self.width))
-        bounds = np.concatenate([np.zeros(first - len(upper)), upper])
+        entries += [(zero + rows, at, v) for rows, at, v in self.signs]
+        entries += [(first + rows, at, v) for rows, at, v in self._cones()]
+        matrix = stacked(entries, (first + 3 * shears, self.width))
+        bounds = np.concatenate([np.zeros(self.nonneg - len(upper)), upper])
         right = np.concatenate([-problem.dead, bounds, np.zeros(3 * shears)])
-        return ConeProgram.of(cost, equations, inequalities, right, first, (3,) * shears)
+        return ConeProgram(cost, matrix, right, zero, self.nonneg, (3,) * shears)
 
     def _equilibrium(self) -> _Entry:
         """The equations' matrix times :attr:`meaning`, without making that: a product of sparse
@@ -251,3 +318,35 @@ def stacked(entries: list[_Entry], shape: tuple[int, int]) -> sp.csc_array:
     result = sp.csc_array((values, (rows, columns)), shape)
     result.eliminate_zeros()
     return result
+
+
+def _matched(own: Copies, others: Copies) -> IntArray:
+    """Which of the others is the same copy (k,), or the first one left of the same contact, -1 for
+    none; what is beyond all copies is the same everywhere."""
+    keys = [
+        np.column_stack([c.contact, c.centre, c.spread]).view("V40").ravel().tolist()
+        for c in (own, others)
+    ]
+    number = dict(zip(keys[1], range(len(others)), strict=True))
+    found = np.array([*(number.get(key, -1) for key in keys[0]), *(len(others) + np.arange(2))])
+    new, left = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(others)), found)
+    spare: dict[int, list[int]] = {}
+    for k in reversed(left.tolist()):
+        spare.setdefault(int(others.contact[k]), []).append(k)
+    for k in new.tolist():
+        if spare.get(int(own.contact[k])):
+            found[k] = spare[int(own.contact[k])].pop()
+    return found
+
+
+def _placed(own: list[IntArray], others: list[IntArray], match: IntArray) -> IntArray:
+    """Where the entries of all kinds are among the others' entries, -1 for nowhere."""
+    kind, mine = _labelled(own)
+    other_kind, theirs = _labelled(others)
+    place = np.full((len(own), int(match.max()) + 2), -1)
+    place[other_kind, theirs] = np.arange(len(theirs))
+    return np.asarray(place[kind, match[mine]])
+
+
+def _labelled(kinds: list[IntArray]) -> tuple[IntArray, IntArray]:
+    return np.repeat(np.arange(len(kinds)), [len(k) for k in kinds]), np.concatenate(kinds)

@@ -17,7 +17,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.proof.certificate import Certifier
@@ -55,11 +55,12 @@ def missed_copies(
 
     result = at(rows, centre[rows])
     if beside > 0.0:
-        ends = (centre[rows] <= 0.0) | (centre[rows] >= 1.0)
+        size = np.abs(centre[rows])
+        ends = (size <= 0.0) | (size >= 1.0)
         inner = ~ends.all(axis=1) & flow.contacts.is_rectangle[rows]
         for step in (-beside, beside):
-            moved = np.clip(centre[rows] + np.where(ends, 0.0, step), 0.0, 1.0)[inner]
-            result = result.joined(at(rows[inner], moved))
+            moved = np.clip(size + np.where(ends, 0.0, step), 0.0, 1.0)
+            result = result.joined(at(rows[inner], np.copysign(moved, centre[rows])[inner]))
     return result
 
 
@@ -108,7 +109,8 @@ class UpperBound:
 
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
         run, copies = self.run, self.first.joined(self.added)
-        state = run.solve(lambda rung: self.problem.solve(copies, rung), settings)
+        start = self.state.halfway if isinstance(self.state, HullState) else None
+        state = run.solve(lambda rung: self.problem.solve(copies, rung, start=start), settings)
         self.claims_no_optimum = state.outcome.claims_no_optimum
         if state.mechanism is None:
             run.note(state, settings, **run.bounds)

@@ -20,7 +20,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.hull import Halfway, HullProblem
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
@@ -89,6 +89,7 @@ class SafeProblems:
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
         self._last: tuple[InnerIterate, Solver] | None = None
+        self._halfway: dict[str, Halfway] = {}
 
     def begin(self, start: str) -> float:
         """Returns the bound that a search has to beat."""
@@ -109,10 +110,17 @@ class SafeProblems:
         rungs = (self.run.ladder or clarabel_at(CLIMB.frozen))[:1], self.tight
         if self.warm:  # further rungs have not been seen to help, and cost as much as safe steps
             rungs = warm_ladder(len(self.contacts), CLIMB.frozen_inside), self.tight[:1]
-        return self.restricted("frozen", lambda rung: self.hull.solve(copies, rung), *rungs)
+        return self.restricted("frozen", lambda rung: self._next("frozen", copies, rung), *rungs)
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
-        return self.solved(kind, lambda rung: self.hull.solve(copies, rung), self.leading)
+        return self.solved(kind, lambda rung: self._next(kind, copies, rung), self.leading)
+
+    def _next(self, kind: str, copies: Copies, rung: SolverSettings) -> LimitState:
+        """Solve from where the last problem of this kind was halfway."""
+        state = self.hull.solve(copies, rung, start=self._halfway.get(kind))
+        if state.halfway is not None:
+            self._halfway[kind] = state.halfway
+        return state
 
     def restricted(
         self,

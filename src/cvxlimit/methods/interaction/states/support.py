@@ -153,12 +153,14 @@ def levered_support(lever: Lever, is_limited: bool, asked: Asked, halvings: int)
         arm = np.stack([rectangle_arm(asked.half[j], np.abs(corner)) for corner in e])
         shares = Shares(lever, asked.w[j], asked.friction[j], e, arm)
         if is_limited:
-            return e, shares.each(), shares.together()
+            return e, shares.each(), shares.together(sections)
         power = shares.power(shares.twist)  # Eq. 30 alone has all of it
         return e, power, power.max(axis=0)
 
     rows, ends = within_quadrants(asked.boxes)
     most = 2 * halvings if is_limited else 0
+    coarse = np.log(max(asked.precision, 1e-300)) / np.log(0.4)
+    sections = min(SUPPORT.sections, int(coarse) + 1)
     upper, centre = asked.largest(rows, ends * asked.half[rows], found, SUPPORT.boxes, most)
     return upper, centre if is_limited else np.full_like(centre, np.nan)
 
@@ -195,20 +197,34 @@ class Shares:
         return np.asarray(np.min(powers, axis=0))
 
     def each(self) -> FloatArray:
-        """The least power (p, k), every centre with a share of its own."""
-        return _least(self.power, self.low, self.high)
+        """The least power (p, k), every centre with a share of its own: at an end, where slip and
+        torsion of Eq. 30 are equal, or where the slope of slip is 0 or that of torsion."""
+        size, arm = self.d1**2 + self.d2**2, self.arm
+        along = self.v1 * self.d2 - self.v2 * self.d1
+        slip = self.v1**2 + self.v2**2
+        flat = along / np.where(size > 0.0, size, 1.0)
+        # size s^2 - 2 along s + slip = arm^2 s^2, and (size s - along)^2 = arm^2 (...)
+        equal = _roots(size - arm**2, along, slip)
+        steep = _roots(size * (size - arm**2), along * (size - arm**2), along**2 - arm**2 * slip)
+        tried = [np.zeros_like(arm), self.twist, flat, *equal, *steep, self.low, self.high]
+        return np.asarray(
+            np.min([self.power(np.clip(share, self.low, self.high)) for share in tried], axis=0)
+        )
 
-    def together(self) -> FloatArray:
-        """The least (k,) of what a share of all centres of a contact leaves to the best of them."""
+    def together(self, sections: int = SUPPORT.sections) -> FloatArray:
+        """The least (k,) of what a share of all centres of a contact leaves to the best of them;
+        fewer ``sections`` leave a bit more than that."""
         low, high = self.low.min(axis=0), self.high.max(axis=0)
-        return _least(lambda shares: self.power(shares[:, None]).max(axis=1), low, high)
+        return _least(lambda shares: self.power(shares[:, None]).max(axis=1), low, high, sections)
 
 
-def _least(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+def _least(
+    f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, sections: int
+) -> FloatArray:
     """The least of a convex function, some shares (m, ...) at a time: calls of NumPy cost most."""
     best = f(np.stack([low, high])).min(axis=0)
     steps = np.arange(1.0, SUPPORT.at_a_time + 1.0).reshape(-1, *np.ones(low.ndim, dtype=int))
-    for _ in range(SUPPORT.sections):
+    for _ in range(sections):
         span = (high - low) / (SUPPORT.at_a_time + 1.0)
         found = f(low + steps * span)
         least = found.argmin(axis=0)
@@ -216,6 +232,15 @@ def _least(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatAr
         low = low + least * span
         high = low + 2.0 * span
     return np.asarray(best)
+
+
+def _roots(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Both solutions of a s^2 - 2 b s + c = 0, zero where there are none."""
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    larger = b + np.copysign(root, b)
+    far = np.divide(larger, a, out=np.zeros_like(larger), where=a != 0.0)
+    near = np.divide(c, larger, out=np.zeros_like(larger), where=larger != 0.0)
+    return far, near
 
 
 def corner_support(w: FloatArray, contacts: Contacts) -> FloatArray:
