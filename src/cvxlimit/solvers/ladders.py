@@ -40,7 +40,8 @@ class LadderNumbers:
     iterate: float = 1e-9  # of fixed-point iterates,
     last: float = 1e-8  # by the solver that starts warm,
     node: float = 1e-8  # of nodes,
-    node_share: float = 0.01  # or this share of the width at which nodes are closed,
+    # or this share of the width at which they are closed: at 1e-2 splits followed what was noise
+    node_share: float = 1e-4
     node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
     tight: float = 1e-9  # and of forces that count to 1e-9
     tight_iterations: int = 100

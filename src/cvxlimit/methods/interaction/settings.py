@@ -96,7 +96,7 @@ class BranchSettings:
     narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
     rounds: int = 2  # solves per node, with copies added
-    precision: float = 1e-3  # of powers in its bounds, over the relative tolerance
+    precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
     speed_at_rest: float = 1e-3  # share of the largest with which contacts at rest count
     at_rest: float = 0.1  # share of the gap in power below which a node's excess is at rest
     moves: float = 1e-3  # share of the largest speed from which a contact moves
