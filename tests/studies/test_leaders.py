@@ -49,11 +49,13 @@ def assert_alike(found: pd.DataFrame, alone: pd.DataFrame) -> None:
 
 
 def assert_same(found: pd.DataFrame, other: pd.DataFrame) -> None:
-    """From the same start: rounding, which hangs on where arrays lie in memory, changed bounds by
-    up to 6e-9; with leaders of each worker's own they changed by up to 4e-7."""
-    assert found["status"].to_list() == other["status"].to_list()
-    for name in ("load_factor", "lower", "upper"):
-        assert found[name].to_list() == pytest.approx(other[name].to_list(), rel=2e-8)
+    """From the same start: rounding, which hangs on where arrays lie in memory, changed one row in
+    five by more than 1e-9 and one of forty by up to 4e-8, never half of them; with leaders of each
+    worker's own all rows changed, in the median by 2e-7."""
+    assert_alike(found, other)
+    figures = ["load_factor", "lower", "upper"]
+    change = np.abs(found[figures].to_numpy() / other[figures].to_numpy() - 1.0)
+    assert np.median(change.max(axis=1)) <= 1e-8
 
 
 def test_rows_of_a_large_grid_are_those_of_small_ones() -> None:
@@ -64,8 +66,8 @@ def test_rows_of_a_large_grid_are_those_of_small_ones() -> None:
 def test_rows_do_not_depend_on_those_before() -> None:
     """Whatever the worker solved before: nothing, or others in another order."""
     together = some(SAMPLE)
-    assert_same(some(SAMPLE[2:3]), together.iloc[2:3])
-    assert_same(some(SAMPLE[::-1]).iloc[::-1], together)
+    assert_same(some(SAMPLE[2:5]), together[2:5].reset_index(drop=True))
+    assert_same(some(SAMPLE[::-1]), together[::-1].reset_index(drop=True))
 
 
 @pytest.mark.exhaustive
