@@ -97,11 +97,8 @@ class BranchSettings:
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
     rounds: int = 2  # solves per node, with copies added
     precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
-    speed_at_rest: float = 1e-3  # share of the largest with which contacts at rest count
-    at_rest: float = 0.1  # share of the gap in power below which a node's excess is at rest
-    moves: float = 1e-3  # share of the largest speed from which a contact moves
-    layers: int = 3  # parts that may be glued in turn,
-    far: float = 3.0  # while what is left collapses at less than this times the node's bound
+    at_rest: float = 0.1  # share of the largest speed that contacts at rest have in splits,
+    still: float = 1e-3  # and in the order of tightening
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
     carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
@@ -117,7 +114,6 @@ class BranchSettings:
     steps: int = 16  # places tried on the way between two force states
     halvings: int = 25  # after the last good one
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    due: float = 0.3  # share of the best split's gain from which others are due in its parts
     climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps
     climb_solves: int = 16  # of each
     rarely: int = 64  # longest wait for another search for better forces, in nodes

@@ -49,9 +49,8 @@ class _Tightening:
         if node.forces is None or node.mechanism is None:
             return node
         self._aim()
-        seen = node.forces, node.mechanism, np.ones(len(relaxer.contacts), dtype=bool)
         centre = centres(node.forces, relaxer.contacts)
-        score = scores(relaxer, node.boxes, seen)
+        score = scores(relaxer, node, BRANCH.still)
         rows = np.argsort(-score)
         before = np.cumsum(score[rows]) - score[rows]
         rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()

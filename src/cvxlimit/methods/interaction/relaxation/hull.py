@@ -77,17 +77,15 @@ class HullProblem:
         copies: Copies,
         settings: SolverSettings | None = None,
         relief_price: float | None = None,
-        glued: IntArray | None = None,
         start: Halfway | None = None,
         enough: float = -np.inf,
     ) -> HullState:
         """One run of one solver; never raises for what the solver does. Any share of the dead load
-        may be taken off at ``relief_price``. Contacts ``glued`` (k,) bear any force; what that says
-        bounds nothing. Our own solver begins at the ``start``, and ends where the load factor is
-        below ``enough`` for certain."""
+        may be taken off at ``relief_price``. Our own solver begins at the ``start``, and ends where
+        the load factor is below ``enough`` for certain."""
         if self.half is not None:
             copies = copies.without(self.half.dropped)
-        columns = CopyColumns(self, copies, relief_price, glued)
+        columns = CopyColumns(self, copies, relief_price)
         program = replace(columns.program(), enough=-enough / self.scaling.load_factor(1.0))
         cache = {"start": None if start is None else columns.start(start)}
         outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
@@ -126,7 +124,6 @@ class CopyColumns:
         problem: HullProblem,
         copies: Copies,
         price: float | None = None,
-        glued: IntArray | None = None,
     ) -> None:
         self.problem, self.copies, self.price = problem, copies, price
         self.half = problem.extent[copies.contact]
@@ -144,9 +141,6 @@ class CopyColumns:
         self._add_shear()
         self._add_torsion()
         self.drag = [self._drag(axis) for axis in (0, 1)]
-        if glued is not None:
-            for component in COMPONENTS:
-                self._give(component, glued, self._new(len(copies) + glued), 1.0)
 
     def _add_compression(self) -> None:
         copies, every = self.copies, np.arange(len(self.copies))
