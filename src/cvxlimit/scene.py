@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Collection
+from dataclasses import KW_ONLY, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,19 +100,28 @@ class Scene(RemadeFromFields, SceneJoints):
     ties: tuple[Tie, ...] = ()
 
     def __post_init__(self) -> None:
+        self._check({each.name for each in fields(self)})
+
+    def _check(self, changed: Collection[str]) -> None:
+        """Refuse what is wrong in, or with, the fields that have changed."""
         for name, kind, what, cure in (
             ("blocks", Block, "blocks must be Blocks", "Block.box makes one"),
             ("supports", str, "supports must be ids", "write ['ground']"),
             ("ties", Tie, "ties must be Ties", "import Tie"),
         ):
-            object.__setattr__(self, name, members(getattr(self, name), kind, what, cure))
+            if name in changed:
+                object.__setattr__(self, name, members(getattr(self, name), kind, what, cure))
         _check_kinds(self)
-        self._check_joints({block.id for block in self.blocks})
-        if self.joint_tolerance is not None:
+        others = {*changed} - self.joint_values.keys()
+        if len(others) < len(changed) or "blocks" in changed:
+            self._check_joints({block.id for block in self.blocks})
+        if "joint_tolerance" in changed and self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
-        _check_ids(self)
-        _check_loads(self)
+        if others & {*_SHAPES, "ties"}:
+            _check_ids(self)
+        if others & {*_SHAPES, "dead", "live"}:
+            _check_loads(self)
 
     def __repr__(self) -> str:
         """One line: name, numbers of blocks, friction."""
@@ -301,10 +311,13 @@ class Scene(RemadeFromFields, SceneJoints):
 
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""
-        copy = replace(self, **changes)  # type: ignore[arg-type]
-        for name, parts in _FOLLOW_FROM.items():
+        copy = object.__new__(type(self))
+        copy.__dict__.update({each.name: getattr(self, each.name) for each in fields(self)})
+        copy.__dict__.update(changes)
+        for name, parts in _FOLLOW_FROM.items():  # before the checks, which ask for some of these
             if name in self.__dict__ and not parts & changes.keys():
                 copy.__dict__[name] = self.__dict__[name]
+        copy._check(changes.keys())
         return copy
 
     def _beside(self, name: str, value: object) -> Scene:
@@ -373,6 +386,7 @@ _FOLLOW_FROM: dict[str, frozenset[str]] = {
     "geometry": _SHAPES,
     "free": _SHAPES,
     "dead_forces": _SHAPES | {"dead"},
+    "live_forces": _SHAPES | {"live"},
 }
 """What a copy keeps, unless one of these is changed."""
 
