@@ -29,6 +29,10 @@ _SAME_PLACE = 1e-11
 """Distance over the size of the scene, and difference of loads over the largest, put down to
 rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14."""
 
+_CLEAR = 1e-3
+"""Sine of the angle between the sums of both loads from which the plane through them is the only
+one that can be a mirror: rounding turns it by 1e-13 at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
@@ -88,10 +92,12 @@ def find_mirror(
 
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
     dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
-    spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
     both = np.cross(dead, live)
-    is_clear = np.linalg.norm(both) > 1e-9 * np.linalg.norm(dead) * np.linalg.norm(live)
-    return directions([*([both] if is_clear else []), *spread, *np.eye(3)])
+    angle = np.linalg.norm(both) / (np.linalg.norm(dead) * np.linalg.norm(live) or 1.0)
+    if angle > _CLEAR:
+        return directions([both])
+    spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
+    return directions([*([both] if angle > 1e-9 else []), *spread, *np.eye(3)])
 
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
@@ -102,6 +108,8 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
         return None
     offset = 2.0 * float((free @ normal).mean()) * normal
     near = _SAME_PLACE * size
+    if _is_askew(free, normal, size):
+        return None
     blocks = _partners(free, free @ turn + offset, near)
     if blocks is None or not all(
         are_loads_alike(load[blocks], load @ reflection, size, _SAME_PLACE) for load in loads
@@ -134,6 +142,17 @@ def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
     largest = np.abs(load / np.repeat([1.0, size], 3)).max(initial=0.0)
     across = abs(float(load[:, :3].sum(axis=0) @ normal))
     return bool(across > len(load) * _SAME_PLACE * largest)
+
+
+def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
+    """True if second moments of places (n, 3) mix heights above the plane with what lies along it,
+    which those of mirror images take away from each other: told before partners are sought."""
+    centred = places - places.mean(axis=0)
+    heights = centred @ normal
+    mixed = heights @ (centred - heights[:, None] * normal) / len(places)
+    # partners may be off by that share of the size, in height as well as along the plane
+    arm = float(np.abs(centred).max(initial=0.0))
+    return bool(np.abs(mixed).max() > 10.0 * _SAME_PLACE * size * arm)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
