@@ -8,6 +8,51 @@
 
 #include "../arguments.h"
 
+/* ---- several at a time ---- */
+
+#define LANES 4
+typedef double Lanes __attribute__((vector_size(32), aligned(8)));
+typedef int64_t Mask __attribute__((vector_size(32))); /* of lanes: 0 or -1 */
+
+#define LANE for (int l = 0; l < LANES; l++)
+#define OF(lanes) ((double *)&(lanes))[l]
+
+/* Some of k entries; beyond the last it is repeated. */
+INLINE Lanes loaded(const double *entries, Py_ssize_t first, Py_ssize_t k) {
+    Lanes result;
+    if (first + LANES <= k) return *(const Lanes *)(entries + first);
+    LANE OF(result) = entries[first + l < k ? first + l : k - 1];
+    return result;
+}
+
+INLINE Lanes rooted(Lanes v) {
+    LANE OF(v) = sqrt(OF(v));
+    return v;
+}
+
+INLINE void store(double *entries, Py_ssize_t first, Py_ssize_t k, Lanes v) {
+    if (first + LANES <= k) *(Lanes *)(entries + first) = v;
+    else LANE if (first + l < k) entries[first + l] = OF(v);
+}
+
+/* The largest number of each lane, and where one was NaN. */
+typedef struct {
+    Lanes most;
+    Mask is_nan;
+} Largest;
+
+INLINE void compare(Largest *at, Lanes own) {
+    LANE at->most[l] = own[l] > at->most[l] ? own[l] : at->most[l];
+    at->is_nan |= own != own;
+}
+
+static double of_all(const Largest *at) {
+    double result = at->most[0];
+    LANE result = at->most[l] > result ? at->most[l] : result;
+    LANE if (at->is_nan[l]) result = NAN;
+    return result;
+}
+
 /* ---- cones ---- */
 
 typedef struct {
@@ -94,21 +139,19 @@ static PyObject *clipped(PyObject *self, PyObject *const *args, Py_ssize_t given
     END(NONE);
 }
 
-/* !(a >= b) is true for NaN, so that NaN is kept. */
-static double least_eigenvalue(const Cones *cones, const double *u) {
+WIDE static double least_eigenvalue(const Cones *cones, const double *u) {
     Cones c = *cones;
-    double least = INFINITY;
-    int is_nan = 0;
-    for (Py_ssize_t i = 0; i < c.orthant; i++) {
-        least = u[i] < least ? u[i] : least;
-        is_nan |= u[i] != u[i];
+    Largest below = {.most = {-INFINITY, -INFINITY, -INFINITY, -INFINITY}};
+    for (Py_ssize_t i = 0; i < c.orthant; i += LANES) compare(&below, -loaded(u, i, c.orthant));
+    EACH_SLAB(at) for (Py_ssize_t j = 0; j < k; j += LANES) {
+        Lanes head = loaded(u + at, j, k), square = head * 0.0;
+        for (Py_ssize_t i = 1; i < d; i++) {
+            Lanes one = loaded(u + at + i * k, j, k);
+            square += one * one;
+        }
+        compare(&below, rooted(square) - head);
     }
-    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
-        double own = u[j] - sqrt(tail(u + j, u + j, d, k));
-        least = own < least ? own : least;
-        is_nan |= own != own;
-    }
-    return is_nan ? NAN : least;
+    return -of_all(&below);
 }
 
 static PyObject *margin(PyObject *self, PyObject *const *args, Py_ssize_t given) {
@@ -119,33 +162,39 @@ static PyObject *margin(PyObject *self, PyObject *const *args, Py_ssize_t given)
     END(PyFloat_FromDouble(least));
 }
 
+WIDE static double steepest(const Cones *cones, const double *u, const double *v) {
+    Cones c = *cones;
+    Largest worst = {.most = {0.0}};
+    for (Py_ssize_t i = 0; i < c.orthant; i += LANES)
+        compare(&worst, -loaded(v, i, c.orthant) / loaded(u, i, c.orthant));
+    EACH_SLAB(at) for (Py_ssize_t j = 0; j < k; j += LANES) {
+        const double *from = u + at, *along = v + at;
+        Lanes head = loaded(from, j, k), ahead = loaded(along, j, k), square = head * 0.0, cross = square;
+        for (Py_ssize_t i = 1; i < d; i++) {
+            Lanes one = loaded(from + i * k, j, k);
+            square += one * one, cross += one * loaded(along + i * k, j, k);
+        }
+        Lanes norm = rooted(square), unit = 1.0 / rooted((head - norm) * (head + norm));
+        head *= unit, ahead *= unit;
+        Lanes first = head * ahead - cross * unit * unit, share = (first + ahead) / (1.0 + head);
+        square = head * 0.0;
+        for (Py_ssize_t i = 1; i < d; i++) {
+            Lanes off = (loaded(along + i * k, j, k) - share * loaded(from + i * k, j, k)) * unit;
+            square += off * off;
+        }
+        compare(&worst, rooted(square) - first);
+    }
+    return of_all(&worst);
+}
+
 /* The inverse of the longest step from u along v; 0 if there is none. */
 static PyObject *shortest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(3);
     LAYOUT;
     DOUBLES(u, 1, c.size);
     DOUBLES(v, 2, c.size);
-    double worst = 0.0;
-    int is_nan = 0;
-    for (Py_ssize_t i = 0; i < c.orthant; i++) {
-        double own = -v[i] / u[i];
-        worst = own > worst ? own : worst;
-        is_nan |= own != own;
-    }
-    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
-        double root = sqrt(determinant(u + j, d, k));
-        double head = u[j] / root, along = v[j] / root;
-        double first = head * along - tail(u + j, v + j, d, k) / root / root;
-        double share = (first + along) / (1.0 + head), sum = 0.0;
-        for (Py_ssize_t i = 1; i < d; i++) {
-            double off = (v[j + i * k] - share * u[j + i * k]) / root;
-            sum += off * off;
-        }
-        double own = sqrt(sum) - first;
-        worst = own > worst ? own : worst;
-        is_nan |= own != own;
-    }
-    END(PyFloat_FromDouble(is_nan ? NAN : worst));
+    double worst = steepest(&c, u, v);
+    END(PyFloat_FromDouble(worst));
 }
 
 /* ---- Nesterov-Todd scaling: of the orthant s / z, of every cone its size and w ---- */
@@ -189,30 +238,45 @@ static PyObject *scaling(PyObject *self, PyObject *const *args, Py_ssize_t given
     DOUBLES(sizes, 3, -1); \
     DOUBLES(v, 4, c.size); \
     double sign = PyFloat_AsDouble(args[5]); \
-    RESULT(out, 6, c.size); \
-    Py_ssize_t number = 0
+    RESULT(out, 6, c.size)
+
+WIDE static void scaled_by(const Cones *cones, const double *plain, const double *w, const double *sizes,
+                           const double *v, double sign, double *out) {
+    Cones c = *cones;
+    Py_ssize_t n = c.orthant;
+    for (Py_ssize_t i = 0; i < n; i += LANES) {
+        Lanes scale = rooted(loaded(plain, i, n)), own = loaded(v, i, n);
+        store(out, i, n, sign > 0.0 ? own * scale : own / scale);
+    }
+    EACH_SLAB(at) {
+        const double *axis = w + at - n, *from = v + at;
+        for (Py_ssize_t j = 0; j < k; j += LANES) {
+            Lanes head = loaded(axis, j, k), own = loaded(from, j, k), scale = loaded(sizes, j, k);
+            Lanes cross = head * 0.0;
+            for (Py_ssize_t i = 1; i < d; i++)
+                cross += loaded(axis + i * k, j, k) * loaded(from + i * k, j, k);
+            if (sign < 0.0) scale = 1.0 / scale, cross = -cross;
+            Lanes share = sign * (own + cross / (1.0 + head));
+            for (Py_ssize_t i = 1; i < d; i++)
+                store(out + at + i * k, j, k,
+                      scale * (loaded(from + i * k, j, k) + share * loaded(axis + i * k, j, k)));
+            store(out + at, j, k, scale * (head * own + cross));
+        }
+        sizes += k;
+    }
+}
 
 static PyObject *times(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(7);
     SCALING;
-    if (sign > 0.0)
-        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] * sqrt(plain[i]);
-    else
-        for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] / sqrt(plain[i]);
-    EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
-        const double *own = w + (j - c.orthant);
-        double scale = sign > 0.0 ? sizes[number] : 1.0 / sizes[number], cross = sign * tail(own, v + j, d, k);
-        double share = sign * (v[j] + cross / (1.0 + own[0]));
-        for (Py_ssize_t i = 1; i < d; i++) out[j + i * k] = scale * (v[j + i * k] + share * own[i * k]);
-        out[j] = scale * (own[0] * v[j] + cross);
-        number++;
-    }
+    scaled_by(&c, plain, w, sizes, v, sign, out);
     END(NONE);
 }
 
 static PyObject *squared(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(7);
     SCALING;
+    Py_ssize_t number = 0;
     if (sign > 0.0)
         for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = v[i] * plain[i];
     else
@@ -263,40 +327,23 @@ static PyObject *transposed_matvec(PyObject *self, PyObject *const *args, Py_ssi
     END(NONE);
 }
 
+WIDE static double largest_size(const double *v, Py_ssize_t n) {
+    Largest sizes = {.most = {0.0}};
+    for (Py_ssize_t i = 0; i < n; i += LANES) {
+        Lanes own = loaded(v, i, n);
+        compare(&sizes, (Lanes)((Mask)own & INT64_MAX)); /* without its sign */
+    }
+    return of_all(&sizes);
+}
+
 static PyObject *largest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(1);
     DOUBLES(v, 0, -1);
-    Py_ssize_t n = a.views[0].len / 8;
-    double most = 0.0;
-    int is_nan = 0;
-    for (Py_ssize_t i = 0; i < n; i++) {
-        double own = fabs(v[i]);
-        most = own > most ? own : most;
-        is_nan |= own != own;
-    }
-    END(PyFloat_FromDouble(is_nan ? NAN : most));
+    double most = largest_size(v, a.views[0].len / 8);
+    END(PyFloat_FromDouble(most));
 }
 
 /* ---- groups of blocks: r cone rows, c variables, e equations each, LANES of the k at a time ---- */
-
-#define LANES 4
-typedef double Lanes __attribute__((vector_size(32), aligned(8)));
-
-#define LANE for (int l = 0; l < LANES; l++)
-#define OF(lanes) ((double *)&(lanes))[l]
-
-/* Entries of one tile's blocks from an array of all k; beyond the last it is repeated. */
-INLINE Lanes loaded(const double *entries, Py_ssize_t first, Py_ssize_t k) {
-    Lanes result;
-    if (first + LANES <= k) return *(const Lanes *)(entries + first);
-    LANE OF(result) = entries[first + l < k ? first + l : k - 1];
-    return result;
-}
-
-INLINE Lanes rooted(Lanes v) {
-    LANE OF(v) = sqrt(OF(v));
-    return v;
-}
 
 typedef struct {
     Py_ssize_t r, c, k, plain;     /* linear rows come first */
@@ -531,13 +578,7 @@ WIDE static void applied(Py_ssize_t c, Py_ssize_t k, Py_ssize_t first, const Lan
         for (Py_ssize_t j = 1; j < c; j++) half += root[i * c + j] * given[j];
         for (Py_ssize_t j = 0; j < c; j++) result[j] += root[i * c + j] * half;
     }
-    for (Py_ssize_t j = 0; j < c; j++) {
-        if (first + LANES <= k) {
-            *(Lanes *)(out + j * k + first) = result[j];
-            continue;
-        }
-        LANE if (first + l < k) out[j * k + first + l] = OF(result[j]);
-    }
+    for (Py_ssize_t j = 0; j < c; j++) store(out + j * k, first, k, result[j]);
 }
 
 static PyObject *local(PyObject *self, PyObject *const *args, Py_ssize_t given) {
