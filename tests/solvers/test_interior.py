@@ -394,6 +394,16 @@ class TestWarmStarts:
         found = program.minimise(1e-8, 100, other.middle)
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
+    def test_who_only_leads_ends_at_a_point_to_start_from(self) -> None:
+        """Where the answer to a hundredth is all that is asked for, of residuals as well."""
+        given = _program(builtin_scene("tuff-wall"))
+        lead = given.minimise(1e-2, 100, residual=1e-2)
+        assert lead.status == "Solved"
+        assert lead.middle is not None
+        found = given.minimise(1e-8, 100, lead.middle)
+        assert found.status == "Solved"
+        assert lead.objective == pytest.approx(found.objective, rel=0.05)
+
     def test_iterates_are_strictly_admissible(self) -> None:
         """Inside all cones, and so near to equilibrium that the state still is inside all surfaces
         once it is put there: its bound loses nothing."""

@@ -25,6 +25,7 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
+from cvxlimit.solvers.interior.iteration import NUMBERS
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 TOLERANCE = 1e-5
@@ -45,6 +46,11 @@ class _Numbers:
 
 
 _N = _Numbers()
+
+
+_AHEAD = NUMBERS.middle
+"""Gap and residuals of problems that are solved for the sake of the way to their answers only: the
+solver starts others from there."""
 
 
 _Ends = Generator[None, None, Status | None]
@@ -144,12 +150,26 @@ class Inquiry:
         with self.run.clock.phase("compile"):
             return self.run.ladder or self.problem.ladder(self.tolerance)
 
+    def lead(self) -> bool:
+        """Solve no further than to a point from which others may start, without a certificate;
+        False if the first solver starts nowhere."""
+        self._leave_out_what_stands()
+        first = self.ladder[0]
+        if first.name != "BLOCKWISE":
+            return False
+        options = {**first.options, "tolerance": _AHEAD, "residual": _AHEAD}
+        self.run.solve(self.problem.solve, replace(first, options=options))
+        return True
+
+    def _leave_out_what_stands(self) -> None:
+        if self.reductions.loaded is not None:
+            self._state(self.certifier.witnesses.easy_dead_state)
+
     def ladder_climbed(self) -> Steps:
         """All rungs with the model that suffices, then with the full one."""
         if self.dead_load_falls():
             return Status.DEAD_LOAD_UNSTABLE
-        if self.reductions.loaded is not None:
-            self._state(self.certifier.witnesses.easy_dead_state)
+        self._leave_out_what_stands()
         status = yield from self._climbed()
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")

@@ -13,7 +13,7 @@ from cvxpy.constraints import SOC
 from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
 from cvxlimit.solvers.interior.whole import small_program
@@ -32,8 +32,9 @@ class Blockwise(CLARABEL):
     answer before, which halves the iterations where the problem has changed little; a start that is
     no use costs time.
 
-    Options: ``tolerance`` (1e-11), ``max_iter`` (150), ``backend`` (``"supernodal"``, our
-    own Cholesky where it is compiled, or ``"superlu"``).
+    Options: ``tolerance`` (1e-11) of the gap, ``residual`` (1e-5 of the tolerance, at least 1e-8;
+    very small problems keep to that), ``max_iter`` (150), ``backend`` (``"supernodal"``, our own
+    Cholesky where it is compiled, or ``"superlu"``).
 
     Raises
     ------
@@ -109,26 +110,30 @@ class _Kept:
     """A program, for the next of its pattern."""
 
     program: InteriorPoint
-    matrix: sp.csr_array
+    matrix: sp.csc_array
     about: tuple[object, ...]
+    by_rows: IntArray
 
     @classmethod
     def of(cls, before: Any, c: FloatArray, data: _Named, b: FloatArray, backend: str) -> _Kept:
-        dims, matrix = data[ConicSolver.DIMS], sp.csr_array(data[keys.A])
+        dims, matrix = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
         about = (matrix.shape, dims.zero, dims.nonneg, list(dims.soc), backend)
         if isinstance(before, _Kept) and before.about == about and _is_alike(before.matrix, matrix):
-            before.program.renew(c, np.asarray(matrix.data, dtype=float), b)
+            before.program.renew(c, np.asarray(matrix.data[before.by_rows], dtype=float), b)
             return before
-        return cls(InteriorPoint(c, matrix, b, *about[1:4], backend), matrix, about)
+        places = np.arange(matrix.nnz), matrix.indices, matrix.indptr
+        by_rows = sp.csc_array(places, shape=matrix.shape).tocsr().data
+        program = InteriorPoint(c, sp.csr_array(matrix), b, *about[1:4], backend)
+        return cls(program, matrix, about, by_rows)
 
 
-def _is_alike(one: sp.csr_array, other: sp.csr_array) -> bool:
+def _is_alike(one: sp.csc_array, other: sp.csc_array) -> bool:
     same = np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
     return bool(same)
 
 
 def _checked(options: _Named) -> _Named:
-    known = {"tolerance": 1e-11, "max_iter": 150, "backend": backends()[0]}
+    known = {"tolerance": 1e-11, "residual": None, "max_iter": 150, "backend": backends()[0]}
     unknown, backend = [*options.keys() - known.keys()], options.get("backend", "superlu")
     if unknown:
         has = f"its options are {', '.join(known)}"

@@ -19,6 +19,8 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import is_number, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extras import needed
+from cvxlimit.methods.convex import TOLERANCE, Inquiry
+from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, USUAL, check_choice, words
@@ -50,9 +52,6 @@ _CONTINUOUS = (
 )
 """Parameters, and options of solve, with which every variation is one convex problem that changes
 little where they change little."""
-
-_AHEAD = 0.03
-"""Tolerance of variations that are solved for the sake of the way to their answers only."""
 
 OPTIONS = tuple(name for name in signature(solve).parameters if name not in ("scene", "progress"))
 """Options of :func:`cvxlimit.solve`, which may be parameters of a sweep as well."""
@@ -184,19 +183,22 @@ class Study:
         return replace(self, leaders=Leaders.of(variations)) if is_led else self
 
     def _lead(self, known: Structures) -> None:
-        """Solve the leaders, once; one that fails leads nothing."""
+        """Solve the leaders, once, each from between those before; one that fails leads nothing."""
         if self.leaders is None or known.is_led:
             return
         known.is_led = True
-        options = {**self.options, "tolerance": _AHEAD}
+        tolerance = self.options.get("tolerance") or TOLERANCE
+        options = {name: value for name, value in self.options.items() if name != "tolerance"}
         for row, place in zip(self.leaders.rows, self.leaders.places, strict=True):
             with suppress(Exception):
                 given = known.mechanics(self._scene(row))
                 if not isinstance(given, Assemblage):
                     return
-                status = _answer(given, options, None).status
-                if not given.repeats.lead(place) and status is Status.CERTIFIED:
-                    return  # by a solver that starts nowhere
+                given.repeats.place = place
+                run = Run(given, **options)
+                if not Inquiry(run, run.model, tolerance).lead():
+                    return
+                given.repeats.lead(place)
 
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
         self._lead(known)
@@ -229,7 +231,7 @@ class Study:
     def _scene(self, parameters: Mapping[str, Any]) -> Scene:
         given = self.scenes
         if isinstance(given, Scene):
-            _ = given.geometry  # copies that have the same keep it
+            _ = given.geometry, given.dead_forces  # copies that have the same keep them
             return varied(given, **parameters)
         scene = given(**parameters)
         check_scene(scene)

@@ -118,8 +118,8 @@ class _Measure:
     infeasibility: float
     score: float
 
-    def is_within(self, tolerance: float) -> bool:
-        enough = max(NUMBERS.solved, NUMBERS.balance * tolerance)
+    def is_within(self, tolerance: float, residual: float | None) -> bool:
+        enough = residual or max(NUMBERS.solved, NUMBERS.balance * tolerance)
         return self.gap < tolerance and self.infeasibility < enough
 
     def allowed(self, tolerance: float) -> tuple[float, float, float]:
@@ -164,9 +164,16 @@ class InteriorPoint:
         self._loads = float(entries.sum()) or 1.0
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-    def minimise(self, tolerance: float, max_iter: int, start: Point | None = None) -> Result:
-        """The best iterate, when the relative gap is below the tolerance, or rounding allows no
-        more. A start that is no use, of another size or with NaN, is not used."""
+    def minimise(
+        self,
+        tolerance: float,
+        max_iter: int,
+        start: Point | None = None,
+        residual: float | None = None,
+    ) -> Result:
+        """The best iterate, when the relative gap is below the tolerance and residuals are below
+        theirs, or rounding allows no more. A start that is no use, of another size or with NaN, is
+        not used."""
         began = time.perf_counter()
         self.system.target = min(max(LIMITS.target, 300.0 * tolerance), LIMITS.loosest)
         at = self._warm(start) or self._cold()
@@ -176,14 +183,16 @@ class InteriorPoint:
         outcome: tuple[str, Point] | None = None
         while True:
             found = self._measured(at)
-            if (own := (not found.is_within(enough), found.score)) < rank:
+            if (own := (not found.is_within(enough, residual), found.score)) < rank:
                 best, rank = at, own
             scores.append(min(scores[-1], found.score))
             worst = min(worst, max(found.gap, found.infeasibility))
             if middle is None and worst < NUMBERS.middle:
                 middle = at
             outcome = self._no_answer(at, found)
-            if outcome is not None or self._is_done(found, tolerance, scores, worst):
+            if outcome is not None or found.is_within(tolerance, residual):
+                break
+            if self._is_stuck(found, scores, worst):
                 break
             moved = self._moved(at, found, tolerance) if count < max_iter else None
             if moved is None:
@@ -285,9 +294,7 @@ class InteriorPoint:
         return None
 
     @staticmethod
-    def _is_done(found: _Measure, tolerance: float, scores: list[float], worst: float) -> bool:
-        if found.is_within(tolerance):
-            return True
+    def _is_stuck(found: _Measure, scores: list[float], worst: float) -> bool:
         is_late = worst < NUMBERS.solved or found.gap < 1e-10
         p = NUMBERS.patience
         return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
