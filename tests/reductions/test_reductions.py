@@ -18,6 +18,7 @@ from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_blo
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions import choice, planar
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.repeated import Repeats
@@ -350,3 +351,45 @@ def test_a_structure_that_is_shared_changes_no_answer(rung: str) -> None:
     for i, state in enumerate(found):
         assert state.load_factor == found[i % 2].load_factor
         np.testing.assert_array_equal(state.forces, found[i % 2].forces)
+
+
+OTHERS = (
+    {"friction": 0.4, "direction": 20.0},
+    {"friction": 0.4, "direction": 40.0},
+    {"friction": 0.6, "direction": 40.0},
+    {"friction": 0.4, "density": 2.0},
+    {"friction": 0.4, "cohesion": 1e-3},
+    {"contact_friction": {("v1", "v2"): 0.2}},
+)
+
+
+@pytest.mark.parametrize("surface", ["conic", "octagon"])
+def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
+    """Matrices and brackets of scenes in turn, of which some have the same strengths."""
+    alone, surfaces = Assemblage.of(builtin_scene("arch")), surfaces_of(surface)[0]
+    among = replace(alone, repeats=Repeats())
+    for changes in (*OTHERS, *OTHERS[::-1]):
+        scene = varied(alone.scene, **changes)
+        own, shared = (
+            DirectProblem(given, surfaces, Reduction.none(given.statics), repeats=given.repeats)
+            for given in (alone.like(scene), among.like(scene))
+        )
+        assert own.program is not None
+        assert shared.program is not None
+        assert abs(own.program.matrix - shared.program.matrix).max() == 0.0
+        np.testing.assert_array_equal(own.program.right, shared.program.right)
+        state = own.solve(settings_for("BLOCKWISE", 1e-6))
+        bounds, same = (Certifier(p.assemblage, surfaces).of(state) for p in (own, shared))
+        assert (bounds.lower, bounds.upper) == pytest.approx((same.lower, same.upper), rel=1e-12)
+        assert bounds.upper - bounds.lower <= 1e-5 * bounds.upper
+
+
+def test_other_contacts_of_the_same_strength_share_nothing() -> None:
+    """Parts of an assemblage keep what it shares."""
+    contacts, repeats = builtin_scene("arch").contacts, Repeats()
+    few, others = contacts.take(np.arange(3)), contacts.take(np.arange(3, 6))
+    assert few.is_in_place_of(few.with_values(friction=0.2))
+    assert not few.is_in_place_of(others)
+    found = [repeats.shared("area", c, lambda c=c: c.area) for c in (few, others, few)]
+    for own, area in zip((few, others, few), found, strict=True):
+        np.testing.assert_array_equal(own.area, area)

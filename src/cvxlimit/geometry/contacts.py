@@ -270,6 +270,11 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
                 result.__dict__[name] = self.__dict__[name]
         return result
 
+    def is_in_place_of(self, other: Contacts) -> bool:
+        """True if these are copies of the same contacts, perhaps with other strengths."""
+        own = (each.name for each in fields(self) if each.name not in PROPERTIES)
+        return all(getattr(self, name) is getattr(other, name) for name in own)
+
     def corner_minimum(self, values: FloatArray) -> FloatArray:
         """Minimum of corner values (m,) over each contact, (n,)."""
         return np.asarray(np.minimum.reduceat(values, self.corner_start[:-1]))

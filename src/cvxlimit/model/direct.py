@@ -18,14 +18,14 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage, Reduction, kept_rows, mechanism_of
-from cvxlimit.model.formulations import ForceModel, model_of
+from cvxlimit.model.formulations import ForceModel, corner_compressions, model_of
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import Coefficient, Condition, LinearForm, YieldSurface, number
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
-from cvxlimit.surfaces.coulomb import needed_surfaces
+from cvxlimit.surfaces.coulomb import needed_surfaces, strength_of
 
 _WANT_MATRICES = ("CLARABEL", "BLOCKWISE", "RESCALED", "QOCO")
 """Solvers whose interfaces need these matrices and nothing else of a problem."""
@@ -116,6 +116,23 @@ class DirectProblem:
     @cached_property
     def program(self) -> ConeProgram | None:
         """Unknown are internal forces, bounds of norms, and the load factor, which is the last."""
+        _, dead, live, _ = self._equilibrium
+        about = strength_of(self.surfaces, self.model.contacts)
+        is_full = self._is_whole and len(live) == self._loads.shape[1]
+        if self.repeats is None or about is None or not is_full or self.most is not None:
+            return self._written()
+        what = "program", about, self.assemblage.scaling.force
+        found: ConeProgram | None = self.repeats.shared(what, self.model.contacts, self._written)
+        return None if found is None else found.under(dead, live)
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """True if unknown are the corner compressions of all contacts: equilibrium is then the same
+        for all scenes of one geometry."""
+        is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
+        return is_plain and not self.reduction.names
+
+    def _written(self) -> ConeProgram | None:
         stated = self.model.strength(self.surfaces)
         if not all(_is_known(condition, cone) for _, condition, cone in stated):
             return None
@@ -154,23 +171,21 @@ class DirectProblem:
 
     def dead_alone(self) -> DirectProblem:
         """Which share, at most all, of the dead load alone is carried: these rows, another load."""
-        assemblage, before = self.assemblage, self.program
+        assemblage, whole = self.assemblage, self.program
         alone = assemblage.alone(assemblage.statics.dead)
         result = DirectProblem(alone, self.surfaces, self.reduction, most=1.0)
-        if before is None or alone.scaling.force != assemblage.scaling.force:
+        if whole is None or alone.scaling.force != assemblage.scaling.force:
             return result
         matrix, dead, _, rows = self._equilibrium
-        loaded, at = np.flatnonzero(dead), before.zero + before.nonneg
-        kept = slice(before.matrix.indptr[-2])
-        below, values = before.matrix.indices[kept], before.matrix.data[kept]
+        before = whole.under(np.zeros_like(dead), dead)
+        at, given = before.zero + before.nonneg, before.matrix
         entries = (
-            np.concatenate([values, dead[loaded], [1.0]]),
-            np.concatenate([below + (below >= at), loaded, [at]]),
-            np.append(before.matrix.indptr[:-1], len(values) + len(loaded) + 1),
+            np.append(given.data, 1.0),
+            np.append(given.indices + (given.indices >= at), at),
+            np.append(given.indptr[:-1], given.nnz + 1),
         )
-        shape = before.matrix.shape[0] + 1, before.matrix.shape[1]
+        shape = given.shape[0] + 1, given.shape[1]
         right = np.insert(before.right, at, 1.0)
-        right[: before.zero] = 0.0
         result.__dict__["_equilibrium"] = matrix, np.zeros_like(dead), dead, rows
         result.__dict__["program"] = replace(
             before, matrix=sp.csc_array(entries, shape), right=right, nonneg=before.nonneg + 1
@@ -178,19 +193,45 @@ class DirectProblem:
         return result
 
     @cached_property
+    def _down(self) -> FloatArray:
+        """Units of equilibrium's rows: moments are over the length."""
+        units = np.repeat([1.0, 1.0 / self.assemblage.scaling.length], 3)
+        return np.tile(units, len(self.assemblage.statics.dead) // DOF)
+
+    @cached_property
+    def _loads(self) -> FloatArray:
+        """Scaled dead and live load (2, 6 free blocks)."""
+        statics, scaling = self.assemblage.statics, self.assemblage.scaling
+        loads = statics.dead / scaling.force, statics.live / scaling.live
+        return self._down * np.stack(loads)
+
+    @cached_property
+    def _matrix(self) -> sp.csr_array:
+        """Of equilibrium along all six ways of all free blocks, scaled."""
+        if self.repeats is None or not self._is_whole:
+            return self._scaled()
+        meaning = "meaning", self.model.contacts, lambda: self.model.meaning
+        self.model.__dict__["meaning"] = self.repeats.shared(*meaning)
+        result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)
+        return result
+
+    def _scaled(self) -> sp.csr_array:
+        lift, meaning = self.reduction.forces, self.model.meaning
+        forces = meaning if lift is None else lift @ meaning
+        matrix = (self.assemblage.statics.matrix @ forces).tocsr()
+        matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
+        matrix.eliminate_zeros()
+        return matrix
+
+    @cached_property
     def _equilibrium(self) -> tuple[sp.csr_array, FloatArray, FloatArray, IntArray]:
         """Scaled, of the internal forces; dead and live load; and which rows say anything."""
-        statics, scaling = self.assemblage.statics, self.assemblage.scaling
-        lift, rates = self.reduction.forces, self.reduction.rates
-        down = np.tile(np.repeat([1.0, 1.0 / scaling.length], 3), len(statics.dead) // DOF)
-        meaning = self.model.meaning
-        matrix = (statics.matrix @ (meaning if lift is None else lift @ meaning)).tocsr()
-        matrix.data *= np.repeat(down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
-        loads = np.stack([down * statics.dead / scaling.force, down * statics.live / scaling.live])
+        matrix, rates = self._matrix, self.reduction.rates
+        loads = self._loads
         size = np.abs(loads).sum(axis=0)
         if rates is not None:
             matrix, loads, size = (rates @ matrix).tocsr(), loads @ rates.T, abs(rates) @ size
-        matrix.eliminate_zeros()
+            matrix.eliminate_zeros()
         rows = kept_rows(matrix, size)
         if len(rows) < len(size):
             matrix, loads = matrix[rows], loads[:, rows]

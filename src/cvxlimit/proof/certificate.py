@@ -161,7 +161,10 @@ class Certifier:
             )
         self.assemblage = Assemblage.of(scene)
         self.statics = self.assemblage.statics
-        self.strength = Strength(self.assemblage, surfaces, formulation, flow)
+        if flow is None:
+            self.strength = Strength.shared(self.assemblage, surfaces, formulation)
+        else:
+            self.strength = Strength(self.assemblage, surfaces, formulation, flow)
         self.witnesses = Witnesses(self.assemblage, self.strength)
         self.surfaces, self.formulation = tuple(surfaces), formulation
         self._can_reduce, self._width = flow is None, width

@@ -7,7 +7,8 @@ Both are found by alternating projections with one sparse factorisation; who use
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Protocol
@@ -23,7 +24,6 @@ from cvxlimit.model.crushing import recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall, StrengthRows
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces.base import (
     Condition,
     Recession,
@@ -35,7 +35,7 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear
+from cvxlimit.surfaces.coulomb import Rocking, strength_of
 
 
 @dataclass(frozen=True)
@@ -141,6 +141,31 @@ class Strength:
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
     @cached_property
+    def about(self) -> Hashable | None:
+        """What it follows from; see :func:`~cvxlimit.surfaces.coulomb.strength_of`."""
+        return strength_of(self.surfaces, self.contacts)
+
+    @classmethod
+    def shared(
+        cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
+    ) -> Strength:
+        """The same; what follows from contacts and surfaces alone is kept for the next scene that
+        has these, where the assemblage keeps anything."""
+        own = partial(cls, assemblage, surfaces, formulation)
+        about, contacts = strength_of(surfaces, assemblage.contacts), assemblage.contacts
+        if assemblage.repeats is None or about is None or formulation is not corner_compressions:
+            return own()
+
+        def made() -> Strength:
+            new = own()
+            _ = new.rows, new.rate_sizes, new.is_cone, new._unresisted  # so that copies have them
+            return new
+
+        result = copy(assemblage.repeats.shared(("strength", about), contacts, made))
+        result.assemblage, result.about = assemblage, about
+        return result
+
+    @cached_property
     def balance(self) -> Balance:
         balance = self.assemblage.balance
         if self.is_internal:
@@ -243,9 +268,6 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
     return array if np.abs(array).max(initial=0.0) <= _N.huge else None
 
 
-_PLAIN = (Rocking, Sliding, Torsion, TorsionShear)
-
-
 class Witnesses:
     """Reference states of one assemblage under its dead load.
 
@@ -296,14 +318,9 @@ class Witnesses:
         self, what: tuple[object, ...], seek: Callable[[], FloatArray | None]
     ) -> FloatArray | None:
         states = getattr(self.assemblage.repeats, "states", None)
-        surfaces, contacts = self.strength.surfaces, self.statics.contacts
-        if states is None or not all(type(s) in _PLAIN for s in surfaces):
+        if states is None or self.strength.about is None:
             return seek()
-        key = (
-            what,
-            tuple((type(s).__name__, str(s.cone)) for s in surfaces),
-            tuple(getattr(contacts, name).tobytes() for name in PROPERTIES),
-        )
+        key = what, self.strength.about
         if key not in states:
             if len(states) >= _N.most_states:
                 states.clear()

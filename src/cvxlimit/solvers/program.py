@@ -7,7 +7,7 @@ where solvers need 5 to 10. Here CVXPY's interfaces to the solvers get their mat
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -51,6 +51,26 @@ class ConeProgram:
     nonneg: int
     cones: tuple[int, ...] = ()
     enough: float = np.inf
+
+    def is_like(self, other: ConeProgram) -> bool:
+        """True if entries stand in the same places."""
+        one, two = self.matrix, other.matrix
+        sizes = (self.zero, self.nonneg, self.cones, one.shape)
+        return sizes == (other.zero, other.nonneg, other.cones, two.shape) and bool(
+            np.array_equal(one.indptr, two.indptr) and np.array_equal(one.indices, two.indices)
+        )
+
+    def under(self, dead: FloatArray, live: FloatArray) -> ConeProgram:
+        """The same conditions under other loads: the right-hand side of the equations is what the
+        ``dead`` (zero,) leave, their last column the ``live``."""
+        loaded, last = np.flatnonzero(live), int(self.matrix.indptr[-2])
+        entries = (
+            np.concatenate([self.matrix.data[:last], live[loaded]]),
+            np.concatenate([self.matrix.indices[:last], loaded]),
+            np.append(self.matrix.indptr[:-1], last + len(loaded)),
+        )
+        right = np.concatenate([-dead, self.right[self.zero :]])
+        return replace(self, matrix=sp.csc_array(entries, self.matrix.shape), right=right)
 
     def solve(
         self, settings: SolverSettings, cache: dict[str, Any] | None = None, is_warm: bool = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.strengths import PROPERTIES
 from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, LinearForm, Norm, YieldSurface
-from cvxlimit.surfaces.cones import Cone, Parabola, parse_cone
+from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone
 from cvxlimit.surfaces.exact_torsion import parabola_arm
 
 
@@ -55,6 +56,16 @@ class Torsion(YieldSurface):
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         return [Condition([Norm({"MT": 1 / contacts.torsion_arm})], slip_resistance(contacts))]
+
+
+def strength_of(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashable | None:
+    """Equal for the same surfaces of this module on contacts of one geometry that are as strong;
+    None for surfaces and cones that may depend on more."""
+    plain = (Rocking, Sliding, Torsion, TorsionShear), (Conic, Facets)
+    if not all(type(s) in plain[0] and type(s.cone) in plain[1] for s in surfaces):
+        return None
+    asked = tuple((type(s), s.cone) for s in surfaces)
+    return asked, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
 
 
 class TorsionShear(YieldSurface):
