@@ -139,8 +139,11 @@ class Statics:
 
 def block_sizes(generalised: FloatArray, length: float) -> FloatArray:
     """Size (blocks,) of generalised forces (blocks, 6), moments over ``length``."""
-    moments = np.linalg.norm(generalised[:, 3:], axis=1)
-    return np.asarray(np.linalg.norm(generalised[:, :3], axis=1) + moments / length)
+    forces, moments = (
+        np.sqrt(np.einsum("ij,ij->i", part, part))  # norm(axis=1) takes twice the time
+        for part in (generalised[:, :3], generalised[:, 3:])
+    )
+    return np.asarray(forces + moments / length)
 
 
 @dataclass(frozen=True)

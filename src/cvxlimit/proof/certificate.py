@@ -249,7 +249,7 @@ class Certifier:
         upper: _Bound = (np.inf, False, np.nan, np.nan)
         rate = self._largest_rate(u) if u is not None else np.inf
         if u is not None:
-            upper = self._upper(u, self._largest_force(x))
+            upper = self._upper(u, self._largest_force(x), rate)
             if not upper[1] or self.statics.contacts.friction.max() > _N.gripping:
                 for share in _N.stuck:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
@@ -364,11 +364,11 @@ class Certifier:
         if given is None or smaller is None:
             return np.inf, False, np.nan, np.nan
         _, rates, contacts = given
-        return smaller._upper(rates, self._largest_force(x, contacts))
+        force = self._largest_force(x, contacts)
+        return smaller._upper(rates, force, smaller._largest_rate(rates))
 
-    def _upper(self, u: FloatArray, force: float) -> _Bound:
+    def _upper(self, u: FloatArray, force: float, largest: float) -> _Bound:
         live = float(self.statics.live @ u.ravel())
-        largest = self._largest_rate(u)
         if not live > 0.0:
             return np.inf, False, np.nan, np.nan
         u = u / live
