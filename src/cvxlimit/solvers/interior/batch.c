@@ -43,7 +43,7 @@ typedef struct {
 
 INLINE void compare(Largest *at, Lanes own) {
     LANE at->most[l] = own[l] > at->most[l] ? own[l] : at->most[l];
-    at->is_nan |= own != own;
+    at->is_nan |= (Mask)(own != own);
 }
 
 static double of_all(const Largest *at) {
