@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 _SHARED = 64_000
 """Contacts, in all, of what scenes of equal strength share, which is two things: 32 strengths of
-1,000 contacts, 100 MB; with twenty in turn, a row of a sweep costs 2.5 ms less."""
+1,000 contacts, 100 MB; with twenty in turn, a row of a sweep costs some 2 ms less."""
 
 _KEPT = 4
 """Patterns kept: one per pattern of the loads, as a rule two."""
