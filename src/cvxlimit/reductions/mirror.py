@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
 
 import cvxpy as cp
 import numpy as np
@@ -30,8 +31,9 @@ _SAME_PLACE = 1e-11
 rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14."""
 
 _CLEAR = 1e-3
-"""Sine of the angle between the sums of both loads from which the plane through them is the only
-one that can be a mirror: rounding turns it by 1e-13 at most."""
+"""Area that the sums of both loads span, over the sums of their sizes, from which the plane through
+them is the only one that can be a mirror: rounding turns it by 1e-13 at most. The sum of forces
+that cancel out is rounding itself, and spans any plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +93,14 @@ def find_mirror(
 
 
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
-    dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
-    both = np.cross(dead, live)
-    angle = np.linalg.norm(both) / (np.linalg.norm(dead) * np.linalg.norm(live) or 1.0)
-    if angle > _CLEAR:
+    dead, live = (f.reshape(-1, DOF)[:, :3] for f in (statics.dead, statics.live))
+    both = np.cross(dead.sum(axis=0), live.sum(axis=0))
+    sizes = (float(np.linalg.norm(f, axis=1).sum()) for f in (dead, live))
+    area = float(np.linalg.norm(both)) / (prod(sizes) or 1.0)
+    if area > _CLEAR:
         return directions([both])
     spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
-    return directions([*([both] if angle > 1e-9 else []), *spread, *np.eye(3)])
+    return directions([*([both] if area > 1e-9 else []), *spread, *np.eye(3)])
 
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
