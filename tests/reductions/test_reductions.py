@@ -17,6 +17,7 @@ from cvxlimit.io import read_result, write_result
 from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.gluing import with_contacts
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions import choice, planar
@@ -188,6 +189,21 @@ class TestSymmetry:
         one = scene.blocks[scene.free[0]].id
         push = Load(acceleration=(1, 0, 0), forces={one: (0.0, 0.0, -1.0, 0.0, 0.0, 0.0)})
         assert both(scene.with_live(push)).model == ()
+
+    @settings(max_examples=10, deadline=None)
+    @given(SEEDS)
+    def test_loads_whose_sum_is_rounding(self, seed: int) -> None:
+        """Its direction says nothing about mirror planes."""
+        scene, rng = arch(11, 0.15), np.random.default_rng(seed)
+        forces = np.zeros((11, 6))
+        forces[:5, ::2] = rng.normal(size=(5, 3)) * [1.0, 1.0, 0.0]
+        forces[:5, 2] -= forces[:5, 2].mean()
+        forces[6:] = forces[4::-1] * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+        own = {scene.blocks[i].id: tuple(f) for i, f in zip(scene.free, forces, strict=True)}
+        lean = turned(scene.with_live(Load(forces=own)), seed)
+        found = Reductions.of(Assemblage.of(lean), surfaces_of("conic")[0], model="least")
+        assert found.plane is not None
+        assert found.mirror is not None
 
     def test_the_mean_of_a_solution_and_its_mirror_image_is_a_solution(self) -> None:
         """What the reduction rests on, with equations of the tests' own."""
@@ -385,7 +401,6 @@ def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
 
 
 def test_other_contacts_of_the_same_strength_share_nothing() -> None:
-    """Parts of an assemblage keep what it shares."""
     contacts, repeats = builtin_scene("arch").contacts, Repeats()
     few, others = contacts.take(np.arange(3)), contacts.take(np.arange(3, 6))
     assert few.is_in_place_of(few.with_values(friction=0.2))
@@ -393,3 +408,18 @@ def test_other_contacts_of_the_same_strength_share_nothing() -> None:
     found = [repeats.shared("area", c, lambda c=c: c.area) for c in (few, others, few)]
     for own, area in zip((few, others, few), found, strict=True):
         np.testing.assert_array_equal(own.area, area)
+
+
+def test_parts_share_nothing() -> None:
+    """Parts without one contact each, of which some do not stand, are as many and as strong."""
+    scene, surfaces = builtin_scene("tuff-wall"), surfaces_of("conic")[0]
+    among, count = replace(Assemblage.of(scene), repeats=Repeats()), len(scene.contacts)
+    stands = set()
+    for left_out in range(0, 35, 7):
+        kept = np.delete(np.arange(count), left_out)
+        part = with_contacts(among, kept, np.ones(len(scene.free), dtype=bool))
+        state = Certifier(part, surfaces).witnesses.easy_dead_state
+        stands.add(state is not None)
+        if state is not None:
+            assert part.statics.is_balanced(state, 0.0, scene.contacts.typical_size)
+    assert stands == {False, True}

@@ -45,7 +45,8 @@ class Assemblage:
         return cls(scene, statics, scaling or Scaling.of(scene), Balance.of(statics))
 
     def of_less(self, statics: Statics) -> Assemblage:
-        return replace(self, statics=statics, balance=Balance.of(statics))
+        """With ``statics`` of a part: it shares nothing, as no other scene has its contacts."""
+        return replace(self, statics=statics, balance=Balance.of(statics), repeats=None)
 
     def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
         loads = dead.reshape(-1, DOF), live.reshape(-1, DOF)
