@@ -135,6 +135,15 @@ class TestCones:
             with pytest.raises(FloatingPointError):
                 cones.scaling(v, cones.identity)
 
+    def test_margins_of_infinite_heads(self, kind: type[Cones]) -> None:
+        """They are no NaN: the other cones' margin, or none."""
+        cones = kind(1, [(3, 2)])
+        u = 2.0 * cones.identity
+        u[1] = np.inf
+        assert cones.margin(u) == 2.0
+        u[1] = -np.inf
+        assert cones.margin(u) == -np.inf
+
 
 @pytest.mark.parametrize("backend", backends())
 class TestNewtonSystem:

@@ -144,7 +144,7 @@ WIDE static double least_eigenvalue(const Cones *cones, const double *u) {
     Largest below = {.most = {-INFINITY, -INFINITY, -INFINITY, -INFINITY}};
     for (Py_ssize_t i = 0; i < c.orthant; i += LANES) compare(&below, -loaded(u, i, c.orthant));
     EACH_SLAB(at) for (Py_ssize_t j = 0; j < k; j += LANES) {
-        Lanes head = loaded(u + at, j, k), square = head * 0.0;
+        Lanes head = loaded(u + at, j, k), square = {0.0};
         for (Py_ssize_t i = 1; i < d; i++) {
             Lanes one = loaded(u + at + i * k, j, k);
             square += one * one;
@@ -169,7 +169,7 @@ WIDE static double steepest(const Cones *cones, const double *u, const double *v
         compare(&worst, -loaded(v, i, c.orthant) / loaded(u, i, c.orthant));
     EACH_SLAB(at) for (Py_ssize_t j = 0; j < k; j += LANES) {
         const double *from = u + at, *along = v + at;
-        Lanes head = loaded(from, j, k), ahead = loaded(along, j, k), square = head * 0.0, cross = square;
+        Lanes head = loaded(from, j, k), ahead = loaded(along, j, k), square = {0.0}, cross = {0.0};
         for (Py_ssize_t i = 1; i < d; i++) {
             Lanes one = loaded(from + i * k, j, k);
             square += one * one, cross += one * loaded(along + i * k, j, k);
@@ -177,7 +177,7 @@ WIDE static double steepest(const Cones *cones, const double *u, const double *v
         Lanes norm = rooted(square), unit = 1.0 / rooted((head - norm) * (head + norm));
         head *= unit, ahead *= unit;
         Lanes first = head * ahead - cross * unit * unit, share = (first + ahead) / (1.0 + head);
-        square = head * 0.0;
+        square = (Lanes){0.0};
         for (Py_ssize_t i = 1; i < d; i++) {
             Lanes off = (loaded(along + i * k, j, k) - share * loaded(from + i * k, j, k)) * unit;
             square += off * off;
@@ -252,7 +252,7 @@ WIDE static void scaled_by(const Cones *cones, const double *plain, const double
         const double *axis = w + at - n, *from = v + at;
         for (Py_ssize_t j = 0; j < k; j += LANES) {
             Lanes head = loaded(axis, j, k), own = loaded(from, j, k), scale = loaded(sizes, j, k);
-            Lanes cross = head * 0.0;
+            Lanes cross = {0.0};
             for (Py_ssize_t i = 1; i < d; i++)
                 cross += loaded(axis + i * k, j, k) * loaded(from + i * k, j, k);
             if (sign < 0.0) scale = 1.0 / scale, cross = -cross;
