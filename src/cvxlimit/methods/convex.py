@@ -152,10 +152,10 @@ class Inquiry:
 
     def lead(self) -> bool:
         """Solve no further than to a point from which others may start, without a certificate;
-        False if the first solver starts nowhere."""
+        False if none can: the first solver starts nowhere, or gets its matrices from CVXPY."""
         self._leave_out_what_stands()
         first = self.ladder[0]
-        if first.name != "BLOCKWISE":
+        if first.name != "BLOCKWISE" or self.problem.program is None:
             return False
         options = {**first.options, "tolerance": _AHEAD, "residual": _AHEAD}
         self.run.solve(self.problem.solve, replace(first, options=options))
