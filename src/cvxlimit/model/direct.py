@@ -25,7 +25,7 @@ from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_l
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import Coefficient, Condition, LinearForm, YieldSurface, number
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
-from cvxlimit.surfaces.coulomb import needed_surfaces, strength_of
+from cvxlimit.surfaces.coulomb import needed_surfaces, strength_key
 
 _WANT_MATRICES = ("CLARABEL", "BLOCKWISE", "RESCALED", "QOCO")
 """Solvers whose interfaces need these matrices and nothing else of a problem."""
@@ -117,7 +117,7 @@ class DirectProblem:
     def program(self) -> ConeProgram | None:
         """Unknown are internal forces, bounds of norms, and the load factor, which is the last."""
         _, dead, live, _ = self._equilibrium
-        about = strength_of(self.surfaces, self.model.contacts)
+        about = strength_key(self.surfaces, self.model.contacts)
         is_full = self._is_whole and len(live) == self._loads.shape[1]
         if self.repeats is None or about is None or not is_full or self.most is not None:
             return self._written()
@@ -210,8 +210,6 @@ class DirectProblem:
         """Of equilibrium along all six ways of all free blocks, scaled."""
         if self.repeats is None or not self._is_whole:
             return self._scaled()
-        meaning = "meaning", self.model.contacts, lambda: self.model.meaning
-        self.model.__dict__["meaning"] = self.repeats.shared(*meaning)
         result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)
         return result
 

@@ -35,7 +35,7 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking, strength_of
+from cvxlimit.surfaces.coulomb import Rocking, strength_key
 
 
 @dataclass(frozen=True)
@@ -142,8 +142,8 @@ class Strength:
 
     @cached_property
     def about(self) -> Hashable | None:
-        """What it follows from; see :func:`~cvxlimit.surfaces.coulomb.strength_of`."""
-        return strength_of(self.surfaces, self.contacts)
+        """What it follows from; see :func:`~cvxlimit.surfaces.coulomb.strength_key`."""
+        return strength_key(self.surfaces, self.contacts)
 
     @classmethod
     def shared(
@@ -152,17 +152,18 @@ class Strength:
         """The same; what follows from contacts and surfaces alone is kept for the next scene that
         has these, where the assemblage keeps anything."""
         own = partial(cls, assemblage, surfaces, formulation)
-        about, contacts = strength_of(surfaces, assemblage.contacts), assemblage.contacts
+        about, contacts = strength_key(surfaces, assemblage.contacts), assemblage.contacts
         if assemblage.repeats is None or about is None or formulation is not corner_compressions:
             return own()
 
         def made() -> Strength:
             new = own()
-            _ = new.rows, new.rate_sizes, new.is_cone, new._unresisted  # so that copies have them
+            # so that copies have them
+            _ = new.rows, new.rate_sizes, new.is_cone, new._unresisted, new.about
             return new
 
         result = copy(assemblage.repeats.shared(("strength", about), contacts, made))
-        result.assemblage, result.about = assemblage, about
+        result.assemblage = assemblage
         return result
 
     @cached_property

@@ -58,16 +58,6 @@ class Torsion(YieldSurface):
         return [Condition([Norm({"MT": 1 / contacts.torsion_arm})], slip_resistance(contacts))]
 
 
-def strength_of(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashable | None:
-    """Equal for the same surfaces of this module on contacts of one geometry that are as strong;
-    None for surfaces and cones that may depend on more."""
-    plain = (Rocking, Sliding, Torsion, TorsionShear), (Conic, Facets)
-    if not all(type(s) in plain[0] and type(s.cone) in plain[1] for s in surfaces):
-        return None
-    asked = tuple((type(s), s.cone) for s in surfaces)
-    return asked, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
-
-
 class TorsionShear(YieldSurface):
     """abs(MT) / c_T + abs(V) <= mu N (Eq. 24; Eq. 25 with facets); mu N + c A with cohesion c."""
 
@@ -127,6 +117,16 @@ NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
 """Surfaces that ``surface`` may name, besides cones around the paper's."""
 
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
+
+
+def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashable | None:
+    """Equal for the same surfaces of this module on contacts of one geometry that are as strong;
+    None for surfaces and cones that may depend on more."""
+    plain = (Rocking, Sliding, Torsion, TorsionShear), (Conic, Facets)
+    if not all(type(s) in plain[0] and type(s.cone) in plain[1] for s in surfaces):
+        return None
+    asked = tuple((type(s), s.cone) for s in surfaces)
+    return asked, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:

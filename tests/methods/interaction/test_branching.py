@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from cvxlimit import Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import random_wall, single_block, stack
+from cvxlimit.masonry.walls import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
@@ -293,6 +294,18 @@ def test_stopped_early_the_bracket_is_valid() -> None:
     bracket = run.best.bracket
     assert search.can_go_on
     assert bracket.lower - 1e-8 <= exact("two blocks", "signed") <= bracket.upper + 1e-8
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("seed", "moments"), [(90004, "independent"), (90028, "independent"), (90055, "signed")]
+)
+def test_walls_whose_gap_is_at_rest_close(seed: int, moments: str) -> None:
+    """Walls of 14 to 30 contacts that stayed 1.6 to 2.8 % wide while only contacts that move in the
+    mechanism at hand, or all at once, were split."""
+    scene = random_wall(seed, sizes=(*SIZES, (4, 5)))
+    run, _ = branched(scene, moments, 0.0099)
+    assert_closed(run, 0.0099)
 
 
 def test_progress_is_told() -> None:

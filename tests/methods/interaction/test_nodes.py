@@ -184,19 +184,3 @@ def test_no_reach_where_nothing_presses() -> None:
     scene = random_wall(23)
     copies = MOMENTS["signed"].box_copies(scene.contacts).without(np.array([0]))
     assert Reach(HullProblem(Assemblage.of(scene)), copies, 0.0).furthest(0, 0, 1.0, TIGHT) is None
-
-
-def test_glued_contacts_show_what_is_beneath() -> None:
-    """A slender block topples off a wide one: glued to it, both slide, at the friction."""
-    blocks = (
-        Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0)),
-        Block.box("wide", (-1.0, -1.0, 0.0), (1.0, 1.0, 0.1), density=20.0),
-        Block.box("tall", (-0.1, -0.1, 0.1), (0.1, 0.1, 1.1), density=20.0),
-    )
-    scene = Scene(blocks, ("ground",), Load(acceleration=(1.0, 0.0, 0.0)), friction=0.5)
-    assemblage = Assemblage.of(scene)
-    problem, copies = HullProblem(assemblage), MOMENTS["signed"].box_copies(scene.contacts)
-    tall = np.array([j for j, c in enumerate(scene.contacts) if "tall" in (c.a, c.b)])
-    assert problem.solve(copies, TIGHT).load_factor == pytest.approx(0.2, abs=1e-6)
-    beneath = problem.solve(copies, TIGHT, None, tall)
-    assert beneath.load_factor == pytest.approx(0.5, abs=1e-6)

@@ -49,6 +49,7 @@ class ProofSettings:
     # what is mixed in never leads outside, although Eq. 30 is not convex
     reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
     margins: tuple[float, ...] = (1e-6, 1e-5, 3e-5, 1e-4)  # of friction and size, with centres held
+    late: float = 0.03  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
     pressed: float = 1e-7  # compression from which a pressure centre means something
 

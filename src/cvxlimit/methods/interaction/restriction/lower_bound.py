@@ -193,8 +193,9 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     solved once more with a little less friction, in a contact that is a little smaller, and its
     forces are put into balance by changes that leave the centres where they are. What is left over
     is larger than what solver and rounding leave, and the checker has the last word. Where forces
-    are determinate once the centres are held, safe steps with as much less friction follow. Once
-    the run has taken ``end`` seconds only the margin that most often does is tried.
+    are determinate once the centres are held, safe steps with as much less friction follow. Beyond
+    ``end`` seconds of the run the margin that most often does comes first, and others only as long
+    as all take a small share of that time.
     """
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
@@ -202,9 +203,11 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     width = best.bracket.width
     within = min(PROOF.most_of_width * asked, asked - width)
     spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
-    for tried, margin in product((_proof, _stepped), PROOF.margins):
-        if run.clock.elapsed > end and margin < PROOF.margins[-1]:
-            continue
+    is_late, until = run.clock.elapsed > end, run.clock.elapsed + PROOF.late * end
+    margins = PROOF.margins[::-1] if is_late else PROOF.margins
+    for number, (tried, margin) in enumerate(product((_proof, _stepped), margins)):
+        if is_late and number > 0 and run.clock.elapsed > until:
+            return
         with run.clock.phase("certify"):
             found = tried(run, checker, best.forces, margin)
         if found is None or not found.is_proved:
