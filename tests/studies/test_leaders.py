@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 from cvxlimit import builtin_scene, sweep
-from cvxlimit.methods.driver import Run
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.studies import draws
@@ -112,30 +111,6 @@ def test_leaders_that_fail_fail_alone() -> None:
     refused = study.row(rows[0], known)["error"]
     assert refused == "friction of the scene must be finite and not negative, got -0.1"
     assert_alike(pd.DataFrame([study.row(row, known) for row in good]), swept(good))
-
-
-@pytest.mark.parametrize(
-    ("surface", "solver", "leads"),
-    [("conic", "BLOCKWISE", True), ("conic", "CLARABEL", False), ("parabolic", "BLOCKWISE", False)],
-)
-def test_only_those_lead_from_whom_others_may_start(
-    surface: str, solver: str, leads: bool, monkeypatch
-) -> None:
-    """Solvers without starts, and problems that CVXPY compiles, are not solved ahead in vain."""
-    solve, solved = Run.solve, []
-
-    def noted(run, solver, settings):
-        solved.append(settings)
-        return solve(run, solver, settings)
-
-    monkeypatch.setattr(Run, "solve", noted)
-    rows = [{**row, "direction": 5.0 + row["direction"]} for row in ROWS]  # none is planar
-    options = {"surface": surface, "ladder": [settings_for(solver, 3e-6)]}
-    study, known = Study(SCENE, options).led(rows), Structures()
-    study._lead(known)
-    assert known.is_led
-    assert study.leaders is not None
-    assert len(solved) == (len(study.leaders.rows) if leads else 0)
 
 
 class TestLeaders:

@@ -149,8 +149,8 @@ class Strength:
     def shared(
         cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
     ) -> Strength:
-        """The same; what follows from contacts and surfaces alone is kept for the next scene that
-        has these, where the assemblage keeps anything."""
+        """As the constructor makes it. What follows from contacts and surfaces alone is made once
+        for all scenes that have these, where the assemblage keeps anything."""
         own = partial(cls, assemblage, surfaces, formulation)
         about, contacts = strength_key(surfaces, assemblage.contacts), assemblage.contacts
         if assemblage.repeats is None or about is None or formulation is not corner_compressions:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import prod
 
 import cvxpy as cp
 import numpy as np
@@ -29,11 +28,6 @@ from cvxlimit.surfaces.coulomb import Rocking
 _SAME_PLACE = 1e-11
 """Distance over the size of the scene, and difference of loads over the largest, put down to
 rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14."""
-
-_CLEAR = 1e-3
-"""Area that the sums of both loads span, over the sums of their sizes, from which the plane through
-them is the only one that can be a mirror: rounding turns it by 1e-13 at most. The sum of forces
-that cancel out is rounding itself, and spans any plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +87,11 @@ def find_mirror(
 
 
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
-    dead, live = (f.reshape(-1, DOF)[:, :3] for f in (statics.dead, statics.live))
-    both = np.cross(dead.sum(axis=0), live.sum(axis=0))
-    sizes = (float(np.linalg.norm(f, axis=1).sum()) for f in (dead, live))
-    area = float(np.linalg.norm(both)) / (prod(sizes) or 1.0)
-    if area > _CLEAR:
-        return directions([both])
+    dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
     spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
-    return directions([*([both] if area > 1e-9 else []), *spread, *np.eye(3)])
+    both = np.cross(dead, live)
+    is_clear = np.linalg.norm(both) > 1e-9 * np.linalg.norm(dead) * np.linalg.norm(live)
+    return directions([*([both] if is_clear else []), *spread, *np.eye(3)])
 
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:

@@ -47,7 +47,7 @@ class Repeats:
 
     def shared(self, what: Hashable, contacts: Contacts, make: Callable[[], T]) -> T:
         """What is the same for all scenes with these contacts: made once. ``what`` says what it is,
-        and how strong they are if that matters."""
+        and how strong they are if that matters. Not for several threads at a time."""
         before, result = self._shared.pop(what, (contacts, None))
         if result is None or not contacts.is_in_place_of(before):
             result = make()

@@ -301,8 +301,8 @@ def test_stopped_early_the_bracket_is_valid() -> None:
     ("seed", "moments"), [(90004, "independent"), (90028, "independent"), (90055, "signed")]
 )
 def test_walls_whose_gap_is_at_rest_close(seed: int, moments: str) -> None:
-    """Walls of 14 to 30 contacts that stayed 1.6 to 2.8 % wide while only contacts that move in the
-    mechanism at hand, or all at once, were split."""
+    """Walls of 14 to 30 contacts that stayed 1.6 to 2.8 % wide while contacts that move in the
+    mechanism at hand were split first."""
     scene = random_wall(seed, sizes=(*SIZES, (4, 5)))
     run, _ = branched(scene, moments, 0.0099)
     assert_closed(run, 0.0099)
