@@ -107,6 +107,11 @@ class Statics:
         """The absolute values of A."""
         return abs(self.matrix)
 
+    @cached_property
+    def transposed_sizes(self) -> sp.csr_array:
+        """The absolute values of A^T."""
+        return self.sizes.T.tocsr()
+
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
         result = self.matrix @ forces.ravel() + self.dead + load_factor * self.live

@@ -422,7 +422,7 @@ class Certifier:
 
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
-        size = np.abs(u).ravel() @ self.statics.sizes
+        size = self.statics.transposed_sizes @ np.abs(u).ravel()
         weights = self.strength.rate_sizes
         return np.asarray(_N.epsilon * (size.reshape(-1, DOF) * weights).sum(axis=1))
 

@@ -98,9 +98,10 @@ def _small(
     c: FloatArray, data: _Named, b: FloatArray, options: _Named, start: Point | None
 ) -> Result | None:
     """The answer by one compiled call, where the program suits and it finds one."""
-    dims = data[ConicSolver.DIMS]
+    dims, matrix = data[ConicSolver.DIMS], data[keys.A]
+    matrix = matrix if isinstance(matrix, sp.csc_array) else sp.csc_array(matrix)
     return small_program(
-        c, sp.csc_array(data[keys.A]), b, (dims.zero, dims.nonneg, list(dims.soc)),
+        c, matrix, b, (dims.zero, dims.nonneg, list(dims.soc)),
         options["tolerance"], options["max_iter"], data.get("enough", np.inf), start,
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -114,7 +114,7 @@ class ConeProgram:
         return data, {
             ConicSolver.VAR_ID: 0,
             ConicSolver.DIMS: dims,
-            ConicSolver.EQ_CONSTR: [Zero(cp.Variable(p))],
+            ConicSolver.EQ_CONSTR: [_equations(p)],
             ConicSolver.NEQ_CONSTR: [],
             keys.OFFSET: 0.0,
         }
@@ -122,3 +122,9 @@ class ConeProgram:
     def _split(self) -> tuple[sp.csc_array, sp.csc_array]:
         rows = self.matrix.tocsr()
         return rows[: self.zero].tocsc(), rows[self.zero :].tocsc()
+
+
+@cache
+def _equations(count: int) -> Zero:
+    """What interfaces take for the equations; they ask for its size alone."""
+    return Zero(cp.Variable(count))

@@ -108,16 +108,17 @@ class BranchSettings:
     tightening: float = 0.25  # share of the time that it may take
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
     beneath: float = 0.02  # of that gap below which a solve may end before it is done
+    at_a_time: int = 200  # contacts of the nodes that are explored together, one node at least
+    kept: int = 5000  # pieces of problems: 0.01 MB each
     remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
-    safe_reach: float = 0.02  # reach of safe states in a node's widest range
-    settled: int = 8  # frozen problems in a row at most
-    steps: int = 16  # places tried on the way between two force states
-    halvings: int = 25  # after the last good one
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    climbs: tuple[int, ...] = (1, 10, 30, 90, 270, 810)  # nodes before safe steps
-    climb_solves: int = 16  # of each
-    rarely: int = 64  # longest wait for another search for better forces, in nodes
+    climbing: float = 0.07  # share of problems that search for forces from open nodes,
+    climb_solves: int = 16  # each so many at most,
+    boxed: int = 4  # one in so many by boxes
+    safe_reach: float = 0.02  # reach of safe states in a node's widest range
+    settled: int = 8  # frozen problems in a row at most,
+    rarely: int = 256  # and the longest wait for another search of that kind, in nodes
     told: float = 0.98  # the history has a line when the gap is this share of the last one told
 
 

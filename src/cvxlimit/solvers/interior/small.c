@@ -16,6 +16,7 @@
 #define LARGEST 8  /* and of a cone */
 #define MOST_EQUATIONS 1500
 #define ROOMS 96
+#define MOST_KEPT (64 << 20) /* bytes */
 
 /* The numbers of iteration.py. */
 #define REACH 0.99
@@ -45,7 +46,7 @@ typedef struct {
     Py_ssize_t line, lines;        /* linear rows, */
     Py_ssize_t cone, cones;        /* second-order cones, */
     Py_ssize_t equation, equations; /* equations, as places in ``touched``, */
-    double *root, *product;        /* L (c, c) by rows of the block's G' W^-2 G, and L^-1 E' (c, wide) */
+    double *root, *product;        /* L and L' (c, c) of the block's G' W^-2 G, with 1 / L_ii between, and L^-1 E' (c, wide) */
     Py_ssize_t wide;               /* e, rounded up to whole quads */
     int opens, closes;             /* the first and the last of several blocks with the same equations */
 } Block;
@@ -65,9 +66,12 @@ typedef struct {
     double *c, *f, *h;
     double *schur, *border, *corner, *room;
     double *line, *inverse, *w, *sizes, *lam; /* scaling: of linear rows W and W^-1, frames and sizes of cones */
+    double *over;                  /* 1 / lam; of cones over the root of its determinant, and what steps divide by */
     double *half;
     double unit, loads;
-    void *memory[ROOMS];
+    char *store;                   /* where rooms are, as far as it suffices: its size, how much is used, */
+    size_t stored, used, wanted;   /* and how much would be */
+    void *memory[ROOMS];           /* the other rooms */
     int rooms;
 } Program;
 
@@ -80,18 +84,31 @@ typedef struct {
 } Measure;
 
 INLINE double most_of(const double *v, Py_ssize_t n) {
-    double most = 0.0;
+    double most[4] = {0.0, 0.0, 0.0, 0.0};
     for (Py_ssize_t i = 0; i < n; i++) {
         double own = fabs(v[i]);
-        if (!(own <= most)) most = own; /* NaN is kept */
+        if (!(own <= most[i % 4])) most[i % 4] = own; /* NaN is kept */
     }
-    return most;
+    for (int t = 1; t < 4; t++)
+        if (!(most[t] <= most[0])) most[0] = most[t];
+    return most[0];
 }
 
-INLINE double dot(const double *u, const double *v, Py_ssize_t n) {
+INLINE double dot(const double *u, const double *v, Py_ssize_t n) { /* of few */
     double sum = 0.0;
     for (Py_ssize_t i = 0; i < n; i++) sum += u[i] * v[i];
     return sum;
+}
+
+WIDE static double long_dot(const double *u, const double *v, Py_ssize_t n) {
+    Quad first = {0.0}, second = {0.0};
+    Py_ssize_t i = 0;
+    for (; i + 8 <= n; i += 8) {
+        first += *(const Quad *)(u + i) * *(const Quad *)(v + i);
+        second += *(const Quad *)(u + i + 4) * *(const Quad *)(v + i + 4);
+    }
+    first += second;
+    return first[0] + first[1] + first[2] + first[3] + dot(u + i, v + i, n - i);
 }
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
@@ -117,25 +134,27 @@ WIDE static double margin(const Program *g, const double *u) {
     return least;
 }
 
-/* The longest step from u along v. */
-WIDE static double step(const Program *g, const double *u, const double *v) {
-    double worst = 0.0;
+/* The longest step from lam along v. */
+WIDE static double step(const Program *g, const double *v) {
+    double most[4] = {0.0, 0.0, 0.0, 0.0}, worst = 0.0;
     for (Py_ssize_t i = 0; i < g->lines; i++) {
-        double own = -v[i] / u[i];
-        if (!(own <= worst)) worst = own;
+        double own = -v[i] * g->over[i];
+        if (!(own <= most[i % 4])) most[i % 4] = own;
     }
     EACH_CONE(k, at, d) {
-        const double *a = u + at, *b = v + at;
-        double root = sqrt(determinant(a, d)), head = a[0] / root, along = b[0] / root;
-        double first = head * along - dot(a + 1, b + 1, d - 1) / root / root;
-        double share = (first + along) / (1.0 + head), sum = 0.0;
+        const double *a = g->lam + at, *b = v + at;
+        double root = g->over[at], along = b[0] * root;
+        double first = (a[0] * b[0] - dot(a + 1, b + 1, d - 1)) * root * root;
+        double share = (first + along) * g->over[at + 1], sum = 0.0;
         for (Py_ssize_t i = 1; i < d; i++) {
-            double off = (b[i] - share * a[i]) / root;
+            double off = (b[i] - share * a[i]) * root;
             sum += off * off;
         }
         double own = sqrt(sum) - first;
         if (!(own <= worst)) worst = own;
     }
+    for (int t = 0; t < 4; t++)
+        if (!(most[t] <= worst)) worst = most[t];
     return worst > 0.0 ? 1.0 / worst : worst == 0.0 ? INFINITY : 0.0;
 }
 
@@ -144,6 +163,7 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
     for (Py_ssize_t i = 0; i < g->lines; i++) {
         double ratio = s[i] / z[i];
         g->line[i] = sqrt(ratio), g->inverse[i] = sqrt(1.0 / ratio), g->lam[i] = g->line[i] * z[i];
+        g->over[i] = 1.0 / g->lam[i];
     }
     EACH_CONE(k, at, d) {
         const double *a = s + at, *b = z + at;
@@ -158,6 +178,8 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
         double cross = dot(w + 1, b + 1, d - 1), share = b[0] + cross / (1.0 + w[0]);
         g->lam[at] = g->sizes[k] * (w[0] * b[0] + cross);
         for (Py_ssize_t i = 1; i < d; i++) g->lam[at + i] = g->sizes[k] * (b[i] + share * w[i]);
+        double root = sqrt(determinant(g->lam + at, d));
+        g->over[at] = 1.0 / root, g->over[at + 1] = 1.0 / (1.0 + g->lam[at] / root);
     }
     return 1;
 }
@@ -186,10 +208,10 @@ WIDE static void product(const Program *g, const double *u, const double *v, dou
 
 /* out with lam o out = v. */
 WIDE static void over_lam(const Program *g, const double *v, double *out) {
-    for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] / g->lam[i];
+    for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] * g->over[i];
     EACH_CONE(k, at, d) {
         const double *u = g->lam + at;
-        double first = (u[0] * v[at] - dot(u + 1, v + at + 1, d - 1)) / determinant(u, d);
+        double first = (u[0] * v[at] - dot(u + 1, v + at + 1, d - 1)) * g->over[at] * g->over[at];
         for (Py_ssize_t i = 1; i < d; i++) out[at + i] = (v[at + i] - first * u[i]) / u[0];
         out[at] = first;
     }
@@ -238,7 +260,7 @@ WIDE static void add_equations(const Program *g, const double *y, double *out) {
 /* L of the block's G' W^-2 G, and L^-1 E', whose square is added to the Schur complement. */
 WIDE static int eliminated_block(const Program *g, const Block *b) {
     Py_ssize_t c = b->to - b->from, e = b->equations;
-    double H[WIDEST * WIDEST], rows[LARGEST][WIDEST], *L = b->root, *P = b->product;
+    double H[WIDEST * WIDEST], rows[LARGEST][WIDEST], diagonal[WIDEST], *L = b->root, *P = b->product;
     const Py_ssize_t *at = g->touched + b->equation;
     memset(H, 0, sizeof(double) * c * c);
     for (Py_ssize_t i = b->line; i < b->line + b->lines; i++) {
@@ -269,20 +291,18 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
             for (Py_ssize_t j = 0; j < c; j++) {
                 double own = rows[i][j], *to = H + j * c;
                 if (own != 0.0)
-                    for (Py_ssize_t l = 0; l <= j; l++) to[l] += own * rows[i][l];
+                    for (Py_ssize_t l = j; l < c; l++) to[l] += own * rows[i][l];
             }
     }
     double largest = 0.0;
-    for (Py_ssize_t i = 0; i < c; i++) largest = larger(largest, H[i * c + i]);
-    for (Py_ssize_t i = 0; i < c; i++) {
-        for (Py_ssize_t j = 0; j <= i; j++) {
-            double sum = H[i * c + j] - dot(L + i * c, L + j * c, j);
-            if (j < i) L[i * c + j] = sum / L[j * c + j];
-            else {
-                if (!(sum > -1e-3 * largest)) return 0; /* NaN, too */
-                L[i * c + i] = sqrt(larger(sum, REGULARISED * larger(H[i * c + i], REGULARISED * largest)));
-            }
-        }
+    for (Py_ssize_t i = 0; i < c; i++) largest = larger(largest, diagonal[i] = H[i * c + i]);
+    for (Py_ssize_t j = 0; j < c; j++) {
+        double *own = L + j * c, pivot = H[j * c + j], given = diagonal[j];
+        if (!(pivot > -1e-3 * largest)) return 0; /* NaN, too */
+        double inverse = own[j] = 1.0 / sqrt(larger(pivot, REGULARISED * larger(given, REGULARISED * largest)));
+        for (Py_ssize_t l = j + 1; l < c; l++) L[l * c + j] = own[l] = H[j * c + l] * inverse;
+        for (Py_ssize_t i = j + 1; i < c; i++)
+            for (Py_ssize_t l = i; l < c; l++) H[i * c + l] -= own[i] * own[l];
     }
     Py_ssize_t quads = b->wide / 4;
     memset(P, 0, sizeof(double) * c * b->wide);
@@ -298,7 +318,7 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
             Quad shares = {share, share, share, share};
             for (Py_ssize_t k = 0; k < quads; k++) own[k] -= shares * before[k];
         }
-        double inverse = 1.0 / L[i * c + i];
+        double inverse = L[i * c + i];
         Quad inverses = {inverse, inverse, inverse, inverse};
         for (Py_ssize_t k = 0; k < quads; k++) own[k] *= inverses;
     }
@@ -370,7 +390,7 @@ static int factorised(const Program *g) {
         for (Py_ssize_t l = g->estart[j]; l < g->estart[j + 1]; l++) own[g->eindex[l]] = g->evalue[l];
         forward(g, own);
         for (Py_ssize_t l = 0; l <= i; l++) {
-            double sum = dot(own, g->border + l * p, p), *L = g->corner + i * BORDER;
+            double sum = long_dot(own, g->border + l * p, p), *L = g->corner + i * BORDER;
             for (Py_ssize_t r = g->outer[i][0]; l == i && r < g->outer[i][0] + g->outer[i][1]; r++) {
                 double entry = 0.0;
                 for (Py_ssize_t t = g->start[r]; t < g->start[r + 1]; t++) entry += g->value[t] * g->inverse[r];
@@ -395,8 +415,11 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
         const Py_ssize_t *at = g->touched + b->equation;
         double *own = t + b->from, *sum = g->square;
         if (b->opens) memset(sum, 0, sizeof(double) * b->wide);
+        memcpy(own, rx + b->from, sizeof(double) * c);
         for (Py_ssize_t j = 0; j < c; j++) {
-            double value = own[j] = (rx[b->from + j] - dot(b->root + j * c, own, j)) / b->root[j * c + j];
+            const double *after = b->root + j * c;
+            double value = own[j] *= after[j];
+            for (Py_ssize_t l = j + 1; l < c; l++) own[l] -= after[l] * value;
             const Quad *P = (const Quad *)(b->product + j * b->wide);
             Quad values = {value, value, value, value};
             for (Py_ssize_t k = 0; k < b->wide / 4; k++) ((Quad *)sum)[k] += values * P[k];
@@ -406,7 +429,7 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
     }
     forward(g, y);
     for (Py_ssize_t i = 0; i < g->n - g->bound; i++) {
-        double sum = rx[g->bound + i] - dot(g->border + i * p, y, p);
+        double sum = rx[g->bound + i] - long_dot(g->border + i * p, y, p);
         for (Py_ssize_t l = 0; l < i; l++) sum -= g->corner[i * BORDER + l] * share[l];
         share[i] = sum / g->corner[i * BORDER + i];
     }
@@ -434,8 +457,9 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
             own[j] -= sums[0] + sums[1] + sums[2] + sums[3];
         }
         for (Py_ssize_t j = c - 1; j >= 0; j--) {
-            double value = to[j] = own[j] / b->root[j * c + j];
-            for (Py_ssize_t l = 0; l < j; l++) own[l] -= b->root[j * c + l] * value;
+            const double *before = b->root + j * c;
+            double value = to[j] = own[j] * before[j];
+            for (Py_ssize_t l = 0; l < j; l++) own[l] -= before[l] * value;
         }
     }
 }
@@ -466,10 +490,10 @@ static Measure measured(const Program *g, const Point *at, Work *w, double toler
         w->a[i] = g->h[i] - w->a[i];
         w->rz[i] = w->a[i] - at->s[i];
     }
-    double both = dot(at->s, at->z, g->m), primal = dot(g->c, at->x, g->n), size = larger(fabs(primal), 1e-6);
+    double both = long_dot(at->s, at->z, g->m), primal = long_dot(g->c, at->x, g->n), size = larger(fabs(primal), 1e-6);
     double in_x = most_of(w->rx, g->n), in_y = most_of(w->ry, g->p), in_z = most_of(w->rz, g->m);
     double missing = in_x / larger(1.0, larger(most_of(at->z, g->m), most_of(at->y, g->p)));
-    r.dual = -dot(g->f, at->y, g->p) - dot(g->h, at->z, g->m);
+    r.dual = -long_dot(g->f, at->y, g->p) - long_dot(g->h, at->z, g->m);
     r.gap = both / size;
     r.mu = both / g->degree;
     r.infeasibility = larger(larger(in_y, in_z) / larger(1.0, most_of(at->x, g->n)), missing);
@@ -496,7 +520,7 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
             return INFEASIBLE;
         }
     }
-    double primal = dot(g->c, at->x, g->n), most = 0.0;
+    double primal = long_dot(g->c, at->x, g->n), most = 0.0;
     if (primal < 0.0) {
         for (Py_ssize_t i = 0; i < g->p; i++) most = larger(most, fabs(g->f[i] - w->ry[i]));
         for (Py_ssize_t i = 0; i < g->m; i++) most = larger(most, fabs(g->h[i] - w->rz[i]));
@@ -506,8 +530,8 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
 }
 
 static void lengths(const Program *g, Direction *d) {
-    d->primal = smaller(1.0, REACH * step(g, g->lam, d->ds));
-    d->dual = smaller(1.0, REACH * step(g, g->lam, d->dz));
+    d->primal = smaller(1.0, REACH * step(g, d->ds));
+    d->dual = smaller(1.0, REACH * step(g, d->dz));
 }
 
 static void directed(const Program *g, Work *w, Direction *d) { /* towards w->aim */
@@ -526,7 +550,7 @@ static void directed(const Program *g, Work *w, Direction *d) { /* towards w->ai
     lengths(g, d);
 }
 
-static double step_of(const Direction *d) { return smaller(d->primal, d->dual); }
+static double shorter(const Direction *d) { return smaller(d->primal, d->dual); }
 
 /* The predictor and its correctors; the best is w->found. */
 static void aimed(const Program *g, Work *w, const Measure *r) {
@@ -544,8 +568,8 @@ static void aimed(const Program *g, Work *w, const Measure *r) {
     for (Py_ssize_t i = 0; i < g->lines; i++) w->aim[i] += goal;
     for (Py_ssize_t k = 0; k < g->cones; k++) w->aim[g->place[k]] += goal;
     directed(g, w, d);
-    for (int i = 0; i < CORRECTORS && step_of(d) <= LONG_STEP; i++) {
-        double before = step_of(d), wider = smaller(1.0, before + WIDEN);
+    for (int i = 0; i < CORRECTORS && shorter(d) <= LONG_STEP; i++) {
+        double before = shorter(d), wider = smaller(1.0, before + WIDEN);
         for (Py_ssize_t j = 0; j < g->m; j++) {
             w->a[j] = g->lam[j] + wider * d->ds[j];
             w->b[j] = g->lam[j] + wider * d->dz[j];
@@ -553,7 +577,7 @@ static void aimed(const Program *g, Work *w, const Measure *r) {
         product(g, w->a, w->b, w->v);
         towards(g, w->v, BAND * goal, goal / BAND, w->aim);
         directed(g, w, &w->tried);
-        double now = step_of(&w->tried);
+        double now = shorter(&w->tried);
         if (now > before) {
             Direction other = w->found;
             w->found = w->tried, w->tried = other;
@@ -708,10 +732,38 @@ static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Poin
 
 /* ---- programs ---- */
 
+/* A store that one run leaves to the next: new memory costs an eighth of the time. Only who holds the
+ * interpreter's lock takes or leaves it. */
+static struct { char *store; size_t stored; } left;
+
 static void *room(Program *g, Py_ssize_t count, Py_ssize_t size) {
-    void *found = g->rooms < ROOMS ? calloc(count + 8, size) : NULL; /* a quad may be read beyond */
+    size_t bytes = ((size_t)(count + 8) * size + 63) / 64 * 64; /* a quad may be read beyond */
+    g->wanted += bytes;
+    if (g->used + bytes <= g->stored) {
+        g->used += bytes;
+        return memset(g->store + g->used - bytes, 0, bytes);
+    }
+    void *found = g->rooms < ROOMS ? calloc(bytes, 1) : NULL;
     if (found) g->memory[g->rooms++] = found;
     return found;
+}
+
+static void opened(Program *g) {
+    g->store = left.store, g->stored = left.stored;
+    left.store = NULL, left.stored = 0;
+}
+
+static void closed(Program *g) {
+    while (g->rooms) free(g->memory[--g->rooms]);
+    if (g->wanted > g->stored && g->wanted <= MOST_KEPT) {
+        free(g->store);
+        g->store = malloc(g->wanted), g->stored = g->store ? g->wanted : 0;
+    }
+    if (g->stored > left.stored) {
+        char *other = left.store;
+        left.store = g->store, left.stored = g->stored, g->store = other;
+    }
+    free(g->store);
 }
 
 static Py_ssize_t top(Py_ssize_t *parent, Py_ssize_t j) {
@@ -940,10 +992,10 @@ static int room_for_work(Program *g, Work *w) {
     g->schur = ROOM(double, g->p * g->p), g->border = ROOM(double, BORDER * g->p), g->corner = ROOM(double, BORDER * BORDER);
     g->room = ROOM(double, DEEP * (g->p + BROAD + TALL)), g->half = ROOM(double, g->n);
     g->line = ROOM(double, g->lines), g->inverse = ROOM(double, g->lines), g->w = ROOM(double, g->m), g->sizes = ROOM(double, g->cones);
-    g->lam = ROOM(double, g->m);
+    g->lam = ROOM(double, g->m), g->over = ROOM(double, g->m);
     w->rx = ROOM(double, g->n), w->ry = ROOM(double, g->p), w->rz = ROOM(double, g->m), w->rhs = ROOM(double, g->n);
     w->over = ROOM(double, g->m), w->aim = ROOM(double, g->m), w->a = ROOM(double, g->m), w->b = ROOM(double, longest), w->v = ROOM(double, longest);
-    return g->schur && g->border && g->corner && g->room && g->half && g->line && g->inverse && g->w && g->sizes && g->lam &&
+    return g->schur && g->border && g->corner && g->room && g->half && g->line && g->inverse && g->w && g->sizes && g->lam && g->over &&
            w->rx && w->ry && w->rz && w->rhs && w->over && w->aim && w->a && w->b && w->v &&
            room_for_direction(g, &w->found) && room_for_direction(g, &w->tried);
 }
@@ -996,6 +1048,7 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
     Status status = UNSUITED;
     Work work;
     Point at, spare, change, best, middle;
+    opened(g);
     Py_BEGIN_ALLOW_THREADS
     Given v = {c, b, data, indptr, indices, soc};
     is_good = g->p > 0 && g->p <= MOST_EQUATIONS ? grouped(g, &v) : 0;
@@ -1008,8 +1061,8 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
         status = minimised(g, &work, &at, &spare, &change, &best, &middle, tolerance, enough, starts, most, &count);
         handed(g, &best, point), handed(g, &middle, halfway);
     }
-    while (g->rooms) free(g->memory[--g->rooms]);
     Py_END_ALLOW_THREADS
+    closed(g);
     if (is_good < 0) {
         PyErr_NoMemory();
         goto fail;

@@ -16,11 +16,13 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import Halfway, HullProblem, HullState
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
+from cvxlimit.methods.interaction.relaxation.pieces import Halfway, Key, Piece
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
+from cvxlimit.methods.interaction.states.support import box_keys
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
@@ -39,16 +41,20 @@ class Split:
 @dataclass(frozen=True, eq=False)
 class Node:
     """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
-    relaxation's ``forces`` and ``load_factor``, and copies ``added`` by pricing; ``halfway`` is
-    where the solver may start for its parts."""
+    relaxation's ``forces`` and ``load_factor``, and pieces of copies ``added`` by pricing;
+    ``halfway`` is where the solver may start for its parts."""
 
     bound: float
     boxes: FloatArray
-    added: Copies
+    added: tuple[Piece, ...] = ()
     forces: FloatArray | None = None
     load_factor: float = -np.inf
     mechanism: FloatArray | None = None
     halfway: Halfway | None = None
+
+    def without(self, *contacts: int) -> tuple[Piece, ...]:
+        """What was added of other contacts."""
+        return tuple(piece for piece in self.added if piece.shape.key[0] not in contacts)
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,7 @@ class Relaxer:
         self.solves = 0
         self.solvers: set[str] = set()
         self.closed = -np.inf
+        self._pieces: dict[Key, Piece] = {}
 
     def begun(self) -> None:
         self.solves, self.closed = 0, -np.inf
@@ -113,34 +120,61 @@ class Relaxer:
         closed = max([self.closed, *(n.bound for n in nodes if n.bound <= goal.cut)])
         return Explored(still, closed, self.solves, frozenset(self.solvers))
 
-    def evaluated(self, node: Node, goal: Goal) -> Node:
-        """Solve, certify, add copies; a solver's failure leaves the bound and forces as given."""
-        flow = self.flow.within(node.boxes, goal.precision)
-        certifier = self.certifier.with_flow(flow)
-        first = self.moments.box_copies(self.contacts, node.boxes)
-        worth = BRANCH.worth_a_copy * goal.width
+    def evaluated(self, nodes: Sequence[Node], goal: Goal) -> list[Node]:
+        """Solve, certify, add copies, all nodes in step: calls of NumPy take hardly longer for
+        several. A solver's failure leaves the bound and forces as given."""
+        every = self.pieces([node.boxes for node in nodes])
+        parts = [_Part(self, *given, goal) for given in zip(nodes, every, strict=True)]
+        left = parts
         for _ in range(BRANCH.rounds):
-            copies, enough = first.joined(node.added), goal.cut - BRANCH.beneath * goal.width
-            state = self.solve(copies, goal.price, start=node.halfway, enough=enough)
-            node = replace(node, halfway=state.halfway or node.halfway)
-            if state.mechanism is None or state.load_factor is None:
-                break
-            node = replace(node, forces=state.forces, load_factor=state.load_factor)
-            found = certifier.certificate(state.forces, None, state.mechanism).upper
-            if found < node.bound:
-                node = replace(node, bound=found, mechanism=state.mechanism)
-            close = found - state.load_factor <= worth
-            if close or node.bound < goal.lower:
-                break
-            missed = missed_copies(flow, certifier, state.mechanism, worth)
-            if not len(missed):
-                break
-            node = replace(node, added=node.added.joined(missed))
-        return node
+            left = [part for part in left if part.is_solved()]
+            self._foresee(left)
+            left = [part for part in left if part.misses()]
+            self._add(left)
+        return [part.node for part in parts]
+
+    def _foresee(self, parts: Sequence[_Part]) -> None:
+        powers = [float(self.statics.live @ part.mechanism.ravel()) for part in parts]
+        asked = {
+            part.flow: self.statics.relative_rates(part.mechanism / power)  # as certificates do
+            for part, power in zip(parts, powers, strict=True)
+            if power > 0.0
+        }
+        field = self.certifier.witnesses.opening_field
+        if len(asked) > 1:
+            opening = None if field is None else self.statics.relative_rates(field)
+            self.flow.together(list(asked), list(asked.values()), opening)
+
+    def _add(self, parts: Sequence[_Part]) -> None:
+        """Give the parts' nodes the copies that they miss."""
+        if not parts:
+            return
+        missed = parts[0].missed.joined(*(part.missed for part in parts[1:]))
+        part_of = np.repeat(np.arange(len(parts)), [len(part.missed) for part in parts])
+        groups, unit = np.unique([part_of, missed.contact], axis=1, return_inverse=True)
+        pieces = self.problem.pieces(missed, unit)
+        for number, piece in zip(groups[0].tolist(), pieces, strict=True):
+            node = parts[number].node
+            parts[number].node = replace(node, added=(*node.added, piece))
+
+    def pieces(self, every: Sequence[FloatArray]) -> list[list[Piece]]:
+        """The pieces of several boxes (n, 2, 2), of which most are known."""
+        number = np.arange(len(self.contacts))
+        keys = [box_keys(boxes, number) for boxes in every]
+        if len(self._pieces) > BRANCH.kept:
+            self._pieces.clear()
+        if new := list({key for each in keys for key in each if key not in self._pieces}):
+            rows = np.array([j for j, _ in new])
+            boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
+            copies = self.moments.box_copies(self.contacts.take(rows), boxes)
+            unit = copies.contact
+            found = self.problem.pieces(replace(copies, contact=rows[unit]), unit, new)
+            self._pieces.update(zip(new, found, strict=True))
+        return [[self._pieces[key] for key in each] for each in keys]
 
     def solve(
         self,
-        copies: Copies,
+        copies: Copies | Sequence[Piece],
         price: float | None,
         ladder: Sequence[SolverSettings] | None = None,
         start: Halfway | None = None,
@@ -160,6 +194,40 @@ class Relaxer:
         speed: FloatArray = np.hypot(rates[:, 0], rates[:, 1])
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
         return speed / max(float(self.statics.live @ mechanism.ravel()), 1e-300)
+
+
+class _Part:
+    """A node that is being evaluated."""
+
+    def __init__(self, relaxer: Relaxer, node: Node, pieces: Sequence[Piece], goal: Goal) -> None:
+        self.relaxer, self.node, self.pieces, self.goal = relaxer, node, pieces, goal
+        self.flow = relaxer.flow.within(node.boxes, goal.precision)
+        self.certifier = relaxer.certifier.with_flow(self.flow)
+        self.missed = Copies.none()
+
+    def is_solved(self) -> bool:
+        node, goal = self.node, self.goal
+        enough = goal.cut - BRANCH.beneath * goal.width
+        pieces = [*self.pieces, *node.added]
+        state = self.relaxer.solve(pieces, goal.price, start=node.halfway, enough=enough)
+        self.node = node = replace(node, halfway=state.halfway or node.halfway)
+        if state.mechanism is None or state.load_factor is None:
+            return False
+        self.node = replace(node, forces=state.forces, load_factor=state.load_factor)
+        self.mechanism = state.mechanism
+        return True
+
+    def misses(self) -> bool:
+        """True if copies are missed, after the bound has been certified."""
+        found = self.certifier.certificate(self.node.forces, None, self.mechanism).upper
+        if found < self.node.bound:
+            self.node = replace(self.node, bound=found, mechanism=self.mechanism)
+        worth = BRANCH.worth_a_copy * self.goal.width
+        is_close = found - self.node.load_factor <= worth
+        if is_close or self.node.bound < self.goal.lower:
+            return False
+        self.missed = missed_copies(self.flow, self.certifier, self.mechanism, worth)
+        return len(self.missed) > 0
 
 
 def scores(relaxer: Relaxer, node: Node, at_rest: float) -> FloatArray:
@@ -209,19 +277,21 @@ def _cut(relaxer: Relaxer, node: Node, contact: int, axis: int, at: float) -> Sp
     return Split(contact, axis, tuple(relaxer.moments.split(low, high, at)))
 
 
-def explore(relaxer: Relaxer, node: Node, goal: Goal) -> Explored:
-    """Split a node and solve its parts."""
+def explore(relaxer: Relaxer, nodes: Sequence[Node], goal: Goal) -> Explored:
+    """Split nodes and solve their parts."""
     relaxer.begun()
-    split = choice(relaxer, node)
-    if split is None:
-        relaxer.closed = node.bound
-        return relaxer.explored([], goal)
-    parts = [relaxer.evaluated(part, goal) for part in _parts(node, split)]
-    return relaxer.explored(parts, goal)
+    parts: list[Node] = []
+    for node in nodes:
+        split = choice(relaxer, node)
+        if split is None:
+            relaxer.closed = max(relaxer.closed, node.bound)
+        else:
+            parts += _parts(node, split)
+    return relaxer.explored(relaxer.evaluated(parts, goal), goal)
 
 
 def _parts(node: Node, split: Split) -> Iterator[Node]:
-    added = node.added.without(np.array([split.contact]))
+    added = node.without(split.contact)
     for ends in pairwise(split.ends):
         boxes = node.boxes.copy()
         boxes[split.contact, split.axis] = ends

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import heapq
 import uuid
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,12 +24,9 @@ from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import BRANCH
-from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import whole_boxes
 from cvxlimit.solvers import LimitState, Outcome
-
-_State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium
 
 
 class BranchAndBound:
@@ -61,17 +60,18 @@ class BranchAndBound:
         self.closed = -np.inf
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
-        self.solves = self.count = self.nodes = 0
+        self.solves = self.count = self.nodes = self._climbs = self._climbed = 0
+        self._random = np.random.default_rng(0)
         self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
         self._executor, self._workers = executor, max(workers, 1)
         self._task: Task | None = None
-        self._running: dict[Future[Explored], Node] = {}
+        self._running: dict[Future[Explored], list[Node]] = {}
         self._start(outer)
 
     @property
     def upper(self) -> float:
-        running = (node.bound for node in self._running.values())
+        running = (node.bound for nodes in self._running.values() for node in nodes)
         return max([self.closed, self.lower, *(-key for key, *_ in self.open[:1]), *running])
 
     @property
@@ -89,15 +89,13 @@ class BranchAndBound:
     def _start(self, outer: UpperBound | None) -> None:
         boxes, best = whole_boxes(self.run.contacts), self.run.best
         state = None if outer is None else outer.state
-        # the searches before began there: where tightening changed nothing they are not repeated
-        self._searched = None if state is None else state.forces
         if outer is not None and state is not None and state.load_factor is not None:
             known = state.forces, state.load_factor, best.mechanism
-            root = Node(best.bracket.upper, boxes, Copies.none(), *known)
+            root = Node(best.bracket.upper, boxes, (), *known)
         else:
-            root = Node(np.inf, boxes, Copies.none())
+            goal = Goal(self.lower, self.tolerance)
             with self.run.clock.phase("solve"):
-                root = self.relaxer.evaluated(root, Goal(self.lower, self.tolerance))
+                (root,) = self.relaxer.evaluated([Node(np.inf, boxes)], goal)
         self.solves += self.relaxer.solves
         self.run.solvers.update(self.relaxer.solvers)
         if np.isfinite(root.bound):
@@ -108,37 +106,43 @@ class BranchAndBound:
             at_rest = plain_witnesses(self.run.assemblage).dead_state
             if at_rest is not None and self.checker.is_admissible(at_rest, 0.0):
                 self.lower, self.forces = 0.0, at_rest
-        self._raise_lower(root)
+        self._settle(root)
         self._book()
 
     def step(self) -> None:
-        """Explore the node with the largest bound, or wait for one that is being explored."""
+        """Explore the nodes with the largest bounds, or wait for some that are being explored."""
         if self._executor is not None and self._is_tightened:
             self._step_elsewhere(self._executor)
+        elif self._is_tightened:
+            nodes = self._next()
+            with self.run.clock.phase("solve"):
+                self._take(nodes, explore(self.relaxer, nodes, self._goal()))
         else:
-            (_, _, node), clock = heapq.heappop(self.open), self.run.clock
+            (_, _, root), clock = heapq.heappop(self.open), self.run.clock
+            self._is_tightened, has_time = True, lambda: clock.elapsed < self._until
             with clock.phase("solve"):
-                if self._is_tightened:
-                    found = explore(self.relaxer, node, self._goal())
-                else:
-                    self._is_tightened, has_time = True, lambda: clock.elapsed < self._until
-                    found = tightened_root(self.relaxer, node, self._goal(), has_time)
-                self._take(node, found)
+                found = tightened_root(self.relaxer, root, self._goal(), has_time)
+                self._take([root], found)
         self._book()
+
+    def _next(self) -> list[Node]:
+        """The nodes with the largest bounds: of few contacts several at a time."""
+        count = max(1, BRANCH.at_a_time // len(self.run.contacts))
+        return [heapq.heappop(self.open)[2] for _ in range(min(count, len(self.open)))]
 
     def _step_elsewhere(self, executor: Executor) -> None:
         if self._task is None:
             self._task = Task.of(uuid.uuid4().hex, self.relaxer, self.run.assemblage)
         while self.open and len(self._running) < self._workers:
-            _, _, node = heapq.heappop(self.open)
-            self._running[executor.submit(self._task, node, self._goal())] = node
+            nodes = self._next()
+            self._running[executor.submit(self._task, nodes, self._goal())] = nodes
         with self.run.clock.phase("solve"):
             done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in done:
             self._take(self._running.pop(future), future.result())
 
-    def _take(self, node: Node, found: Explored) -> None:
-        self.nodes += 1
+    def _take(self, nodes: Sequence[Node], found: Explored) -> None:
+        self.nodes += len(nodes)
         self.solves += found.solves
         self.run.solvers.update(found.solvers)
         self.closed = max(self.closed, found.closed)
@@ -147,25 +151,43 @@ class BranchAndBound:
                 self._push(child)
             else:
                 self.closed = max(self.closed, child.bound)
-        self._last = node
+        self._last = nodes[0]
         best = max(found.open, key=lambda child: child.bound, default=None)
-        if best is None:
-            return
-        self._waited += 1
-        if self._waited >= self._wait:
-            before, self._waited = self.lower, 0
-            self._raise_lower(best)
-            self._wait = 1 if self.lower > before else min(2 * self._wait, BRANCH.rarely)
-        is_new = best.forces is not None and best.forces is not self._searched
-        if self.nodes in BRANCH.climbs and is_new:
-            self._searched = best.forces
-            for _ in InnerMethod(self.run, BRANCH.climb_solves).iterates(best.forces):
-                self.solves += 1
-                if self.run.clock.elapsed > self._end:
-                    break
-            known = self.run.best
-            if known.bracket.lower > self.lower and known.forces is not None:
-                self.lower, self.forces = known.bracket.lower, known.forces
+        self._waited += len(nodes)
+        if best is not None and self._waited >= self._wait:
+            lower, self._waited = self.lower, 0
+            self._settle(best)
+            self._wait = 1 if self.lower > lower else min(2 * self._wait, BRANCH.rarely)
+        while self._climbed < BRANCH.climbing * self.solves and self._has_time:
+            if not self._climb():
+                break
+
+    @property
+    def _has_time(self) -> bool:
+        return self.run.clock.elapsed <= self._end
+
+    def _climb(self) -> bool:
+        """Safe steps, or boxes in turn, from the forces of any open node: those of nodes with the
+        largest bounds are much alike. False if there are none."""
+        starts = [node.forces for _, _, node in self.open if node.forces is not None]
+        if not starts:
+            return False
+        start, self._climbs = starts[int(self._random.integers(len(starts)))], self._climbs + 1
+        method = self._inner
+        way = method.narrowed if self._climbs % BRANCH.boxed == 2 else method.iterates
+        self._climbed += 1  # there may be no problem at all
+        for _ in way(start):
+            self._climbed, self.solves = self._climbed + 1, self.solves + 1
+            if not self._has_time:
+                break
+        known = self.run.best
+        if known.bracket.lower > self.lower and known.forces is not None:
+            self.lower, self.forces = known.bracket.lower, known.forces
+        return True
+
+    @cached_property
+    def _inner(self) -> InnerMethod:
+        return InnerMethod(self.run, BRANCH.climb_solves)
 
     def _push(self, node: Node) -> None:
         self.count += 1
@@ -188,55 +210,28 @@ class BranchAndBound:
             state = LimitState(Outcome("optimal", 0.0, 0.0), self._last.load_factor, None, None)
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
-    def _raise_lower(self, node: Node) -> None:
-        """Admissible forces near the node's: on the way to them from safe ones and the best."""
+    def _settle(self, node: Node) -> None:
+        """Safe forces about the node's pressure centres, then about their own, as long as that
+        gains: what is safe stays so where its own eccentricities are frozen. As boxes shrink these
+        forces tend to the node's bound."""
         if node.forces is None:
             return
-        safe = self._settled(node)
-        goal = self.checker.balanced(node.forces, node.load_factor), node.load_factor
-        known = None if self.forces is None else (self.forces, self.lower)
-        for start in filter(None, (safe, known)):
-            forces, factor = self._advanced(start, goal)
-            if factor > self.lower:
-                self.lower, self.forces = float(factor), forces
-
-    def _settled(self, node: Node) -> _State | None:
-        """The best safe forces about the node's pressure centres, then about their own, as long as
-        that gains: what is safe stays so where its own eccentricities are frozen."""
-        assert node.forces is not None
         reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
-        best: _State | None = None
-        centre = centres(node.forces, self.run.contacts)
+        centre, best = centres(node.forces, self.run.contacts), -np.inf
         for _ in range(BRANCH.settled):
-            if self.run.clock.elapsed > self._end:
-                break
-            found = self._safe(centre, reach)
-            if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
-                break
-            best, centre, reach = found, centres(found[0], self.run.contacts), 0.0
-        return best
-
-    def _safe(self, centre: FloatArray, reach: float) -> _State | None:
-        copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
-        with self.run.clock.phase("solve"):
-            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
-        self.solves += 1
-        if state.forces is None or state.load_factor is None:
-            return None
-        found = self.checker.balanced(state.forces, state.load_factor), state.load_factor
-        return found if self.checker.is_admissible(*found) else None
-
-    def _advanced(self, start: _State, goal: _State) -> _State:
-        if goal[1] <= start[1] or not np.isfinite(goal[0]).all():
-            return start
-
-        def at(share: float) -> _State:
-            return start[0] + share * (goal[0] - start[0]), start[1] + share * (goal[1] - start[1])
-
-        shares = np.linspace(1.0, 0.0, BRANCH.steps + 1)
-        low = next((s for s in shares[:-1] if self.checker.is_admissible(*at(s))), 0.0)
-        high = min(low + 1.0 / BRANCH.steps, 1.0)
-        for _ in range(BRANCH.halvings if low < 1.0 else 0):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.checker.is_admissible(*at(middle)) else (low, middle)
-        return at(low)
+            copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
+            with self.run.clock.phase("solve"):
+                state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
+            self.solves += 1
+            if state.forces is None or state.load_factor is None:
+                return
+            forces, factor = (
+                self.checker.balanced(state.forces, state.load_factor),
+                state.load_factor,
+            )
+            is_better = factor > best + 1e-3 * self.width and self._has_time
+            if not is_better or not self.checker.is_admissible(forces, factor):
+                return
+            centre, reach, best = centres(forces, self.run.contacts), 0.0, factor
+            if factor > self.lower:
+                self.lower, self.forces = factor, forces

@@ -4,7 +4,7 @@ after a certified bound has shown the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -14,7 +14,8 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
-from cvxlimit.methods.interaction.relaxation.hull import CopyColumns, HullProblem, stacked
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.pieces import Piece, stacked
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
@@ -64,12 +65,13 @@ class _Tightening:
         if np.array_equal(self.boxes, node.boxes):
             return self.node
         changed = np.flatnonzero((self.boxes != node.boxes).any(axis=(1, 2)))
-        added = self.node.added.without(changed)
-        return relaxer.evaluated(replace(self.node, boxes=self.boxes, added=added), self.goal)
+        added = self.node.without(*changed.tolist())
+        (found,) = relaxer.evaluated([replace(self.node, boxes=self.boxes, added=added)], self.goal)
+        return found
 
     def _aim(self) -> None:
-        copies = self.relaxer.moments.box_copies(self.relaxer.contacts, self.node.boxes)
-        self.reach = Reach(self.relaxer.problem, copies.joined(self.node.added), self.goal.cut)
+        (pieces,) = self.relaxer.pieces([self.node.boxes])
+        self.reach = Reach(self.relaxer.problem, [*pieces, *self.node.added], self.goal.cut)
 
     def _reached(self, j: int, axis: int, sign: float) -> float:
         relaxer, boxes, side = self.relaxer, self.boxes, int(sign > 0.0)
@@ -109,7 +111,9 @@ class _Tightening:
             worth = BRANCH.worth_a_copy * goal.width
             new = missed_copies(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
-        self.node = replace(node, added=node.added.joined(new))
+        if self._is_missing:
+            added = (*node.added, *relaxer.problem.pieces(new))
+            self.node = replace(node, added=added)
         return False
 
 
@@ -121,10 +125,12 @@ class Reach:
     scaled by t >= 0 (Charnes and Cooper). Its mechanism bounds all states beyond by ``least``.
     """
 
-    def __init__(self, problem: HullProblem, copies: Copies, least: float) -> None:
+    def __init__(
+        self, problem: HullProblem, copies: Copies | Sequence[Piece], least: float
+    ) -> None:
         self.problem = problem
-        columns = CopyColumns(problem, copies)
-        plain = columns.program()
+        joined = problem.joined(copies)
+        plain = problem.program(joined)
         rows = plain.matrix.tocsr()
         zero, self.width = plain.zero, plain.matrix.shape[1] + 1
         dead = sp.csc_array(problem.dead[:, None])
@@ -136,7 +142,8 @@ class Reach:
             [sp.hstack([rows[:zero], dead]), stacked(reached, (2, self.width)), rest], format="csr"
         )
         self.counts = zero + 1, plain.nonneg + 2, plain.cones
-        self.meaning = columns.meaning.tocsr()
+        size = len(COMPONENTS) * len(problem.contacts)
+        self.meaning = stacked([joined.forces()], (size, joined.columns)).tocsr()
 
     def furthest(
         self, contact: int, axis: int, sign: float, settings: SolverSettings

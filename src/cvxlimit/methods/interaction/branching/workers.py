@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -32,14 +32,14 @@ class Task:
         bare = replace(assemblage, balance=Balance.of(assemblage.statics), repeats=None)
         return cls(key, bare, relaxer.moments, relaxer.ladder, opening)
 
-    def __call__(self, node: Node, goal: Goal) -> Explored:
-        """Explore a node in this process, which keeps the relaxer for the next one."""
+    def __call__(self, nodes: Sequence[Node], goal: Goal) -> Explored:
+        """Explore nodes in this process, which keeps the relaxer for the next ones."""
         relaxer = _known.get(self.key)
         if relaxer is None:
             relaxer = Relaxer(self.assemblage, self.moments, self.ladder, self.opening)
             _known.clear()
             _known[self.key] = relaxer
-        return explore(relaxer, node, goal)
+        return explore(relaxer, nodes, goal)
 
 
 _known: dict[str, Relaxer] = {}

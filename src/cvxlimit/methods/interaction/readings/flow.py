@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray, FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.support import (
     Asked,
+    box_keys,
     corner_support,
     half_extent,
     whole_boxes,
@@ -44,11 +46,14 @@ class InteractionFlow:
         boxes: FloatArray | None = None,
         is_coarse: bool = False,
         precision: float = 0.0,
+        number: IntArray | None = None,
     ) -> None:
         self.contacts, self.moments, self.is_coarse = contacts, moments, is_coarse
         self.precision = precision
+        self.number = np.arange(len(contacts)) if number is None else number
         self._asked, self._worst = np.zeros(0), (np.zeros(0),) * 3
         self._opened = _Opened()
+        self._repeated: dict[int, tuple[IntArray, Contacts]] = {}
         self.half = half_extent(contacts)
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         has_corners = moments.has_corner_hull(contacts, self.boxes)
@@ -65,13 +70,13 @@ class InteractionFlow:
         """The same, exact everywhere; kept, for one field opens every mechanism. In boxes it opens
         much more than of the whole, which decides how good bounds are."""
         known = self._opened
-        if not np.array_equal(rates, known.rates):
-            known.rates, known.missing = rates.copy(), {}
-        each = np.ascontiguousarray(self.boxes).reshape(-1, 4).view("V32").ravel().tolist()
-        keys = list(enumerate(each))
-        if any(new := [key not in known.missing for key in keys]):
-            found = self._support(-rates, SUPPORT.halvings, chosen=np.array(new))[0]
-            known.missing |= {keys[j]: float(found[j]) for j in np.flatnonzero(new)}
+        if not (len(known.rates) and np.array_equal(rates, known.rates[self.number])):
+            known.rates, known.missing = rates[: int(self.number.max()) + 1].copy(), {}
+        keys = box_keys(self.boxes, self.number)
+        if new := [k for k, key in enumerate(keys) if key not in known.missing]:
+            rows = np.array(new)
+            found = self._of(rows)._support(-rates[rows], SUPPORT.halvings)[0].tolist()
+            known.missing |= zip((keys[k] for k in new), found, strict=True)
         return Shortfall(np.array([known.missing[key] for key in keys]), np.zeros(0))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
@@ -94,14 +99,37 @@ class InteractionFlow:
         result._opened = self._opened
         return result
 
-    def _support(
+    def together(
         self,
-        w: FloatArray,
-        halvings: int,
-        floor: FloatArray | None = None,
-        chosen: BoolArray | None = None,
+        flows: Sequence[InteractionFlow],
+        every: Sequence[FloatArray],
+        opening: FloatArray | None,
+    ) -> None:
+        """Ask several flows of these contacts for what they will be asked for: shortfalls of
+        ``every`` one's rates (n, 6), and what all make of an ``opening`` field's; a call takes
+        hardly longer for all than for one."""
+        if len(flows) not in self._repeated:
+            number = np.tile(self.number, len(flows))
+            self._repeated[len(flows)] = number, self.contacts.take(number)
+        number, contacts = self._repeated[len(flows)]
+        boxes, precision = np.concatenate([flow.boxes for flow in flows]), flows[0].precision
+        whole = InteractionFlow(contacts, self.moments, boxes, True, precision, number)
+        whole._opened = self._opened
+        if opening is not None:
+            whole.opened(np.tile(opening, (len(flows), 1)))
+        found = (np.split(x, len(flows)) for x in whole.worst(np.concatenate(every)))
+        for flow, rates, *worst in zip(flows, every, *found, strict=True):
+            flow._asked, flow._worst = rates, (worst[0], worst[1], worst[2])
+
+    def _of(self, rows: IntArray) -> InteractionFlow:
+        """Of some contacts."""
+        contacts = self.contacts.take(rows)
+        given = contacts, self.moments, self.boxes[rows], self.is_coarse, self.precision
+        return InteractionFlow(*given, self.number[rows])
+
+    def _support(
+        self, w: FloatArray, halvings: int, floor: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of the rectangles only those ``chosen`` (n,)."""
         power, centre = np.full(len(w), -np.inf), np.full((len(w), 2), np.nan)
         arm, friction = np.full(len(w), np.nan), self.contacts.friction
         least = np.full(len(w), -np.inf) if floor is None else floor
@@ -109,8 +137,7 @@ class InteractionFlow:
         asked = Asked(w, self.half, friction, self.boxes, least, precision)
         if len(rows := self._corners):
             power[rows] = corner_support(w, self.contacts)[rows]
-        rows = self._rectangles if chosen is None else self._rectangles[chosen[self._rectangles]]
-        if len(rows):
+        if len(rows := self._rectangles):
             power[rows], centre[rows] = self.moments.support(asked.take(rows), halvings)
         if len(self._cells):
             rows = np.unique(self._cells.contact)

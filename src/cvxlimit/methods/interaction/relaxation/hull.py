@@ -7,43 +7,30 @@ bound, where compiling by CVXPY would take longer than solving. The formulas are
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.readings.halves import Half
+from cvxlimit.methods.interaction.relaxation.pieces import (
+    Entry,
+    Halfway,
+    Joined,
+    Key,
+    Piece,
+    cut,
+)
 from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
-from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.solvers.program import ConeProgram
-
-_Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
-
-
-@dataclass(frozen=True, eq=False)
-class Roles:
-    """Whose a problem's columns, rows and cones are: an array of copies for each of their kinds,
-    which are the same in all problems of a scene."""
-
-    columns: list[IntArray]
-    rows: list[IntArray]
-    cones: IntArray
-
-
-@dataclass(frozen=True, eq=False)
-class Halfway:
-    """A point on the way to an answer, from which a problem with other copies may start."""
-
-    copies: Copies
-    roles: Roles
-    point: Point
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +61,7 @@ class HullProblem:
 
     def solve(
         self,
-        copies: Copies,
+        copies: Copies | Sequence[Piece],
         settings: SolverSettings | None = None,
         relief_price: float | None = None,
         start: Halfway | None = None,
@@ -83,15 +70,16 @@ class HullProblem:
         """One run of one solver; never raises for what the solver does. Any share of the dead load
         may be taken off at ``relief_price``. Our own solver begins at the ``start``, and ends where
         the load factor is below ``enough`` for certain."""
-        if self.half is not None:
-            copies = copies.without(self.half.dropped)
-        columns = CopyColumns(self, copies, relief_price)
-        program = replace(columns.program(), enough=-enough / self.scaling.load_factor(1.0))
-        cache = {"start": None if start is None else columns.start(start)}
+        joined = self.joined(copies, relief_price)
+        enough = -enough / self.scaling.load_factor(1.0)
+        program = self.program(joined, relief_price, enough)
+        cache = {"start": None if start is None else joined.start(start)}
         outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
         if x is None or y is None:
             return HullState(outcome, None, None, None)
-        forces = columns.forces(x)
+        rows, columns, values = joined.forces()
+        size = len(COMPONENTS) * len(self.contacts)
+        forces = np.asarray(np.bincount(rows, values * x[columns], size), dtype=float)
         if self.forces is not None:
             forces = self.forces @ forces
         middle = cache.get("middle")
@@ -100,8 +88,50 @@ class HullProblem:
             self.scaling.load_factor(float(x[0])),
             self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
             self.mechanism(y),
-            halfway=None if middle is None else Halfway(copies, columns.roles, middle),
+            halfway=None if middle is None else Halfway(joined.shapes, middle),
         )
+
+    def pieces(
+        self, copies: Copies, unit: IntArray | None = None, keys: Sequence[Key] | None = None
+    ) -> list[Piece]:
+        """A piece for each unit of copies, by the number of their units (k,): those of a contact,
+        if it is not said. Units without copies have ``keys`` to say whose they are."""
+        if self.half is not None:
+            copies = copies.without(self.half.dropped)
+        if unit is None:
+            _, unit = np.unique(copies.contact, return_inverse=True)
+        return CopyColumns(self, copies).pieces(unit, keys or copies.keys(unit))
+
+    def joined(self, copies: Copies | Sequence[Piece], relief_price: float | None = None) -> Joined:
+        """Their columns; the load factor is the first one, the relief the second."""
+        pieces = self.pieces(copies) if isinstance(copies, Copies) else copies
+        return Joined([self._loads[relief_price is not None], *pieces], len(self.rows))
+
+    def program(
+        self, joined: Joined, relief_price: float | None = None, enough: float = np.inf
+    ) -> ConeProgram:
+        cost, right = np.zeros(joined.columns), np.zeros(joined.lines + 3 * joined.cones)
+        cost[0] = -1.0
+        if relief_price is not None:
+            cost[1] = relief_price / self.scaling.load_factor(1.0)
+            right[1] = 1.0
+        right, cones = np.concatenate([-self.dead, right]), (3,) * joined.cones
+        given = cost, joined.matrix(), right, len(self.rows), joined.lines, cones
+        return ConeProgram(*given, enough=enough)
+
+    @cached_property
+    def _loads(self) -> tuple[Piece, Piece]:
+        """The columns of the load factor, and of it and the relief, which is from 0 to 1."""
+        every, (zero, none) = np.arange(len(self.rows)), np.split(np.zeros(1, dtype=int), [1])
+        loads = [(every, 0 * every, self.live), (every, 0 * every + 1, -self.dead)]
+        limits = [(zero, zero + 1, -np.ones(1)), (zero + 1, zero + 1, np.ones(1))]
+        no_forces = [(none, none, np.zeros(0))]
+        plain, relieved = (
+            cut([(-1, key)], len(every), (0 * np.arange(n), 0 * np.arange(m), none),
+                (loads[:n], limits[:m], []), no_forces)
+            for key, n, m in ((b"load", 1, 0), (b"loads", 2, 2))
+        )  # fmt: skip
+        return plain[0], relieved[0]
 
     def mechanism(self, duals: FloatArray) -> FloatArray:
         rates = np.zeros(self.size)
@@ -111,31 +141,26 @@ class HullProblem:
 
 
 class CopyColumns:
-    """Columns and rows of one problem.
+    """Columns and rows of copies.
 
-    Variables are the load factor, the relief, and per copy N, V1, V2 (where it shears), tau (where
-    its arm is not zero), bounds on abs(V1) and abs(V2) (where they drag on torsion), a torsion of
-    its own (where Eq. 27 limits it), and its share of what of M2, M1 and MT is free within bounds.
-    No row has variables of two copies, so that solvers which eliminate by blocks have small ones.
+    Variables are per copy N, V1, V2 (where it shears), tau (where its arm is not zero), bounds on
+    abs(V1) and abs(V2) (where they drag on torsion), a torsion of its own (where Eq. 27 limits it),
+    and its share of what of M2, M1 and MT is free within bounds. No row has variables of two
+    copies, so that solvers which eliminate by blocks have small ones.
     """
 
-    def __init__(
-        self,
-        problem: HullProblem,
-        copies: Copies,
-        price: float | None = None,
-    ) -> None:
-        self.problem, self.copies, self.price = problem, copies, price
+    def __init__(self, problem: HullProblem, copies: Copies) -> None:
+        self.problem, self.copies = problem, copies
         self.half = problem.extent[copies.contact]
         self.arm = copy_arms(copies, problem.contacts)
         self.friction = problem.contacts.friction[copies.contact]
         self.width = self.nonneg = 0
-        self.gives: list[_Entry] = []
-        self.signs: list[_Entry] = []
+        self.gives: list[Entry] = []
+        self.signs: list[Entry] = []
         self.along = sheared(copies, self.arm)
         self.shears = np.flatnonzero(self.along.any(axis=1))
-        self.roles = Roles([], [], self.shears)
-        self._new(len(copies) + np.arange(1 if price is None else 2))
+        self.column_of: list[IntArray] = []
+        self.row_of: list[IntArray] = []
         self.twists = np.flatnonzero(self.arm > 0.0)
         self._add_compression()
         self._add_shear()
@@ -200,7 +225,7 @@ class CopyColumns:
             )
             self.signs.append((rows[place], own, np.full(len(own), sign)))
 
-    def _drag(self, axis: int) -> _Entry:
+    def _drag(self, axis: int) -> Entry:
         k, copies = self.shears, self.copies
         fixed = np.where(copies.signed[k], 0.0, np.abs(copies.centre[k, 1 - axis]))
         eps = self.half[k, 1 - axis] * (fixed + copies.spread[k, 1 - axis])
@@ -219,7 +244,7 @@ class CopyColumns:
 
     def _new(self, k: IntArray) -> IntArray:
         """Columns of the copies k."""
-        self.roles.columns.append(k)
+        self.column_of.append(k)
         self.width += len(k)
         return np.arange(self.width - len(k), self.width)
 
@@ -231,64 +256,23 @@ class CopyColumns:
 
     def _at_most_zero(self, k: IntArray, *terms: tuple[IntArray, FloatArray | float]) -> IntArray:
         """Rows of the copies k."""
-        self.roles.rows.append(k)
+        self.row_of.append(k)
         count = len(k)
         rows = self.nonneg + np.arange(count)
         self.signs += [(rows, columns, np.broadcast_to(v, count)) for columns, v in terms]
         self.nonneg += count
         return rows
 
-    def start(self, other: Halfway) -> Point:
-        """The point of another problem for this one, where it has what this one has. What is new
-        begins at zero, as far from the cones' edges as the others on the mean."""
-        match = _matched(self.copies, other.copies)
-        columns = _placed(self.roles.columns, other.roles.columns, match)
-        lines = _placed(self.roles.rows, other.roles.rows, match)
-        cones = _placed([self.roles.cones], [other.roles.cones], match)
-        first = sum(map(len, other.roles.rows))
-        triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
-        rows, point = np.concatenate([lines, triples.ravel()]), other.point
-        top = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
-        z, s = (
-            np.where(rows < 0, float(np.abs(v).mean()) * top, v[rows]) for v in (point.z, point.s)
-        )
-        return Point(np.where(columns < 0, 0.0, point.x[columns]), point.y, z, s)
+    def pieces(self, unit: IntArray, keys: Sequence[Key]) -> list[Piece]:
+        """One for each key, of the copies whose ``unit`` (k,) is its number."""
+        columns, rows = (np.concatenate(part) for part in (self.column_of, self.row_of))
+        of = unit[columns], unit[rows], unit[self.shears]
+        entries = [self._equilibrium()], self.signs, self._cones()
+        return cut(keys, len(self.problem.rows), of, entries, self.gives)
 
-    @property
-    def meaning(self) -> sp.csc_array:
-        return stacked(self.gives, (len(COMPONENTS) * len(self.problem.contacts), self.width))
-
-    def forces(self, x: FloatArray) -> FloatArray:
-        """Contact forces (6 n,) of variables x."""
-        rows, columns, values = (np.concatenate(part) for part in zip(*self.gives, strict=True))
-        size = len(COMPONENTS) * len(self.problem.contacts)
-        return np.asarray(np.bincount(rows, values * x[columns], size), dtype=float)
-
-    def program(self) -> ConeProgram:
-        problem = self.problem
-        every = np.arange(len(problem.rows))
-        loads = [(every, np.zeros(len(every), dtype=int), problem.live)]
-        cost, upper = np.zeros(self.width), []
-        cost[0] = -1.0
-        relief = np.arange(1, 1 if self.price is None else 2)
-        if self.price is not None:
-            cost[1] = self.price / problem.scaling.load_factor(1.0)
-            loads.append((every, np.ones(len(every), dtype=int), -problem.dead))
-            upper = [0.0, 1.0]
-        for sign in (-1.0, 1.0):
-            self._at_most_zero(len(self.copies) + relief, (relief, sign))
-        zero, first, shears = len(every), len(every) + self.nonneg, len(self.shears)
-        entries = [self._equilibrium(), *loads]
-        entries += [(zero + rows, at, v) for rows, at, v in self.signs]
-        entries += [(first + rows, at, v) for rows, at, v in self._cones()]
-        matrix = stacked(entries, (first + 3 * shears, self.width))
-        bounds = np.concatenate([np.zeros(self.nonneg - len(upper)), upper])
-        right = np.concatenate([-problem.dead, bounds, np.zeros(3 * shears)])
-        return ConeProgram(cost, matrix, right, zero, self.nonneg, (3,) * shears)
-
-    def _equilibrium(self) -> _Entry:
-        """The equations' matrix times :attr:`meaning`, without making that: a product of sparse
-        matrices takes SciPy several times as long."""
+    def _equilibrium(self) -> Entry:
+        """The equations' matrix times that of contact forces, without making that: a product of
+        sparse matrices takes SciPy several times as long."""
         matrix = self.problem.matrix
         rows, columns, values = (np.concatenate(part) for part in zip(*self.gives, strict=True))
         start, count = matrix.indptr[rows], np.diff(matrix.indptr)[rows]
@@ -297,7 +281,7 @@ class CopyColumns:
         found = matrix.data[at] * np.repeat(values, count)
         return matrix.indices[at], np.repeat(columns, count), found
 
-    def _cones(self) -> list[_Entry]:
+    def _cones(self) -> list[Entry]:
         k = self.shears
         top, one = 3 * np.arange(len(k)), np.ones(len(k))
         cones = [(top, self.pressed[k], -self.friction[k])]
@@ -305,42 +289,3 @@ class CopyColumns:
         place = np.searchsorted(k, self.twists)
         cones.append((top[place], self.tau, np.ones(len(place))))
         return cones + [(top[at], size, weight) for at, size, weight in self.drag]
-
-
-def stacked(entries: list[_Entry], shape: tuple[int, int]) -> sp.csc_array:
-    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-    result = sp.csc_array((values, (rows, columns)), shape)
-    result.eliminate_zeros()
-    return result
-
-
-def _matched(own: Copies, others: Copies) -> IntArray:
-    """Which of the others is the same copy (k,), or the first one left of the same contact, -1 for
-    none; what is beyond all copies is the same everywhere."""
-    keys = [
-        np.column_stack([c.contact, c.centre, c.spread]).view("V40").ravel().tolist()
-        for c in (own, others)
-    ]
-    number = dict(zip(keys[1], range(len(others)), strict=True))
-    found = np.array([*(number.get(key, -1) for key in keys[0]), *(len(others) + np.arange(2))])
-    new, left = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(others)), found)
-    spare: dict[int, list[int]] = {}
-    for k in reversed(left.tolist()):
-        spare.setdefault(int(others.contact[k]), []).append(k)
-    for k in new.tolist():
-        if spare.get(int(own.contact[k])):
-            found[k] = spare[int(own.contact[k])].pop()
-    return found
-
-
-def _placed(own: list[IntArray], others: list[IntArray], match: IntArray) -> IntArray:
-    """Where the entries of all kinds are among the others' entries, -1 for nowhere."""
-    kind, mine = _labelled(own)
-    other_kind, theirs = _labelled(others)
-    place = np.full((len(own), int(match.max()) + 2), -1)
-    place[other_kind, theirs] = np.arange(len(theirs))
-    return np.asarray(place[kind, match[mine]])
-
-
-def _labelled(kinds: list[IntArray]) -> tuple[IntArray, IntArray]:
-    return np.repeat(np.arange(len(kinds)), [len(k) for k in kinds]), np.concatenate(kinds)

@@ -65,7 +65,7 @@ def missed_copies(
 
 
 class UpperBound:
-    """Relaxations of a run by the hull of every contact, with copies ``added`` as they are missed.
+    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
 
     Bounds go to ``run.best``. ``state`` is the last relaxation with a mechanism;
     ``claims_no_optimum`` if the last solver found it to be without limit.
@@ -77,8 +77,7 @@ class UpperBound:
             self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
-            self.first = run.moments.box_copies(run.contacts)
-        self.added = Copies.none()
+            self.pieces = self.problem.pieces(run.moments.box_copies(run.contacts))
         self.state: LimitState | None = None
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 
@@ -108,9 +107,9 @@ class UpperBound:
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, mechanism)
 
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
-        run, copies = self.run, self.first.joined(self.added)
+        run, pieces = self.run, self.pieces
         start = self.state.halfway if isinstance(self.state, HullState) else None
-        state = run.solve(lambda rung: self.problem.solve(copies, rung, start=start), settings)
+        state = run.solve(lambda rung: self.problem.solve(pieces, rung, start=start), settings)
         self.claims_no_optimum = state.outcome.claims_no_optimum
         if state.mechanism is None:
             run.note(state, settings, **run.bounds)
@@ -122,7 +121,7 @@ class UpperBound:
             worth = BRACKET.worth_a_copy * tolerance * self._unit
             new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
-        self.added = self.added.joined(new)
+        self.pieces += self.problem.pieces(new)
         self._beside *= BRACKET.beside
         return len(new) > 0
 

@@ -20,7 +20,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.relaxation.hull import Halfway, HullProblem
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF

@@ -291,6 +291,12 @@ def whole_boxes(contacts: Contacts) -> FloatArray:
     return np.tile([-1.0, 1.0], (len(contacts), 2, 1))
 
 
+def box_keys(boxes: FloatArray, number: IntArray) -> list[tuple[int, bytes]]:
+    """A name of each box (n, 2, 2): the contact's ``number`` (n,) and its ends."""
+    each = np.ascontiguousarray(boxes).reshape(-1, 4).view("V32").ravel().tolist()
+    return list(zip(number.tolist(), each, strict=True))
+
+
 def is_whole(boxes: FloatArray) -> BoolArray:
     return np.asarray((np.abs(boxes) >= 1.0).all(axis=(1, 2)))
 
