@@ -100,6 +100,7 @@ class BranchSettings:
     precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
     at_rest: float = 0.1  # share of the largest speed that contacts at rest have in splits,
     still: float = 1e-3  # and in the order of tightening
+    prior: float = 5.0  # splits that what all contacts have in common counts for
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
     carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
