@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer, Run
@@ -190,12 +189,12 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     Forces at full slip have no share of friction to spare, and mixing in a state that has some
     moves pressure centres, about which the shear then turns by more than it gains: Eq. 30 is not
     convex. But with the centres held it is. So the frozen problem at the forces' own centres is
-    solved once more with a little less friction, in a contact that is a little smaller, and its
+    solved once more with a little less friction, in contacts that are a little smaller, and its
     forces are put into balance by changes that leave the centres where they are. What is left over
-    is larger than what solver and rounding leave, and the checker has the last word. Where forces
+    is larger than what solver and rounding leave, and the checker has the last word: contacts that
+    still exceed Eq. 30 get a larger margin, which costs little where few of them do. Where forces
     are determinate once the centres are held, safe steps with as much less friction follow. Beyond
-    ``end`` seconds of the run the margin that most often does comes first, and others only as long
-    as all take a small share of that time.
+    ``end`` seconds of the run all take a small share of that time.
     """
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
@@ -203,22 +202,33 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     width = best.bracket.width
     within = min(PROOF.most_of_width * asked, asked - width)
     spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
-    is_late, until = run.clock.elapsed > end, run.clock.elapsed + PROOF.late * end
-    margins = PROOF.margins[::-1] if is_late else PROOF.margins
-    for number, (tried, margin) in enumerate(product((_proof, _stepped), margins)):
-        if is_late and number > 0 and run.clock.elapsed > until:
-            return
-        with run.clock.phase("certify"):
-            found = tried(run, checker, best.forces, margin)
-        if found is None or not found.is_proved:
-            continue
-        if found.value >= best.bracket.lower - spare:
-            run.best = found.raising(replace(best, bracket=replace(best.bracket, lower=-np.inf)))
-        return
+    until = max(end, run.clock.elapsed) + PROOF.late * end
+    for tried in (_proof, _stepped):
+        margin = np.full(len(run.contacts), PROOF.margin)
+        for number in range(PROOF.attempts):
+            if number > 0 and run.clock.elapsed > until:
+                return
+            with run.clock.phase("certify"):
+                found = tried(run, checker, best.forces, margin)
+            if found is not None and found.load_factor < best.bracket.lower - spare:
+                break
+            if found is not None and found.is_proved:
+                proved = replace(best, bracket=replace(best.bracket, lower=-np.inf))
+                run.best = found.raising(proved)
+                return
+            margin = np.where(_exceeds(run, found), PROOF.growth * margin, margin)
+
+
+def _exceeds(run: Run, found: LowerBound | None) -> BoolArray:
+    """Contacts (n,) that exceed Eq. 30; all of them, where there is no answer or none does."""
+    if found is None or not np.isfinite(found.forces).all():
+        return np.ones(len(run.contacts), dtype=bool)
+    over = true_excess(found.forces, run.contacts, run.moments) > 0.0
+    return over | (not over.any())
 
 
 def _stepped(
-    run: Run, checker: LowerBounds, forces: FloatArray, margin: float
+    run: Run, checker: LowerBounds, forces: FloatArray, margin: FloatArray
 ) -> LowerBound | None:
     step = SafeStep(_slippery(run, margin), run.moments)
     point = step.point(forces, Point.middle(step.statics.contacts), PROOF.pressed)
@@ -228,12 +238,14 @@ def _stepped(
     return checker.of(state.forces, state.load_factor)
 
 
-def _slippery(run: Run, margin: float) -> Assemblage:
+def _slippery(run: Run, margin: FloatArray) -> Assemblage:
     less = replace(run.contacts, friction=(1.0 - margin) * run.contacts.friction)
     return replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
 
 
-def _proof(run: Run, checker: LowerBounds, forces: FloatArray, margin: float) -> LowerBound | None:
+def _proof(
+    run: Run, checker: LowerBounds, forces: FloatArray, margin: FloatArray
+) -> LowerBound | None:
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force

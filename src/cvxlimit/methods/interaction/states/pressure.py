@@ -47,11 +47,12 @@ def eccentricities(forces: FloatArray, epsilon: float = 0.0) -> FloatArray:
     return np.where(normal > 0.0, moments / np.where(normal > 0.0, normal + epsilon, 1.0), 0.0)
 
 
-def centres(forces: FloatArray, contacts: Contacts, size: float = 1.0) -> FloatArray:
-    """The same as fractions of :func:`half_extent`, within the contacts shrunk to ``size``."""
+def centres(forces: FloatArray, contacts: Contacts, sizes: FloatArray | float = 1.0) -> FloatArray:
+    """The same as fractions of :func:`half_extent`, in contacts shrunk to ``sizes`` (n,)."""
+    size = np.broadcast_to(sizes, len(contacts))[:, None]
     at, rows = eccentricities(forces), np.flatnonzero(~contacts.is_rectangle)
     if len(rows):
-        at[rows] = _within(size * outlines_of(contacts, rows), at[rows])
+        at[rows] = _within(size[rows, :, None] * outlines_of(contacts, rows), at[rows])
     return np.clip(at / half_extent(contacts), -size, size)
 
 
