@@ -117,8 +117,7 @@ class BranchSettings:
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
     climbing: float = 0.07  # share of problems that search for forces from open nodes,
-    climb_solves: int = 16  # each so many at most,
-    boxed: int = 4  # one in so many by boxes
+    climb_solves: int = 16  # each so many at most
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,
     rarely: int = 256  # and the longest wait for another search of that kind, in nodes

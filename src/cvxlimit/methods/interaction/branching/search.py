@@ -60,7 +60,7 @@ class BranchAndBound:
         self.closed = -np.inf
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
-        self.solves = self.count = self.nodes = self._climbs = self._climbed = 0
+        self.solves = self.count = self.nodes = self._climbed = 0
         self._random = np.random.default_rng(0)
         self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
@@ -106,7 +106,7 @@ class BranchAndBound:
             at_rest = plain_witnesses(self.run.assemblage).dead_state
             if at_rest is not None and self.checker.is_admissible(at_rest, 0.0):
                 self.lower, self.forces = 0.0, at_rest
-        self._settle(root)
+        self._settle_at(root)
         self._book()
 
     def step(self) -> None:
@@ -156,7 +156,7 @@ class BranchAndBound:
         self._waited += len(nodes)
         if best is not None and self._waited >= self._wait:
             lower, self._waited = self.lower, 0
-            self._settle(best)
+            self._settle_at(best)
             self._wait = 1 if self.lower > lower else min(2 * self._wait, BRANCH.rarely)
         while self._climbed < BRANCH.climbing * self.solves and self._has_time:
             if not self._climb():
@@ -167,22 +167,20 @@ class BranchAndBound:
         return self.run.clock.elapsed <= self._end
 
     def _climb(self) -> bool:
-        """Safe steps, or boxes in turn, from the forces of any open node: those of nodes with the
-        largest bounds are much alike. False if there are none."""
+        """Search from the forces of any open node: those of nodes with the largest bounds are much
+        alike. False if there are none."""
         starts = [node.forces for _, _, node in self.open if node.forces is not None]
         if not starts:
             return False
-        start, self._climbs = starts[int(self._random.integers(len(starts)))], self._climbs + 1
-        method = self._inner
-        way = method.narrowed if self._climbs % BRANCH.boxed == 2 else method.iterates
         self._climbed += 1  # there may be no problem at all
-        for _ in way(start):
+        for _ in self._inner.iterates(starts[int(self._random.integers(len(starts)))]):
             self._climbed, self.solves = self._climbed + 1, self.solves + 1
             if not self._has_time:
                 break
         known = self.run.best
         if known.bracket.lower > self.lower and known.forces is not None:
             self.lower, self.forces = known.bracket.lower, known.forces
+            self._settle(known.forces)  # climbs solve loosely
         return True
 
     @cached_property
@@ -210,28 +208,28 @@ class BranchAndBound:
             state = LimitState(Outcome("optimal", 0.0, 0.0), self._last.load_factor, None, None)
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
-    def _settle(self, node: Node) -> None:
-        """Safe forces about the node's pressure centres, then about their own, as long as that
-        gains: what is safe stays so where its own eccentricities are frozen. As boxes shrink these
-        forces tend to the node's bound."""
-        if node.forces is None:
-            return
-        reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
-        centre, best = centres(node.forces, self.run.contacts), -np.inf
+    def _settle_at(self, node: Node) -> None:
+        """The same about a node's pressure centres first: as boxes shrink these forces tend to the
+        node's bound."""
+        if node.forces is not None:
+            self._settle(node.forces, BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max()))
+
+    def _settle(self, forces: FloatArray, reach: float = 0.0) -> None:
+        """Safe forces about the pressure centres of some, then about their own, as long as that
+        gains: what is safe stays so where its own eccentricities are frozen."""
+        best, contacts = -np.inf, self.run.contacts
         for _ in range(BRANCH.settled):
-            copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
+            copies = self.run.moments.safe_copies(contacts, centres(forces, contacts), reach)
             with self.run.clock.phase("solve"):
                 state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
             self.solves += 1
             if state.forces is None or state.load_factor is None:
                 return
-            forces, factor = (
-                self.checker.balanced(state.forces, state.load_factor),
-                state.load_factor,
-            )
+            factor, reach = float(state.load_factor), 0.0
+            forces = self.checker.balanced(state.forces, factor)
             is_better = factor > best + 1e-3 * self.width and self._has_time
             if not is_better or not self.checker.is_admissible(forces, factor):
                 return
-            centre, reach, best = centres(forces, self.run.contacts), 0.0, factor
+            best = factor
             if factor > self.lower:
                 self.lower, self.forces = factor, forces
