@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -564,6 +565,21 @@ class TestSmall:
             [x - t >= 0, x + 0 * t == value, t <= 9.0, cp.sum(x[: n // 2]) >= 0],
         )
         assert problem.solve(solver=Blockwise()) == pytest.approx(1.0, abs=1e-8)
+
+    def test_runs_at_the_same_time_do_not_disturb_each_other(self) -> None:
+        """Programs of several sizes, one after another and in four threads: each the same to the
+        last digit, whatever memory a run finds."""
+        given = [self.given(random_program(np.random.default_rng(seed))) for seed in range(12)] * 8
+
+        def answer(program: tuple[FloatArray, sp.csc_array, FloatArray, Any]) -> FloatArray:
+            found = small_program(*program, 1e-9, 100)
+            assert found is not None
+            return np.concatenate(_parts(found.point))
+
+        expected = [answer(program) for program in given]
+        with ThreadPoolExecutor(4) as pool:
+            for found, one in zip(pool.map(answer, given), expected, strict=True):
+                assert np.array_equal(found, one)
 
     def test_wrong_arrays_are_refused(self) -> None:
         """A size that does not fit would be a crash: arrays of a wrong kind, length or place."""

@@ -449,6 +449,24 @@ def test_a_start_costs_or_saves_time_only(moments: str) -> None:
 
 
 @pytest.mark.parametrize("moments", NAMES)
+def test_pieces_make_up_the_whole(moments: str) -> None:
+    """In any order, cut by contact or by copy: the same load factor, and forces that are in
+    equilibrium with it."""
+    scene, rng, rung = random_wall(11), np.random.default_rng(2), settings_for("BLOCKWISE", 1e-9)
+    problem, copies = HullProblem(scene), parse_moments(moments).box_copies(scene.contacts)
+    whole = problem.solve(copies, rung)
+    assert whole.load_factor is not None
+    for unit in (None, np.arange(len(copies))):
+        pieces = problem.pieces(copies, unit)
+        order = rng.permutation(len(pieces))
+        state = problem.solve([pieces[k] for k in order], rung)
+        assert state.forces is not None
+        assert state.load_factor == pytest.approx(whole.load_factor, rel=1e-7)
+        rest = problem.assemblage.statics.residual(state.forces, state.load_factor)
+        assert np.abs(rest).max() <= 1e-7 * scene.total_weight
+
+
+@pytest.mark.parametrize("moments", NAMES)
 def test_what_ends_early_still_bounds(moments: str) -> None:
     """A load factor that is not reached: the mechanism proves it, and less is not claimed."""
     scene, reading = random_wall(11), parse_moments(moments)

@@ -57,6 +57,26 @@ def test_rules_within_boxes_are_exact_where_something_is_missing(
     assert {-1.0, 1.0} <= signs
 
 
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize(
+    "contacts", [random_wall(4).contacts, hexagons().contacts], ids=["rectangles", "polygons"]
+)
+def test_rules_that_are_asked_together_say_what_each_says(contacts: Contacts, moments: str) -> None:
+    """To the last digit: rows of contacts do not know of each other."""
+    rng, n = np.random.default_rng(8), len(contacts)
+    whole = InteractionFlow(contacts, MOMENTS[moments])
+    boxes = [random_boxes(contacts, rng) for _ in range(3)]
+    every = [rng.normal(size=(n, 6)) for _ in boxes]
+    opening = rng.normal(size=(n, 6))
+    rules = [whole.within(each, 1e-5) for each in boxes]
+    whole.together(rules, every, opening)
+    for rule, each, rates in zip(rules, boxes, every, strict=True):
+        alone = InteractionFlow(contacts, MOMENTS[moments]).within(each, 1e-5)
+        for found, given in zip(rule.worst(rates), alone.worst(rates), strict=True):
+            assert np.array_equal(found, given, equal_nan=True)
+        assert np.array_equal(rule.opened(opening).missing, alone.opened(opening).missing)
+
+
 def powers(rates: FloatArray, contacts: Contacts) -> FloatArray:
     """The most (n,) that forces with N = 1 could do if all did their most at once."""
     half, size = half_extent(contacts), np.abs(rates)

@@ -25,6 +25,13 @@ def test_a_narrow_bracket_gives_up_what_a_proof_costs() -> None:
     assert solve(wall, method="certified", moments="signed").bracket.is_within(1.1e-3)
 
 
+@pytest.mark.parametrize("seed", [5059, 95003])
+def test_a_few_contacts_need_a_larger_margin(seed: int) -> None:
+    """Pressed in their corners, where solvers leave more than elsewhere: with one margin for all
+    contacts no bound of these walls was proved, or none that was near."""
+    assert_proved(random_wall(seed, sizes=(*SIZES, (4, 5))))
+
+
 @pytest.mark.exhaustive
 def test_signed_bracket_of_the_tuff_wall_is_proved() -> None:
     assert_proved(builtin_scene("tuff-wall"))
