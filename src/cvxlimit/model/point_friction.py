@@ -81,3 +81,6 @@ class ExactFlow:
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         return self.shortfall(rates).missing
+
+    def of(self, rows: IntArray) -> ExactFlow:
+        return ExactFlow(self.contacts.take(rows))

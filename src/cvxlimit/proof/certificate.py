@@ -22,7 +22,7 @@ from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.gluing import glued, without_idle
 from cvxlimit.model.statics import DOF, block_sizes
-from cvxlimit.proof.slater import NOTHING, Flow, Strength, Witnesses, finite
+from cvxlimit.proof.slater import NOTHING, ContactFlow, Flow, Strength, Witnesses, finite
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
@@ -64,6 +64,8 @@ class _Numbers:
     stuck: tuple[float, ...] = (1e-09, 1e-12)
     """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be
     meant to move as one; both are tried. Solvers leave up to 1e-11 where nothing moves."""
+    loose: float = 1e-06
+    """The same where nothing else proves a bound."""
     gripping: float = 100.0
     """Friction from which that matters: the flow rule asks for an opening of friction times the
     slip, so that slips by rounding cost some of the bracket."""
@@ -151,7 +153,7 @@ class Certifier:
         scene: Scene | Assemblage,
         surfaces: Sequence[YieldSurface],
         formulation: Formulation = corner_compressions,
-        flow: Flow | None = None,
+        flow: ContactFlow | None = None,
         width: float = _N.width,
     ) -> None:
         if isinstance(surfaces, str):
@@ -167,7 +169,7 @@ class Certifier:
             self.strength = Strength(self.assemblage, surfaces, formulation, flow)
         self.witnesses = Witnesses(self.assemblage, self.strength)
         self.surfaces, self.formulation = tuple(surfaces), formulation
-        self._can_reduce, self._width = flow is None, width
+        self._can_reduce, self._width, self._flow = True, width, flow
         self.size = self.statics.contacts.typical_size
 
     def with_flow(self, flow: Flow) -> Certifier:
@@ -253,6 +255,8 @@ class Certifier:
             if not upper[1] or self.statics.contacts.friction.max() > _N.gripping:
                 for share in _N.stuck:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
+                if not upper[1]:
+                    upper = _better(upper, self._upper_as_glued(u, x, _N.loose), -1.0)
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate, u)
@@ -321,7 +325,7 @@ class Certifier:
     def _lower_without_idle(
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
     ) -> _Bound:
-        can = self._can_reduce and not self.strength.is_internal
+        can = self._can_reduce and self._flow is None and not self.strength.is_internal
         given = without_idle(self.assemblage, x, _N.idle) if can else None
         smaller = None if given is None else self._of_less(given[0])
         if given is None or smaller is None:
@@ -330,9 +334,10 @@ class Certifier:
             u = u[np.sort(self.statics.row_of_block[given[0].statics.row_of_block >= 0])]
         return smaller._lower(given[1], alpha, rate, u)
 
-    def _of_less(self, less: Assemblage) -> Certifier | None:
+    def _of_less(self, less: Assemblage, contacts: IntArray | None = None) -> Certifier | None:
+        flow = None if self._flow is None or contacts is None else self._flow.of(contacts)
         try:
-            result = Certifier(less, self.surfaces, self.formulation)
+            result = Certifier(less, self.surfaces, self.formulation, flow)
         except (ModelError, ValueError):
             return None
         result.size, result._can_reduce = self.size, False
@@ -360,7 +365,7 @@ class Certifier:
         and whatever wedges their blocks: what is left can often be opened where the whole cannot.
         """
         given = glued(self.assemblage, u, share) if self._can_reduce else None
-        smaller = None if given is None else self._of_less(given[0])
+        smaller = None if given is None else self._of_less(given[0], given[2])
         if given is None or smaller is None:
             return np.inf, False, np.nan, np.nan
         _, rates, contacts = given

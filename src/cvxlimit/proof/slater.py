@@ -114,6 +114,13 @@ class Flow(Protocol):
     def shortfall_bound(self, rates: FloatArray) -> FloatArray: ...
 
 
+class ContactFlow(Flow, Protocol):
+    """A flow rule of contacts, each for itself."""
+
+    def of(self, rows: IntArray) -> ContactFlow:
+        """That of some of them (k,)."""
+
+
 class Strength:
     """The admissible forces of all contacts of an assemblage, as surfaces and formulation state.
 

@@ -32,6 +32,12 @@ def test_a_few_contacts_need_a_larger_margin(seed: int) -> None:
     assert_proved(random_wall(seed, sizes=(*SIZES, (4, 5))))
 
 
+def test_what_does_not_move_need_not_open() -> None:
+    """No field opens all contacts of this wall, at friction of 0.89; those of its mechanism, whose
+    other blocks move as one, are opened by one."""
+    assert_proved(random_wall(90043, sizes=(*SIZES, (4, 5))))
+
+
 @pytest.mark.exhaustive
 def test_signed_bracket_of_the_tuff_wall_is_proved() -> None:
     assert_proved(builtin_scene("tuff-wall"))

@@ -120,6 +120,8 @@ class BranchSettings:
     climb_solves: int = 16  # each so many at most
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,
+    steps: int = 16  # places tried on the way between two force states,
+    halvings: int = 25  # after the last good one,
     rarely: int = 256  # and the longest wait for another search of that kind, in nodes
     told: float = 0.98  # the history has a line when the gap is this share of the last one told
 

@@ -28,6 +28,8 @@ from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import whole_boxes
 from cvxlimit.solvers import LimitState, Outcome
 
+_State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium
+
 
 class BranchAndBound:
     """Nodes of one run: open ones, the largest bound of closed ones, and the best forces.
@@ -209,27 +211,57 @@ class BranchAndBound:
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
     def _settle_at(self, node: Node) -> None:
-        """The same about a node's pressure centres first: as boxes shrink these forces tend to the
-        node's bound."""
-        if node.forces is not None:
-            self._settle(node.forces, BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max()))
+        """Admissible forces near the node's: on the way to them from safe ones and the best. As
+        boxes shrink they tend to the node's bound."""
+        if node.forces is None or not np.isfinite(node.forces).all():
+            return
+        safe = self._settle(
+            node.forces, BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
+        )
+        goal = self.checker.balanced(node.forces, node.load_factor), node.load_factor
+        known = None if self.forces is None else (self.forces, self.lower)
+        for start in filter(None, (safe, known)):
+            self._keep(self._advanced(start, goal))
 
-    def _settle(self, forces: FloatArray, reach: float = 0.0) -> None:
+    def _settle(self, forces: FloatArray, reach: float = 0.0) -> _State | None:
         """Safe forces about the pressure centres of some, then about their own, as long as that
-        gains: what is safe stays so where its own eccentricities are frozen."""
-        best, contacts = -np.inf, self.run.contacts
+        gains: what is safe stays so where its own eccentricities are frozen. The best of them."""
+        best: _State | None = None
         for _ in range(BRANCH.settled):
-            copies = self.run.moments.safe_copies(contacts, centres(forces, contacts), reach)
-            with self.run.clock.phase("solve"):
-                state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
-            self.solves += 1
-            if state.forces is None or state.load_factor is None:
-                return
-            factor, reach = float(state.load_factor), 0.0
-            forces = self.checker.balanced(state.forces, factor)
-            is_better = factor > best + 1e-3 * self.width and self._has_time
-            if not is_better or not self.checker.is_admissible(forces, factor):
-                return
-            best = factor
-            if factor > self.lower:
-                self.lower, self.forces = factor, forces
+            found = (
+                self._safe(centres(forces, self.run.contacts), reach) if self._has_time else None
+            )
+            if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
+                break
+            best, forces, reach = found, found[0], 0.0
+            self._keep(best)
+        return best
+
+    def _keep(self, state: _State) -> None:
+        if state[1] > self.lower:
+            self.forces, self.lower = state[0], float(state[1])
+
+    def _safe(self, centre: FloatArray, reach: float) -> _State | None:
+        copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
+        with self.run.clock.phase("solve"):
+            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
+        self.solves += 1
+        if state.forces is None or state.load_factor is None:
+            return None
+        found = self.checker.balanced(state.forces, state.load_factor), state.load_factor
+        return found if self.checker.is_admissible(*found) else None
+
+    def _advanced(self, start: _State, goal: _State) -> _State:
+        if goal[1] <= start[1] or not np.isfinite(goal[0]).all():
+            return start
+
+        def at(share: float) -> _State:
+            return start[0] + share * (goal[0] - start[0]), start[1] + share * (goal[1] - start[1])
+
+        shares = np.linspace(1.0, 0.0, BRANCH.steps + 1)
+        low = next((s for s in shares[:-1] if self.checker.is_admissible(*at(s))), 0.0)
+        high = min(low + 1.0 / BRANCH.steps, 1.0)
+        for _ in range(BRANCH.halvings if low < 1.0 else 0):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.checker.is_admissible(*at(middle)) else (low, middle)
+        return at(low)

@@ -75,7 +75,7 @@ class InteractionFlow:
         keys = box_keys(self.boxes, self.number)
         if new := [k for k, key in enumerate(keys) if key not in known.missing]:
             rows = np.array(new)
-            found = self._of(rows)._support(-rates[rows], SUPPORT.halvings)[0].tolist()
+            found = self.of(rows)._support(-rates[rows], SUPPORT.halvings)[0].tolist()
             known.missing |= zip((keys[k] for k in new), found, strict=True)
         return Shortfall(np.array([known.missing[key] for key in keys]), np.zeros(0))
 
@@ -121,8 +121,8 @@ class InteractionFlow:
         for flow, rates, *worst in zip(flows, every, *found, strict=True):
             flow._asked, flow._worst = rates, (worst[0], worst[1], worst[2])
 
-    def _of(self, rows: IntArray) -> InteractionFlow:
-        """Of some contacts."""
+    def of(self, rows: IntArray) -> InteractionFlow:
+        """The rule of some contacts (k,)."""
         contacts = self.contacts.take(rows)
         given = contacts, self.moments, self.boxes[rows], self.is_coarse, self.precision
         return InteractionFlow(*given, self.number[rows])
