@@ -117,7 +117,8 @@ class BranchSettings:
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
     climbing: float = 0.07  # share of problems that search for forces from open nodes,
-    climb_solves: int = 16  # each so many at most
+    climb_solves: int = 16  # each so many at most,
+    patience: float = 10.0  # and half of it after so many in vain
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,
     steps: int = 16  # places tried on the way between two force states,

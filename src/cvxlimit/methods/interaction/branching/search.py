@@ -62,7 +62,7 @@ class BranchAndBound:
         self.closed = -np.inf
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
-        self.solves = self.count = self.nodes = self._climbed = 0
+        self.solves = self.count = self.nodes = self._climbed = self._in_vain = 0
         self._random = np.random.default_rng(0)
         self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
@@ -160,9 +160,15 @@ class BranchAndBound:
             lower, self._waited = self.lower, 0
             self._settle_at(best)
             self._wait = 1 if self.lower > lower else min(2 * self._wait, BRANCH.rarely)
-        while self._climbed < BRANCH.climbing * self.solves and self._has_time:
+        while self._may_climb and self._has_time:
             if not self._climb():
                 break
+
+    @property
+    def _may_climb(self) -> bool:
+        """As long as climbs take their share, which falls with every one that gains nothing."""
+        in_vain = 1.0 + self._in_vain / BRANCH.patience
+        return in_vain * self._climbed < BRANCH.climbing * self.solves
 
     @property
     def _has_time(self) -> bool:
@@ -179,10 +185,11 @@ class BranchAndBound:
             self._climbed, self.solves = self._climbed + 1, self.solves + 1
             if not self._has_time:
                 break
-        known = self.run.best
+        known, self._in_vain = self.run.best, self._in_vain + 1
         if known.bracket.lower > self.lower and known.forces is not None:
             self.lower, self.forces = known.bracket.lower, known.forces
             self._settle(known.forces)  # climbs solve loosely
+            self._in_vain = 0
         return True
 
     @cached_property
