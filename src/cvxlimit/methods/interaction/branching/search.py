@@ -91,6 +91,8 @@ class BranchAndBound:
     def _start(self, outer: UpperBound | None) -> None:
         boxes, best = whole_boxes(self.run.contacts), self.run.best
         state = None if outer is None else outer.state
+        # the searches before began there: where tightening changed nothing they are not repeated
+        self._searched = None if state is None else state.forces
         if outer is not None and state is not None and state.load_factor is not None:
             known = state.forces, state.load_factor, best.mechanism
             root = Node(best.bracket.upper, boxes, (), *known)
@@ -177,7 +179,8 @@ class BranchAndBound:
     def _climb(self) -> bool:
         """Search from the forces of any open node: those of nodes with the largest bounds are much
         alike. False if there are none."""
-        starts = [node.forces for _, _, node in self.open if node.forces is not None]
+        forces = (node.forces for _, _, node in self.open)
+        starts = [each for each in forces if each is not None and each is not self._searched]
         if not starts:
             return False
         self._climbed += 1  # there may be no problem at all

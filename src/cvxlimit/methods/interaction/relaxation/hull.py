@@ -127,7 +127,7 @@ class HullProblem:
         limits = [(zero, zero + 1, -np.ones(1)), (zero + 1, zero + 1, np.ones(1))]
         no_forces = [(none, none, np.zeros(0))]
         plain, relieved = (
-            cut([(-1, key)], len(every), (0 * np.arange(n), 0 * np.arange(m), none),
+            cut([(-1, key)], len(every), ([0 * np.arange(n)], [0 * np.arange(m)], [none]),
                 (loads[:n], limits[:m], []), no_forces)
             for key, n, m in ((b"load", 1, 0), (b"loads", 2, 2))
         )  # fmt: skip
@@ -265,10 +265,10 @@ class CopyColumns:
 
     def pieces(self, unit: IntArray, keys: Sequence[Key]) -> list[Piece]:
         """One for each key, of the copies whose ``unit`` (k,) is its number."""
-        columns, rows = (np.concatenate(part) for part in (self.column_of, self.row_of))
-        of = unit[columns], unit[rows], unit[self.shears]
+        columns, rows = ([unit[k] for k in each] for each in (self.column_of, self.row_of))
+        kinds = columns, rows, [unit[self.shears]]
         entries = [self._equilibrium()], self.signs, self._cones()
-        return cut(keys, len(self.problem.rows), of, entries, self.gives)
+        return cut(keys, len(self.problem.rows), kinds, entries, self.gives)
 
     def _equilibrium(self) -> Entry:
         """The equations' matrix times that of contact forces, without making that: a product of

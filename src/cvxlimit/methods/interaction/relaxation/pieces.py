@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -25,17 +25,13 @@ Key = tuple[int, bytes]  # a contact, -1 for none, and what of it
 
 
 class Shape(NamedTuple):
-    """What a piece is made of (equal keys: the same), and its columns, linear rows and cones."""
+    """What a piece is made of (equal keys: the same), and how many columns, linear rows and cones
+    it has, of one kind after another."""
 
     key: Key
-    columns: int
-    lines: int
-    cones: int
-
-    @property
-    def alike(self) -> tuple[int, ...]:
-        """Its contact and sizes."""
-        return self.key[0], *self[1:]
+    columns: tuple[int, ...]
+    lines: tuple[int, ...]
+    cones: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +59,14 @@ class Halfway:
 def cut(
     keys: Sequence[Key],
     equations: int,
-    of: tuple[IntArray, IntArray, IntArray],
+    kinds: tuple[list[IntArray], list[IntArray], list[IntArray]],
     entries: tuple[list[Entry], list[Entry], list[Entry]],
     forces: list[Entry],
 ) -> list[Piece]:
-    """A piece for every key. ``of`` says whose columns, linear rows and cones are, by the number
-    of the key; ``entries`` are those of equations, linear rows and cones, which have three rows
-    each."""
+    """A piece for every key. ``kinds`` says whose columns, linear rows and cones are, kind by kind
+    and by the number of the key; ``entries`` are those of equations, linear rows and cones, which
+    have three rows each."""
+    of = [np.concatenate(each) for each in kinds]
     places, starts = zip(*(_grouped(each, len(keys)) for each in of), strict=True)
     (column, line, cone), first = places, np.cumsum([0, equations, len(of[1])])
     at = np.arange(equations), line, (3 * cone[:, None] + np.arange(3)).ravel()
@@ -90,7 +87,10 @@ def cut(
     given, values = given[order], values[order]
     columns = (column[columns] - starts[0][whose])[order]
     inner = np.searchsorted(whose[order], np.arange(len(keys) + 1))
-    sizes = [np.diff(start).tolist() for start in starts]
+    sizes = [
+        map(tuple, np.stack([np.bincount(k, minlength=len(keys)) for k in each], axis=1).tolist())
+        for each in kinds
+    ]
     slices = [
         [slice(*ends) for ends in pairwise(each.tolist())]
         for each in (starts[0], matrix.indptr[starts[0]], inner)
@@ -134,12 +134,15 @@ class Joined:
 
     def start(self, other: Halfway) -> Point:
         """The point of another problem for this one: a piece has what the same one has there, or
-        one of its contact and sizes. What is new begins at zero, as far from the cones' edges as
-        the others on the mean."""
+        one of its contact, kind by kind. What is new begins at zero, as far from the cones' edges
+        as the others on the mean."""
         point, ends = other.point, _ends(other.shapes)
         match = _matched(self.shapes, other.shapes)
-        sizes = list(zip(*(shape[1:] for shape in self.shapes), strict=True))
-        x = _gathered(point.x, match, ends[0], sizes[0], [0.0])
+        sizes, others = (
+            list(zip(*(shape[1:] for shape in shapes), strict=True))
+            for shapes in (self.shapes, other.shapes)
+        )
+        x = _gathered(point.x, match, ends[0], sizes[0], others[0], [0.0])
         sides = []
         for side in (point.z, point.s):
             lines, cones = np.split(side, [ends[1][-1]])
@@ -147,8 +150,8 @@ class Joined:
             sides.append(
                 np.concatenate(
                     [
-                        _gathered(lines, match, ends[1], sizes[1], [mean]),
-                        _gathered(cones, match, ends[2], sizes[2], [mean, 0.0, 0.0]),
+                        _gathered(lines, match, ends[1], sizes[1], others[1], [mean]),
+                        _gathered(cones, match, ends[2], sizes[2], others[2], [mean, 0.0, 0.0]),
                     ]
                 )
             )
@@ -174,33 +177,39 @@ def _gathered(
     values: FloatArray,
     match: Sequence[int],
     ends: Sequence[int],
-    sizes: Sequence[int],
+    sizes: Sequence[tuple[int, ...]],
+    others: Sequence[tuple[int, ...]],
     fresh: list[float],
 ) -> FloatArray:
-    """What matched pieces have of some values, those of member i at len(fresh) i; ``fresh`` in
-    those without a match."""
-    step = len(fresh)
-    return np.concatenate(
-        [
-            values[step * ends[k] : step * ends[k + 1]] if k >= 0 else np.array(fresh * size)
-            for k, size in zip(match, sizes, strict=True)
-        ]
-    )
+    """What matched pieces have of some values, those of member i at len(fresh) i, kind by kind;
+    ``fresh`` in what is left."""
+    step, found = len(fresh), []
+    for k, size in zip(match, sizes, strict=True):
+        if k >= 0 and others[k] == size:
+            found.append(values[step * ends[k] : step * ends[k + 1]])
+            continue
+        at = ends[k] if k >= 0 else 0
+        for own, other in zip(size, others[k] if k >= 0 else repeat(0), strict=False):
+            same = min(own, other)
+            found += [values[step * at : step * (at + same)], np.array(fresh * (own - same))]
+            at += other
+    return np.concatenate(found)
 
 
 def _ends(shapes: Sequence[Shape]) -> list[list[int]]:
     """Where the columns, linear rows and cones of pieces begin, and the last of them ends."""
-    return [[0, *accumulate(each)] for each in zip(*(shape[1:] for shape in shapes), strict=True)]
+    each = zip(*(shape[1:] for shape in shapes), strict=True)
+    return [[0, *accumulate(map(sum, sizes))] for sizes in each]
 
 
 def _matched(own: Sequence[Shape], others: Sequence[Shape]) -> list[int]:
     """Which of the others stands for each piece, -1 for none."""
     number = {shape.key: k for k, shape in enumerate(others)}
     found = [number.get(shape.key, -1) for shape in own]
-    spare: dict[tuple[int, ...], list[int]] = {}
-    for k in set(range(len(others))).difference(found):
-        spare.setdefault(others[k].alike, []).append(k)
+    spare: dict[int, list[int]] = {}
+    for k in sorted(set(range(len(others))).difference(found), reverse=True):
+        spare.setdefault(others[k].key[0], []).append(k)
     return [
-        k if k >= 0 or not (left := spare.get(shape.alike)) else left.pop()
+        k if k >= 0 or not (left := spare.get(shape.key[0])) else left.pop()
         for shape, k in zip(own, found, strict=True)
     ]
