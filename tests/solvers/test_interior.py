@@ -581,6 +581,27 @@ class TestSmall:
             for found, one in zip(pool.map(answer, given), expected, strict=True):
                 assert np.array_equal(found, one)
 
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_what_is_no_number_has_no_answer(self, value: float) -> None:
+        """In any place of the data, or of a start: no answer, and the same one as from afresh."""
+        rng = np.random.default_rng(3)
+        c, A, b, cones = self.given(random_program(rng))
+        whole = small_program(c, A, b, cones, 1e-9, 100)
+        assert whole is not None
+        for _ in range(40):
+            data = [c.copy(), A.copy(), b.copy()]
+            wrong = data[rng.integers(3)]
+            entries = wrong.data if isinstance(wrong, sp.csc_array) else wrong
+            entries[rng.integers(len(entries))] = value
+            found = small_program(data[0], data[1], data[2], cones, 1e-9, 100)
+            assert found is None or found.status not in ("Solved", "AlmostSolved")
+            parts = [part.copy() for part in _parts(whole.point)]
+            start = parts[rng.integers(4)]
+            start[rng.integers(len(start))] = value
+            found = small_program(c, A, b, cones, 1e-9, 100, start=Point(*parts))
+            assert found is not None
+            assert found.objective == pytest.approx(whole.objective, rel=1e-8)
+
     def test_wrong_arrays_are_refused(self) -> None:
         """A size that does not fit would be a crash: arrays of a wrong kind, length or place."""
         c, A, b, (zero, orthant, soc) = self.given(random_program(np.random.default_rng(0)))

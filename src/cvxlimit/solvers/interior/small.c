@@ -66,7 +66,7 @@ typedef struct {
     double *c, *f, *h;
     double *schur, *border, *corner, *room;
     double *line, *inverse, *w, *sizes, *lam; /* scaling: of linear rows W and W^-1, frames and sizes of cones */
-    double *over;                  /* 1 / lam; of cones over the root of its determinant, and what steps divide by */
+    double *reciprocal;            /* 1 / lam; of cones over the root of its determinant, and what steps divide by */
     double *half;
     double unit, loads;
     char *store;                   /* where rooms are, as far as it suffices: its size, how much is used, */
@@ -83,15 +83,14 @@ typedef struct {
     double mu, gap, infeasibility, score, dual, allowed_x, allowed_y;
 } Measure;
 
-INLINE double most_of(const double *v, Py_ssize_t n) {
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
+
+INLINE double most_of(const double *v, Py_ssize_t n) { /* of numbers: NaN may be passed over */
     double most[4] = {0.0, 0.0, 0.0, 0.0};
-    for (Py_ssize_t i = 0; i < n; i++) {
-        double own = fabs(v[i]);
-        if (!(own <= most[i % 4])) most[i % 4] = own; /* NaN is kept */
-    }
-    for (int t = 1; t < 4; t++)
-        if (!(most[t] <= most[0])) most[0] = most[t];
-    return most[0];
+    for (Py_ssize_t i = 0; i < n; i++) most[i % 4] = larger(most[i % 4], fabs(v[i]));
+    return larger(larger(most[0], most[1]), larger(most[2], most[3]));
 }
 
 INLINE double dot(const double *u, const double *v, Py_ssize_t n) { /* of few */
@@ -111,9 +110,7 @@ WIDE static double long_dot(const double *u, const double *v, Py_ssize_t n) {
     return first[0] + first[1] + first[2] + first[3] + dot(u + i, v + i, n - i);
 }
 
-INLINE double larger(double a, double b) { return a > b ? a : b; }
-
-INLINE double smaller(double a, double b) { return a < b ? a : b; }
+INLINE int is_finite(const double *v, Py_ssize_t n) { return isfinite(long_dot(v, v, n)); }
 
 #define EACH_CONE(k, at, d) \
     for (Py_ssize_t k = 0, at, d; k < g->cones && (at = g->place[k], d = g->place[k + 1] - at, 1); k++)
@@ -126,10 +123,10 @@ INLINE double determinant(const double *u, Py_ssize_t d) {
 WIDE static double margin(const Program *g, const double *u) {
     double least = INFINITY;
     for (Py_ssize_t i = 0; i < g->lines; i++)
-        if (!(u[i] >= least)) least = u[i];
+        least = smaller(least, u[i]);
     EACH_CONE(k, at, d) {
         double own = u[at] - sqrt(dot(u + at + 1, u + at + 1, d - 1));
-        if (!(own >= least)) least = own;
+        least = smaller(least, own);
     }
     return least;
 }
@@ -138,23 +135,20 @@ WIDE static double margin(const Program *g, const double *u) {
 WIDE static double step(const Program *g, const double *v) {
     double most[4] = {0.0, 0.0, 0.0, 0.0}, worst = 0.0;
     for (Py_ssize_t i = 0; i < g->lines; i++) {
-        double own = -v[i] * g->over[i];
-        if (!(own <= most[i % 4])) most[i % 4] = own;
+        most[i % 4] = larger(most[i % 4], -v[i] * g->reciprocal[i]);
     }
     EACH_CONE(k, at, d) {
         const double *a = g->lam + at, *b = v + at;
-        double root = g->over[at], along = b[0] * root;
+        double root = g->reciprocal[at], along = b[0] * root;
         double first = (a[0] * b[0] - dot(a + 1, b + 1, d - 1)) * root * root;
-        double share = (first + along) * g->over[at + 1], sum = 0.0;
+        double share = (first + along) * g->reciprocal[at + 1], sum = 0.0;
         for (Py_ssize_t i = 1; i < d; i++) {
             double off = (b[i] - share * a[i]) * root;
             sum += off * off;
         }
-        double own = sqrt(sum) - first;
-        if (!(own <= worst)) worst = own;
+        worst = larger(worst, sqrt(sum) - first);
     }
-    for (int t = 0; t < 4; t++)
-        if (!(most[t] <= worst)) worst = most[t];
+    for (int t = 0; t < 4; t++) worst = larger(worst, most[t]);
     return worst > 0.0 ? 1.0 / worst : worst == 0.0 ? INFINITY : 0.0;
 }
 
@@ -163,7 +157,7 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
     for (Py_ssize_t i = 0; i < g->lines; i++) {
         double ratio = s[i] / z[i];
         g->line[i] = sqrt(ratio), g->inverse[i] = sqrt(1.0 / ratio), g->lam[i] = g->line[i] * z[i];
-        g->over[i] = 1.0 / g->lam[i];
+        g->reciprocal[i] = 1.0 / g->lam[i];
     }
     EACH_CONE(k, at, d) {
         const double *a = s + at, *b = z + at;
@@ -179,7 +173,7 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
         g->lam[at] = g->sizes[k] * (w[0] * b[0] + cross);
         for (Py_ssize_t i = 1; i < d; i++) g->lam[at + i] = g->sizes[k] * (b[i] + share * w[i]);
         double root = sqrt(determinant(g->lam + at, d));
-        g->over[at] = 1.0 / root, g->over[at + 1] = 1.0 / (1.0 + g->lam[at] / root);
+        g->reciprocal[at] = 1.0 / root, g->reciprocal[at + 1] = 1.0 / (1.0 + g->lam[at] / root);
     }
     return 1;
 }
@@ -208,10 +202,10 @@ WIDE static void product(const Program *g, const double *u, const double *v, dou
 
 /* out with lam o out = v. */
 WIDE static void over_lam(const Program *g, const double *v, double *out) {
-    for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] * g->over[i];
+    for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] * g->reciprocal[i];
     EACH_CONE(k, at, d) {
         const double *u = g->lam + at;
-        double first = (u[0] * v[at] - dot(u + 1, v + at + 1, d - 1)) * g->over[at] * g->over[at];
+        double first = (u[0] * v[at] - dot(u + 1, v + at + 1, d - 1)) * g->reciprocal[at] * g->reciprocal[at];
         for (Py_ssize_t i = 1; i < d; i++) out[at + i] = (v[at + i] - first * u[i]) / u[0];
         out[at] = first;
     }
@@ -683,7 +677,7 @@ static int warm(const Program *g, Point *at) {
         for (Py_ssize_t k = 0; k < g->cones; k++) sides[i][g->place[k]] += more;
         if (!(margin(g, sides[i]) > 0.0)) return 0;
     }
-    return isfinite(most_of(at->x, g->n) + most_of(at->y, g->p) + most_of(at->z, g->m) + most_of(at->s, g->m));
+    return is_finite(at->x, g->n) && is_finite(at->y, g->p) && is_finite(at->z, g->m) && is_finite(at->s, g->m);
 }
 
 /* The best point in ``best``, one on the way to it in ``middle``; ``enough`` is a value of the dual
@@ -724,8 +718,9 @@ static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Poin
         if (*count == most || !scaled(g, at->s, at->z) || !factorised(g)) break;
         aimed(g, w, &r);
         refined(g, w, &r, change);
-        double sizes = most_of(change->x, g->n) + most_of(change->y, g->p) + most_of(change->z, g->m);
-        if (!isfinite(sizes) || !moved(g, w, at, change, spare)) break;
+        int is_good = is_finite(change->x, g->n) && is_finite(change->y, g->p) && is_finite(change->z, g->m) &&
+                      is_finite(change->s, g->m);
+        if (!is_good || !moved(g, w, at, change, spare)) break;
     }
     return is_solved ? IS_SOLVED : worst < ALMOST ? IS_ALMOST : STALLED;
 }
@@ -992,10 +987,11 @@ static int room_for_work(Program *g, Work *w) {
     g->schur = ROOM(double, g->p * g->p), g->border = ROOM(double, BORDER * g->p), g->corner = ROOM(double, BORDER * BORDER);
     g->room = ROOM(double, DEEP * (g->p + BROAD + TALL)), g->half = ROOM(double, g->n);
     g->line = ROOM(double, g->lines), g->inverse = ROOM(double, g->lines), g->w = ROOM(double, g->m), g->sizes = ROOM(double, g->cones);
-    g->lam = ROOM(double, g->m), g->over = ROOM(double, g->m);
+    g->lam = ROOM(double, g->m), g->reciprocal = ROOM(double, g->m);
     w->rx = ROOM(double, g->n), w->ry = ROOM(double, g->p), w->rz = ROOM(double, g->m), w->rhs = ROOM(double, g->n);
     w->over = ROOM(double, g->m), w->aim = ROOM(double, g->m), w->a = ROOM(double, g->m), w->b = ROOM(double, longest), w->v = ROOM(double, longest);
-    return g->schur && g->border && g->corner && g->room && g->half && g->line && g->inverse && g->w && g->sizes && g->lam && g->over &&
+    return g->schur && g->border && g->corner && g->room && g->half && g->line && g->inverse && g->w && g->sizes && g->lam &&
+           g->reciprocal &&
            w->rx && w->ry && w->rz && w->rhs && w->over && w->aim && w->a && w->b && w->v &&
            room_for_direction(g, &w->found) && room_for_direction(g, &w->tried);
 }

@@ -148,9 +148,9 @@ class Relaxer:
 
     def _add(self, parts: Sequence[_Part]) -> None:
         """Give the parts' nodes the copies that they miss."""
-        if not parts:
+        missed = Copies.none().joined(*(part.missed for part in parts))
+        if not len(missed):
             return
-        missed = parts[0].missed.joined(*(part.missed for part in parts[1:]))
         part_of = np.repeat(np.arange(len(parts)), [len(part.missed) for part in parts])
         groups, unit = np.unique([part_of, missed.contact], axis=1, return_inverse=True)
         pieces = self.problem.pieces(missed, unit)
@@ -164,7 +164,7 @@ class Relaxer:
         keys = [box_keys(boxes, number) for boxes in every]
         if len(self._pieces) > BRANCH.kept:
             self._pieces.clear()
-        if new := list({key for each in keys for key in each if key not in self._pieces}):
+        if new := [*dict.fromkeys(k for each in keys for k in each if k not in self._pieces)]:
             rows = np.array([j for j, _ in new])
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
             copies = self.moments.box_copies(self.contacts.take(rows), boxes)
@@ -199,6 +199,8 @@ class Relaxer:
 
 class _Part:
     """A node that is being evaluated."""
+
+    mechanism: FloatArray
 
     def __init__(self, relaxer: Relaxer, node: Node, pieces: Sequence[Piece], goal: Goal) -> None:
         self.relaxer, self.node, self.pieces, self.goal = relaxer, node, pieces, goal

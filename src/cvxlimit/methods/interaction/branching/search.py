@@ -137,7 +137,7 @@ class BranchAndBound:
     def _step_elsewhere(self, executor: Executor) -> None:
         if self._task is None:
             self._task = Task.of(uuid.uuid4().hex, self.relaxer, self.run.assemblage)
-        while self.open and len(self._running) < self._workers:
+        while self.open and len(self._running) <= self._workers:  # one waits, so that none idles
             nodes = self._next()
             self._running[executor.submit(self._task, nodes, self._goal())] = nodes
         with self.run.clock.phase("solve"):
@@ -225,9 +225,8 @@ class BranchAndBound:
         boxes shrink they tend to the node's bound."""
         if node.forces is None or not np.isfinite(node.forces).all():
             return
-        safe = self._settle(
-            node.forces, BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
-        )
+        reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
+        safe = self._settle(node.forces, reach)
         goal = self.checker.balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
@@ -238,9 +237,9 @@ class BranchAndBound:
         gains: what is safe stays so where its own eccentricities are frozen. The best of them."""
         best: _State | None = None
         for _ in range(BRANCH.settled):
-            found = (
-                self._safe(centres(forces, self.run.contacts), reach) if self._has_time else None
-            )
+            if not self._has_time:
+                break
+            found = self._safe(centres(forces, self.run.contacts), reach)
             if found is None or (best is not None and found[1] <= best[1] + 1e-3 * self.width):
                 break
             best, forces, reach = found, found[0], 0.0

@@ -36,7 +36,8 @@ class InteractionFlow:
     least -s N of work on rates q. ``boxes`` (n, 2, 2) are the pressure centres considered: lowest
     and highest e1 and e2 as fractions of :func:`half_extent`, None is all. Where it ``is_coarse``
     shortfalls are enclosed closely only if something is missing, and then to ``precision`` of the
-    largest power in play, if that is coarser.
+    largest power in play, if that is coarser. ``number`` (n,) is whose copies contacts are where
+    all of a scene come several times, one after another.
     """
 
     def __init__(
@@ -69,9 +70,9 @@ class InteractionFlow:
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, exact everywhere; kept, for one field opens every mechanism. In boxes it opens
         much more than of the whole, which decides how good bounds are."""
-        known = self._opened
-        if not (len(known.rates) and np.array_equal(rates, known.rates[self.number])):
-            known.rates, known.missing = rates[: int(self.number.max()) + 1].copy(), {}
+        known, once = self._opened, rates[: int(self.number.max(initial=-1)) + 1]
+        if not np.array_equal(once, known.rates):
+            known.rates, known.missing = once.copy(), {}
         keys = box_keys(self.boxes, self.number)
         if new := [k for k, key in enumerate(keys) if key not in known.missing]:
             rows = np.array(new)
@@ -123,9 +124,8 @@ class InteractionFlow:
 
     def of(self, rows: IntArray) -> InteractionFlow:
         """The rule of some contacts (k,)."""
-        contacts = self.contacts.take(rows)
-        given = contacts, self.moments, self.boxes[rows], self.is_coarse, self.precision
-        return InteractionFlow(*given, self.number[rows])
+        given = self.contacts.take(rows), self.moments, self.boxes[rows]
+        return InteractionFlow(*given, self.is_coarse, self.precision)
 
     def _support(
         self, w: FloatArray, halvings: int, floor: FloatArray | None = None

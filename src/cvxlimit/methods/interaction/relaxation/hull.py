@@ -96,10 +96,12 @@ class HullProblem:
     ) -> list[Piece]:
         """A piece for each unit of copies, by the number of their units (k,): those of a contact,
         if it is not said. Units without copies have ``keys`` to say whose they are."""
+        unit = copies.contact if unit is None else unit
         if self.half is not None:
-            copies = copies.without(self.half.dropped)
-        if unit is None:
-            _, unit = np.unique(copies.contact, return_inverse=True)
+            kept = ~np.isin(copies.contact, self.half.dropped)
+            copies, unit = copies.take(kept), unit[kept]
+        if keys is None:
+            _, unit = np.unique(unit, return_inverse=True)
         return CopyColumns(self, copies).pieces(unit, keys or copies.keys(unit))
 
     def joined(self, copies: Copies | Sequence[Piece], relief_price: float | None = None) -> Joined:

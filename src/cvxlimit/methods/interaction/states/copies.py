@@ -53,7 +53,9 @@ class Copies:
         return Copies(*(np.concatenate(column) for column in columns))
 
     def without(self, contacts: IntArray) -> Copies:
-        kept = ~np.isin(self.contact, contacts)
+        return self.take(~np.isin(self.contact, contacts))
+
+    def take(self, kept: BoolArray) -> Copies:
         return Copies(*(values[kept] for values in vars(self).values()))
 
     def keys(self, unit: IntArray) -> list[tuple[int, bytes]]:
