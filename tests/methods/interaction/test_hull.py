@@ -450,13 +450,13 @@ def test_a_start_costs_or_saves_time_only(moments: str) -> None:
 
 @pytest.mark.parametrize("moments", NAMES)
 def test_pieces_make_up_the_whole(moments: str) -> None:
-    """In any order, cut by contact or by copy: the same load factor, and forces that are in
+    """In any order, whole, cut by contact or by copy: the same load factor, and forces that are in
     equilibrium with it."""
     scene, rng, rung = random_wall(11), np.random.default_rng(2), settings_for("BLOCKWISE", 1e-9)
     problem, copies = HullProblem(scene), parse_moments(moments).box_copies(scene.contacts)
     whole = problem.solve(copies, rung)
     assert whole.load_factor is not None
-    for unit in (None, np.arange(len(copies))):
+    for unit in (None, copies.contact, np.arange(len(copies))):
         pieces = problem.pieces(copies, unit)
         order = rng.permutation(len(pieces))
         state = problem.solve([pieces[k] for k in order], rung)
@@ -464,6 +464,36 @@ def test_pieces_make_up_the_whole(moments: str) -> None:
         assert state.load_factor == pytest.approx(whole.load_factor, rel=1e-7)
         rest = problem.assemblage.statics.residual(state.forces, state.load_factor)
         assert np.abs(rest).max() <= 1e-7 * scene.total_weight
+
+
+@pytest.mark.parametrize("price", [None, 10.0])
+@pytest.mark.parametrize("moments", NAMES)
+def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None) -> None:
+    """The same number for each of its variables, and other places only where pieces change theirs;
+    cut in another way, too."""
+    scene, rng, rung = random_wall(11), np.random.default_rng(4), settings_for("BLOCKWISE", 1e-8)
+    problem, copies = HullProblem(scene), parse_moments(moments).box_copies(scene.contacts)
+    pieces = problem.pieces(copies, copies.contact)
+    halfway = problem.solve(pieces, rung, price).halfway
+    assert halfway is not None
+    for other in (
+        pieces,
+        [pieces[k] for k in rng.permutation(len(pieces))],
+        problem.pieces(copies),
+    ):
+        joined = problem.joined(other, price)
+        start, point = joined.start(halfway), halfway.point
+        for found, given in ((start.x, point.x), (start.z, point.z), (start.s, point.s)):
+            assert np.array_equal(np.sort(found), np.sort(given))
+        matrix = problem.program(joined, price).matrix
+        own = problem.program(problem.joined(pieces, price), price).matrix
+        sides = np.zeros(len(problem.rows))
+        before, after = (
+            a.T @ np.concatenate([sides, z]) for a, z in ((own, point.z), (matrix, start.z))
+        )
+        assert np.allclose(
+            np.sort(before), np.sort(after), rtol=0.0, atol=1e-12 * np.abs(before).max()
+        )
 
 
 @pytest.mark.parametrize("moments", NAMES)

@@ -49,8 +49,8 @@ class ProofSettings:
     # what is mixed in never leads outside, although Eq. 30 is not convex
     reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
     margin: float = 1e-6  # of friction and size to begin with, where centres are held,
-    growth: float = 3.0  # and where contacts exceed Eq. 30 all the same
-    attempts: int = 12  # in all
+    growth: float = 3.0  # and its growth after each attempt, of which there are so many: for all
+    attempts: tuple[int, int, int] = (5, 12, 4)  # contacts, where it did not do, by safe steps
     late: float = 0.03  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
     pressed: float = 1e-7  # compression from which a pressure centre means something

@@ -54,7 +54,7 @@ class Node:
 
     def without(self, *contacts: int) -> tuple[Piece, ...]:
         """What was added of other contacts."""
-        return tuple(piece for piece in self.added if piece.shape.key[0] not in contacts)
+        return tuple(piece for piece in self.added if piece.members.key[0] not in contacts)
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ class _Tightening:
             new = missed_copies(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
         if self._is_missing:
-            added = (*node.added, *relaxer.problem.pieces(new))
+            added = (*node.added, *relaxer.problem.pieces(new, new.contact))
             self.node = replace(node, added=added)
         return False
 

@@ -88,21 +88,21 @@ class HullProblem:
             self.scaling.load_factor(float(x[0])),
             self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
             self.mechanism(y),
-            halfway=None if middle is None else Halfway(joined.shapes, middle),
+            halfway=None if middle is None else Halfway(joined.members, middle),
         )
 
     def pieces(
         self, copies: Copies, unit: IntArray | None = None, keys: Sequence[Key] | None = None
     ) -> list[Piece]:
-        """A piece for each unit of copies, by the number of their units (k,): those of a contact,
-        if it is not said. Units without copies have ``keys`` to say whose they are."""
-        unit = copies.contact if unit is None else unit
+        """A piece for each unit of copies, by the number of their units (k,); one for all of them
+        if these are not said. Units without copies have ``keys`` to say whose they are."""
+        unit = np.zeros(len(copies), dtype=int) if unit is None else unit
         if self.half is not None:
             kept = ~np.isin(copies.contact, self.half.dropped)
             copies, unit = copies.take(kept), unit[kept]
         if keys is None:
             _, unit = np.unique(unit, return_inverse=True)
-        return CopyColumns(self, copies).pieces(unit, keys or copies.keys(unit))
+        return CopyColumns(self, copies).pieces(unit, keys)
 
     def joined(self, copies: Copies | Sequence[Piece], relief_price: float | None = None) -> Joined:
         """Their columns; the load factor is the first one, the relief the second."""
@@ -129,7 +129,8 @@ class HullProblem:
         limits = [(zero, zero + 1, -np.ones(1)), (zero + 1, zero + 1, np.ones(1))]
         no_forces = [(none, none, np.zeros(0))]
         plain, relieved = (
-            cut([(-1, key)], len(every), ([0 * np.arange(n)], [0 * np.arange(m)], [none]),
+            cut([(-1, key)], 0 * np.arange(n), [b"load", b"relief"][:n], len(every),
+                ([np.arange(n)], [np.ones(1, dtype=int)] * m or [none], [none]),
                 (loads[:n], limits[:m], []), no_forces)
             for key, n, m in ((b"load", 1, 0), (b"loads", 2, 2))
         )  # fmt: skip
@@ -265,12 +266,17 @@ class CopyColumns:
         self.nonneg += count
         return rows
 
-    def pieces(self, unit: IntArray, keys: Sequence[Key]) -> list[Piece]:
-        """One for each key, of the copies whose ``unit`` (k,) is its number."""
-        columns, rows = ([unit[k] for k in each] for each in (self.column_of, self.row_of))
-        kinds = columns, rows, [unit[self.shears]]
+    def pieces(self, unit: IntArray, keys: Sequence[Key] | None) -> list[Piece]:
+        """One for each unit (k,) of copies; see :meth:`HullProblem.pieces`."""
+        names, kinds = self.copies.names, (self.column_of, self.row_of, [self.shears])
+        if keys is None:
+            order = np.argsort(unit, kind="stable")
+            starts = np.searchsorted(unit[order], np.unique(unit))
+            parts = [part.tolist() for part in np.split(order, starts[1:])]
+            contact = self.copies.contact
+            keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in parts if k]
         entries = [self._equilibrium()], self.signs, self._cones()
-        return cut(keys, len(self.problem.rows), kinds, entries, self.gives)
+        return cut(keys, unit, names, len(self.problem.rows), kinds, entries, self.gives)
 
     def _equilibrium(self) -> Entry:
         """The equations' matrix times that of contact forces, without making that: a product of

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise, repeat
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,14 +24,15 @@ Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a s
 Key = tuple[int, bytes]  # a contact, -1 for none, and what of it
 
 
-class Shape(NamedTuple):
-    """What a piece is made of (equal keys: the same), and how many columns, linear rows and cones
-    it has, of one kind after another."""
+class Members(NamedTuple):
+    """Whose a piece's columns, linear rows and cones are: of which kind, and of which of the copies
+    with these ``names``, which begin with their contact. Equal keys are those of equal pieces."""
 
     key: Key
-    columns: tuple[int, ...]
-    lines: tuple[int, ...]
-    cones: tuple[int, ...]
+    names: list[bytes]
+    columns: IntArray
+    lines: IntArray
+    cones: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Piece:
     ``kind``, 0 for equations, 1 for linear rows, 2 for those of cones; and ``forces``, the entries
     that give contact forces."""
 
-    shape: Shape
+    members: Members
     counts: IntArray
     data: FloatArray
     rows: IntArray
@@ -50,25 +51,27 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Halfway:
-    """A point on the way to an answer, and the pieces of its problem."""
+    """A point on the way to an answer, and whose its numbers are."""
 
-    shapes: tuple[Shape, ...]
+    members: tuple[Members, ...]
     point: Point
 
 
 def cut(
     keys: Sequence[Key],
+    unit: IntArray,
+    names: Sequence[bytes],
     equations: int,
     kinds: tuple[list[IntArray], list[IntArray], list[IntArray]],
     entries: tuple[list[Entry], list[Entry], list[Entry]],
     forces: list[Entry],
 ) -> list[Piece]:
-    """A piece for every key. ``kinds`` says whose columns, linear rows and cones are, kind by kind
-    and by the number of the key; ``entries`` are those of equations, linear rows and cones, which
-    have three rows each."""
-    of = [np.concatenate(each) for each in kinds]
-    places, starts = zip(*(_grouped(each, len(keys)) for each in of), strict=True)
-    (column, line, cone), first = places, np.cumsum([0, equations, len(of[1])])
+    """A piece for every key, of the copies whose ``unit`` (k,) is its number. ``kinds`` says whose
+    columns, linear rows and cones are, kind by kind; ``entries`` are those of equations, linear
+    rows and cones, which have three rows each."""
+    of = [unit[np.concatenate(each)] for each in kinds]
+    places, starts = zip(*(_grouped(each, len(keys)) for each in (*of, unit)), strict=True)
+    (column, line, cone, copy), first = places, np.cumsum([0, equations, len(of[1])])
     at = np.arange(equations), line, (3 * cone[:, None] + np.arange(3)).ravel()
     every = [
         (first[kind] + at[kind][rows], column[columns], values)
@@ -87,21 +90,35 @@ def cut(
     given, values = given[order], values[order]
     columns = (column[columns] - starts[0][whose])[order]
     inner = np.searchsorted(whose[order], np.arange(len(keys) + 1))
-    sizes = [
-        map(tuple, np.stack([np.bincount(k, minlength=len(keys)) for k in each], axis=1).tolist())
-        for each in kinds
+    labels = [
+        _labels(each, copy - starts[3][unit], place)
+        for each, place in zip(kinds, places[:3], strict=True)
     ]
+    called = [names[k] for k in np.argsort(copy).tolist()]
     slices = [
         [slice(*ends) for ends in pairwise(each.tolist())]
-        for each in (starts[0], matrix.indptr[starts[0]], inner)
+        for each in (*starts, matrix.indptr[starts[0]], inner)
     ]
     return [
         Piece(
-            Shape(key, *size), counts[a], matrix.data[b], rows[b], kind[b],
-            (given[c], columns[c], values[c]),
+            Members(key, called[d], labels[0][a], labels[1][b], labels[2][c]),
+            counts[a], matrix.data[e], rows[e], kind[e], (given[f], columns[f], values[f]),
         )
-        for key, *size, a, b, c in zip(keys, *sizes, *slices, strict=True)
+        for key, a, b, c, d, e, f in zip(keys, *slices, strict=True)
     ]  # fmt: skip
+
+
+_CONTACT = 8
+"""Bytes of a copy's name that are its contact."""
+
+_KIND = 1 << 24
+"""More copies than a problem has: labels are a kind times this plus the number of a copy."""
+
+
+def _labels(kinds: list[IntArray], copy: IntArray, place: IntArray) -> IntArray:
+    result = np.empty(len(place), dtype=int)
+    result[place] = np.concatenate([_KIND * k + copy[each] for k, each in enumerate(kinds)])
+    return result
 
 
 class Joined:
@@ -109,13 +126,13 @@ class Joined:
 
     def __init__(self, pieces: Sequence[Piece], equations: int) -> None:
         self.pieces, self.equations = pieces, equations
-        self.shapes = tuple(piece.shape for piece in pieces)
-        self.ends = _ends(self.shapes)
-        self.columns, self.lines, self.cones = (end[-1] for end in self.ends)
+        self.members = tuple(piece.members for piece in pieces)
+        self.starts = [_starts(self.members, k) for k in range(2, 5)]
+        self.columns, self.lines, self.cones = (start[-1] for start in self.starts)
 
     def matrix(self) -> sp.csc_array:
         p, pieces = self.equations, self.pieces
-        _, lines, cones = (np.array(end[:-1]) for end in self.ends)
+        _, lines, cones = (np.array(start[:-1]) for start in self.starts)
         offset = np.stack([np.zeros_like(lines), p + lines, p + self.lines + 3 * cones])
         every = [(piece.data, piece.rows, piece.kind, piece.counts) for piece in pieces]
         data, rows, kind, counts = map(np.concatenate, zip(*every, strict=True))
@@ -129,33 +146,24 @@ class Joined:
     def forces(self) -> Entry:
         """The entries that give contact forces (6 n,)."""
         rows, columns, values = zip(*(piece.forces for piece in self.pieces), strict=True)
-        offset = np.repeat(self.ends[0][:-1], [len(part) for part in rows])
+        offset = np.repeat(self.starts[0][:-1], [len(part) for part in rows])
         return np.concatenate(rows), np.concatenate(columns) + offset, np.concatenate(values)
 
     def start(self, other: Halfway) -> Point:
-        """The point of another problem for this one: a piece has what the same one has there, or
-        one of its contact, kind by kind. What is new begins at zero, as far from the cones' edges
-        as the others on the mean."""
-        point, ends = other.point, _ends(other.shapes)
-        match = _matched(self.shapes, other.shapes)
-        sizes, others = (
-            list(zip(*(shape[1:] for shape in shapes), strict=True))
-            for shapes in (self.shapes, other.shapes)
+        """The point of another problem for this one, where it has what this one has. What is new
+        begins at zero, as far from the cones' edges as the others on the mean."""
+        point, match = other.point, _matched(self.members, other.members)
+        columns, lines, cones = (
+            _placed(self.members, other.members, kind, match) for kind in range(2, 5)
         )
-        x = _gathered(point.x, match, ends[0], sizes[0], others[0], [0.0])
-        sides = []
-        for side in (point.z, point.s):
-            lines, cones = np.split(side, [ends[1][-1]])
-            mean = float(np.abs(side).mean())
-            sides.append(
-                np.concatenate(
-                    [
-                        _gathered(lines, match, ends[1], sizes[1], others[1], [mean]),
-                        _gathered(cones, match, ends[2], sizes[2], others[2], [mean, 0.0, 0.0]),
-                    ]
-                )
-            )
-        return Point(x, point.y, *sides)
+        first = sum(len(each.lines) for each in other.members)
+        triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
+        rows = np.concatenate([lines, triples.ravel()])
+        top = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
+        z, s = (
+            np.where(rows < 0, float(np.abs(v).mean()) * top, v[rows]) for v in (point.z, point.s)
+        )
+        return Point(np.where(columns < 0, 0.0, point.x[columns]), point.y, z, s)
 
 
 def stacked(entries: list[Entry], shape: tuple[int, int]) -> sp.csc_array:
@@ -173,43 +181,54 @@ def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
     return place, np.searchsorted(of[order], np.arange(count + 1))
 
 
-def _gathered(
-    values: FloatArray,
-    match: Sequence[int],
-    ends: Sequence[int],
-    sizes: Sequence[tuple[int, ...]],
-    others: Sequence[tuple[int, ...]],
-    fresh: list[float],
-) -> FloatArray:
-    """What matched pieces have of some values, those of member i at len(fresh) i, kind by kind;
-    ``fresh`` in what is left."""
-    step, found = len(fresh), []
-    for k, size in zip(match, sizes, strict=True):
-        if k >= 0 and others[k] == size:
-            found.append(values[step * ends[k] : step * ends[k + 1]])
-            continue
-        at = ends[k] if k >= 0 else 0
-        for own, other in zip(size, others[k] if k >= 0 else repeat(0), strict=False):
-            same = min(own, other)
-            found += [values[step * at : step * (at + same)], np.array(fresh * (own - same))]
-            at += other
-    return np.concatenate(found)
+def _starts(members: Sequence[Members], field: int) -> list[int]:
+    """Where each one's part of a field begins, and the last of them ends."""
+    return [0, *accumulate(len(each[field]) for each in members)]
 
 
-def _ends(shapes: Sequence[Shape]) -> list[list[int]]:
-    """Where the columns, linear rows and cones of pieces begin, and the last of them ends."""
-    each = zip(*(shape[1:] for shape in shapes), strict=True)
-    return [[0, *accumulate(map(sum, sizes))] for sizes in each]
+def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
+    """Which of the others' copies stands for each copy: the same one, or the first one left of the
+    same contact; for none the one after the last."""
+    known = {each.key: k for k, each in enumerate(others)}
+    start = _starts(others, 1)
+    alike = {known[each.key] for each in own if each.key in known}
+    left: dict[bytes, dict[bytes, int]] = {}  # by contact, and by name
+    for k, each in enumerate(others):
+        for number, name in enumerate(() if k in alike else each.names, start[k]):
+            left.setdefault(name[:_CONTACT], {})[name] = number
+    found: list[int] = []
+    for each in own:
+        if each.key in known:
+            first = start[known[each.key]]
+            found += range(first, first + len(each.names))
+        else:
+            found += _taken(each.names, left, start[-1])
+    return np.array(found)
 
 
-def _matched(own: Sequence[Shape], others: Sequence[Shape]) -> list[int]:
-    """Which of the others stands for each piece, -1 for none."""
-    number = {shape.key: k for k, shape in enumerate(others)}
-    found = [number.get(shape.key, -1) for shape in own]
-    spare: dict[int, list[int]] = {}
-    for k in sorted(set(range(len(others))).difference(found), reverse=True):
-        spare.setdefault(others[k].key[0], []).append(k)
+def _taken(names: list[bytes], left: dict[bytes, dict[bytes, int]], none: int) -> list[int]:
+    own = [left.get(name[:_CONTACT], {}) for name in names]
+    found = [here.pop(name, none) for name, here in zip(names, own, strict=True)]
     return [
-        k if k >= 0 or not (left := spare.get(shape.key[0])) else left.pop()
-        for shape, k in zip(own, found, strict=True)
+        here.pop(next(iter(here))) if number == none and here else number
+        for number, here in zip(found, own, strict=True)
     ]
+
+
+def _placed(
+    own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
+) -> IntArray:
+    """Where the members of all kinds are among the others', -1 for nowhere."""
+    kind, copy = _split(own, field)
+    other_kind, other_copy = _split(others, field)
+    kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1
+    place = np.full((kinds, _starts(others, 1)[-1] + 1), -1)
+    place[other_kind, other_copy] = np.arange(len(other_copy))
+    return np.asarray(place[kind, match[copy]])
+
+
+def _split(members: Sequence[Members], field: int) -> tuple[IntArray, IntArray]:
+    """Kinds, and numbers of copies in a whole problem."""
+    labels = np.concatenate([each[field] for each in members])
+    counts = [len(each[field]) for each in members]
+    return labels // _KIND, labels % _KIND + np.repeat(_starts(members, 1)[:-1], counts)

@@ -191,10 +191,10 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     convex. But with the centres held it is. So the frozen problem at the forces' own centres is
     solved once more with a little less friction, in contacts that are a little smaller, and its
     forces are put into balance by changes that leave the centres where they are. What is left over
-    is larger than what solver and rounding leave, and the checker has the last word: contacts that
-    still exceed Eq. 30 get a larger margin, which costs little where few of them do. Where forces
-    are determinate once the centres are held, safe steps with as much less friction follow. Beyond
-    ``end`` seconds of the run all take a small share of that time.
+    is larger than what solver and rounding leave, and the checker has the last word. Where the same
+    margin for all contacts does not do, or costs too much, only those that still exceed Eq. 30 get
+    a larger one. Where forces are determinate once the centres are held, safe steps with as much
+    less friction follow. Beyond ``end`` seconds of the run all take a small share of that time.
     """
     best, checker = run.best, LowerBounds(run.assemblage, run.moments)
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
@@ -203,9 +203,10 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     within = min(PROOF.most_of_width * asked, asked - width)
     spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
     until = max(end, run.clock.elapsed) + PROOF.late * end
-    for tried in (_proof, _stepped):
+    ways = ((_proof, True), (_proof, False), (_stepped, True))
+    for (tried, is_alike), attempts in zip(ways, PROOF.attempts, strict=True):
         margin = np.full(len(run.contacts), PROOF.margin)
-        for number in range(PROOF.attempts):
+        for number in range(attempts):
             if number > 0 and run.clock.elapsed > until:
                 return
             with run.clock.phase("certify"):
@@ -216,7 +217,7 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
                 proved = replace(best, bracket=replace(best.bracket, lower=-np.inf))
                 run.best = found.raising(proved)
                 return
-            margin = np.where(_exceeds(run, found), PROOF.growth * margin, margin)
+            margin = np.where(is_alike | _exceeds(run, found), PROOF.growth, 1.0) * margin
 
 
 def _exceeds(run: Run, found: LowerBound | None) -> BoolArray:

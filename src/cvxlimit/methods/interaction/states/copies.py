@@ -7,7 +7,6 @@ each): docs/evidence/interaction-bounds.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -58,16 +57,11 @@ class Copies:
     def take(self, kept: BoolArray) -> Copies:
         return Copies(*(values[kept] for values in vars(self).values()))
 
-    def keys(self, unit: IntArray) -> list[tuple[int, bytes]]:
-        """What each unit is made of, by the number of its copies' ``unit`` (k,): its contact and
-        the rest; equal keys are those of equal copies. No unit may be empty."""
-        order = np.argsort(unit, kind="stable")
-        table = np.column_stack([*vars(self).values()])[order]
-        edges = np.searchsorted(unit[order], np.arange(int(unit.max(initial=-1)) + 2)).tolist()
-        contacts = self.contact[order][edges[:-1]].tolist()
-        return [
-            (j, table[a:b].tobytes()) for j, (a, b) in zip(contacts, pairwise(edges), strict=True)
-        ]
+    @property
+    def names(self) -> list[bytes]:
+        """Of each copy: its contact, and where that presses."""
+        table = np.column_stack([self.contact, self.centre, self.spread])
+        return table.view(f"V{table.itemsize * table.shape[1]}").ravel().tolist()
 
     @classmethod
     def none(cls) -> Copies:
