@@ -45,6 +45,7 @@ class ProofSettings:
     # shares of a dead-load state mixed in to be strictly admissible, and the largest for close ones
     shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
     most_spent: float = 1e-5
+    rows: int = 4000  # contacts of mixtures that are tried at a time
     # shares of friction and size that such states may use: with little shear and central pressure
     # what is mixed in never leads outside, although Eq. 30 is not convex
     reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
@@ -68,8 +69,7 @@ class ClimbSettings:
     long_gain: float = 1e-3  # relative gain below which they end
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
-    frozen: float = 1e-10  # tolerance of frozen problems, whose excess is taken off the bound,
-    frozen_inside: float = 1e-8  # by the solver whose iterates have none
+    frozen_inside: float = 1e-8  # tolerance of frozen problems by solvers that end inside
     lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     first_ratio: float = 0.7  # of one gain to the one before, until there are two
@@ -116,8 +116,8 @@ class BranchSettings:
     remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
     tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    climbing: float = 0.07  # share of problems that search for forces from open nodes,
-    climb_solves: int = 16  # each so many at most,
+    climbing: float = 0.14  # share of problems that search for forces from open nodes,
+    climb_solves: int = 24  # each so many at most,
     patience: float = 10.0  # and half of it after so many in vain
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,

@@ -54,6 +54,7 @@ typedef struct {
 typedef struct {
     Py_ssize_t n, p, m, lines, cones, bound, degree; /* ``bound`` columns are in blocks, others the border */
     Py_ssize_t blocks;
+    int are_triples;               /* all cones have three rows */
     Block *block;
     Py_ssize_t *column, *row;      /* where columns and rows of G were in the program given, */
     Py_ssize_t *equation, *reach;  /* where equations were; the last one that each one's column reaches */
@@ -112,8 +113,15 @@ WIDE static double long_dot(const double *u, const double *v, Py_ssize_t n) {
 
 INLINE int is_finite(const double *v, Py_ssize_t n) { return isfinite(long_dot(v, v, n)); }
 
-#define EACH_CONE(k, at, d) \
-    for (Py_ssize_t k = 0, at, d; k < g->cones && (at = g->place[k], d = g->place[k + 1] - at, 1); k++)
+/* Twice, for most programs' cones all have three rows, which compilers are to know. */
+#define EACH_CONE(k, at, d, ...) \
+    if (g->are_triples) \
+        for (Py_ssize_t k = 0, at = g->lines; k < g->cones; k++, at += 3) { const Py_ssize_t d = 3; __VA_ARGS__ } \
+    else \
+        for (Py_ssize_t k = 0; k < g->cones; k++) { \
+            const Py_ssize_t at = g->place[k], d = g->place[k + 1] - at; \
+            __VA_ARGS__ \
+        }
 
 INLINE double determinant(const double *u, Py_ssize_t d) {
     double norm = sqrt(dot(u + 1, u + 1, d - 1));
@@ -124,10 +132,10 @@ WIDE static double margin(const Program *g, const double *u) {
     double least = INFINITY;
     for (Py_ssize_t i = 0; i < g->lines; i++)
         least = smaller(least, u[i]);
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         double own = u[at] - sqrt(dot(u + at + 1, u + at + 1, d - 1));
         least = smaller(least, own);
-    }
+    )
     return least;
 }
 
@@ -137,7 +145,7 @@ WIDE static double step(const Program *g, const double *v) {
     for (Py_ssize_t i = 0; i < g->lines; i++) {
         most[i % 4] = larger(most[i % 4], -v[i] * g->reciprocal[i]);
     }
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         const double *a = g->lam + at, *b = v + at;
         double root = g->reciprocal[at], along = b[0] * root;
         double first = (a[0] * b[0] - dot(a + 1, b + 1, d - 1)) * root * root;
@@ -147,7 +155,7 @@ WIDE static double step(const Program *g, const double *v) {
             sum += off * off;
         }
         worst = larger(worst, sqrt(sum) - first);
-    }
+    )
     for (int t = 0; t < 4; t++) worst = larger(worst, most[t]);
     return worst > 0.0 ? 1.0 / worst : worst == 0.0 ? INFINITY : 0.0;
 }
@@ -155,11 +163,11 @@ WIDE static double step(const Program *g, const double *v) {
 WIDE static int scaled(const Program *g, const double *s, const double *z) {
     if (!(margin(g, s) > 0.0 && margin(g, z) > 0.0)) return 0;
     for (Py_ssize_t i = 0; i < g->lines; i++) {
-        double ratio = s[i] / z[i];
-        g->line[i] = sqrt(ratio), g->inverse[i] = sqrt(1.0 / ratio), g->lam[i] = g->line[i] * z[i];
-        g->reciprocal[i] = 1.0 / g->lam[i];
+        double root = sqrt(s[i] * z[i]), reciprocal = 1.0 / root;
+        g->lam[i] = root, g->reciprocal[i] = reciprocal;
+        g->line[i] = s[i] * reciprocal, g->inverse[i] = z[i] * reciprocal;
     }
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         const double *a = s + at, *b = z + at;
         double *w = g->w + at, ds = sqrt(determinant(a, d)), dz = sqrt(determinant(b, d)), sum = 0.0;
         double unit = sqrt(2.0 * (1.0 + dot(a, b, d) / ds / dz));
@@ -174,7 +182,7 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
         for (Py_ssize_t i = 1; i < d; i++) g->lam[at + i] = g->sizes[k] * (b[i] + share * w[i]);
         double root = sqrt(determinant(g->lam + at, d));
         g->reciprocal[at] = 1.0 / root, g->reciprocal[at + 1] = 1.0 / (1.0 + g->lam[at] / root);
-    }
+    )
     return 1;
 }
 
@@ -182,33 +190,33 @@ WIDE static int scaled(const Program *g, const double *s, const double *z) {
 WIDE static void times(const Program *g, const double *v, double sign, double *out) {
     const double *line = sign > 0.0 ? g->line : g->inverse;
     for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] * line[i];
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         const double *w = g->w + at;
         double scale = sign > 0.0 ? g->sizes[k] : 1.0 / g->sizes[k], first = v[at];
         double cross = sign * dot(w + 1, v + at + 1, d - 1), share = sign * (first + cross / (1.0 + w[0]));
         out[at] = scale * (w[0] * first + cross);
         for (Py_ssize_t i = 1; i < d; i++) out[at + i] = scale * (v[at + i] + share * w[i]);
-    }
+    )
 }
 
 WIDE static void product(const Program *g, const double *u, const double *v, double *out) {
     for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = u[i] * v[i];
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         double first = dot(u + at, v + at, d), a = u[at], b = v[at];
         for (Py_ssize_t i = 1; i < d; i++) out[at + i] = a * v[at + i] + b * u[at + i];
         out[at] = first;
-    }
+    )
 }
 
 /* out with lam o out = v. */
 WIDE static void over_lam(const Program *g, const double *v, double *out) {
     for (Py_ssize_t i = 0; i < g->lines; i++) out[i] = v[i] * g->reciprocal[i];
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         const double *u = g->lam + at;
         double first = (u[0] * v[at] - dot(u + 1, v + at + 1, d - 1)) * g->reciprocal[at] * g->reciprocal[at];
         for (Py_ssize_t i = 1; i < d; i++) out[at + i] = (v[at + i] - first * u[i]) / u[0];
         out[at] = first;
-    }
+    )
 }
 
 INLINE double clip(double v, double low, double high) { return v < low ? low : v > high ? high : v; }
@@ -217,14 +225,14 @@ INLINE double clip(double v, double low, double high) { return v < low ? low : v
 WIDE static void towards(const Program *g, const double *products, double low, double high, double *aim) {
     for (Py_ssize_t i = 0; i < g->lines; i++)
         aim[i] += larger(clip(products[i], low, high) - products[i], -high);
-    EACH_CONE(k, at, d) {
+    EACH_CONE(k, at, d,
         const double *u = products + at;
         double norm = sqrt(dot(u + 1, u + 1, d - 1));
         double most = clip(u[0] + norm, low, high), least = clip(u[0] - norm, low, high);
         double share = 0.5 * (most - least) / (norm > 0.0 ? norm : 1.0);
         aim[at] += larger(0.5 * (most + least) - u[0], -high);
         for (Py_ssize_t i = 1; i < d; i++) aim[at + i] += larger(share * u[i] - u[i], -high);
-    }
+    )
 }
 
 WIDE static void by_rows(const Program *g, const double *x, double *out) { /* G x */
@@ -251,10 +259,40 @@ WIDE static void add_equations(const Program *g, const double *y, double *out) {
         for (Py_ssize_t k = g->estart[j]; k < g->estart[j + 1]; k++) out[j] += g->evalue[k] * y[g->eindex[k]];
 }
 
+/* P := L^-1 P, whose square is added; rows of P are so many ``quads``. */
+INLINE void squared(const Block *b, const Py_ssize_t quads, double *P, double *square) {
+    Py_ssize_t c = b->to - b->from, e = b->equations, wide = 4 * quads;
+    const double *L = b->root;
+    for (Py_ssize_t i = 0; i < c; i++) {
+        Quad *own = (Quad *)(P + i * wide);
+        for (Py_ssize_t j = 0; j < i; j++) {
+            const Quad *before = (const Quad *)(P + j * wide);
+            double share = L[i * c + j];
+            if (share == 0.0) continue;
+            Quad shares = {share, share, share, share};
+            for (Py_ssize_t k = 0; k < quads; k++) own[k] -= shares * before[k];
+        }
+        double inverse = L[i * c + i];
+        Quad inverses = {inverse, inverse, inverse, inverse};
+        for (Py_ssize_t k = 0; k < quads; k++) own[k] *= inverses;
+    }
+    if (b->opens) memset(square, 0, sizeof(double) * e * wide);
+    for (Py_ssize_t i = 0; i < c; i++) {
+        const Quad *own = (const Quad *)(P + i * wide);
+        for (Py_ssize_t k = 0; k < e; k++) {
+            double share = P[i * wide + k];
+            if (share == 0.0) continue;
+            Quad shares = {share, share, share, share}, *to = (Quad *)(square + k * wide);
+            for (Py_ssize_t l = k / 4; l < quads; l++) to[l] += shares * own[l];
+        }
+    }
+}
+
 /* L of the block's G' W^-2 G, and L^-1 E', whose square is added to the Schur complement. */
 WIDE static int eliminated_block(const Program *g, const Block *b) {
     Py_ssize_t c = b->to - b->from, e = b->equations;
-    double H[WIDEST * WIDEST], rows[LARGEST][WIDEST], diagonal[WIDEST], *L = b->root, *P = b->product;
+    double H[WIDEST * WIDEST], rows[LARGEST][WIDEST], diagonal[WIDEST], reciprocal[WIDEST];
+    double *L = b->root, *P = b->product;
     const Py_ssize_t *at = g->touched + b->equation;
     memset(H, 0, sizeof(double) * c * c);
     for (Py_ssize_t i = b->line; i < b->line + b->lines; i++) {
@@ -291,40 +329,27 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
     double largest = 0.0;
     for (Py_ssize_t i = 0; i < c; i++) largest = larger(largest, diagonal[i] = H[i * c + i]);
     for (Py_ssize_t j = 0; j < c; j++) {
-        double *own = L + j * c, pivot = H[j * c + j], given = diagonal[j];
+        double *own = H + j * c, pivot = own[j], given = diagonal[j];
         if (!(pivot > -1e-3 * largest)) return 0; /* NaN, too */
-        double inverse = own[j] = 1.0 / sqrt(larger(pivot, REGULARISED * larger(given, REGULARISED * largest)));
-        for (Py_ssize_t l = j + 1; l < c; l++) L[l * c + j] = own[l] = H[j * c + l] * inverse;
-        for (Py_ssize_t i = j + 1; i < c; i++)
-            for (Py_ssize_t l = i; l < c; l++) H[i * c + l] -= own[i] * own[l];
+        double inverse = reciprocal[j] = 1.0 / larger(pivot, REGULARISED * larger(given, REGULARISED * largest));
+        for (Py_ssize_t i = j + 1; i < c; i++) {
+            double share = own[i] * inverse, *to = H + i * c;
+            for (Py_ssize_t l = i; l < c; l++) to[l] -= share * own[l];
+        }
     }
-    Py_ssize_t quads = b->wide / 4;
+    for (Py_ssize_t j = 0; j < c; j++) { /* roots at the end: there they need not wait for one another */
+        double root = L[j * c + j] = sqrt(reciprocal[j]);
+        for (Py_ssize_t l = j + 1; l < c; l++) L[l * c + j] = L[j * c + l] = H[j * c + l] * root;
+    }
     memset(P, 0, sizeof(double) * c * b->wide);
     for (Py_ssize_t j = 0; j < c; j++)
         for (Py_ssize_t k = g->estart[b->from + j]; k < g->estart[b->from + j + 1]; k++)
             P[j * b->wide + g->elocal[k]] += g->evalue[k];
-    for (Py_ssize_t i = 0; i < c; i++) {
-        Quad *own = (Quad *)(P + i * b->wide);
-        for (Py_ssize_t j = 0; j < i; j++) {
-            const Quad *before = (const Quad *)(P + j * b->wide);
-            double share = L[i * c + j];
-            if (share == 0.0) continue;
-            Quad shares = {share, share, share, share};
-            for (Py_ssize_t k = 0; k < quads; k++) own[k] -= shares * before[k];
-        }
-        double inverse = L[i * c + i];
-        Quad inverses = {inverse, inverse, inverse, inverse};
-        for (Py_ssize_t k = 0; k < quads; k++) own[k] *= inverses;
-    }
-    if (b->opens) memset(g->square, 0, sizeof(double) * e * b->wide);
-    for (Py_ssize_t i = 0; i < c; i++) {
-        const Quad *own = (const Quad *)(P + i * b->wide);
-        for (Py_ssize_t k = 0; k < e; k++) {
-            double share = P[i * b->wide + k];
-            if (share == 0.0) continue;
-            Quad shares = {share, share, share, share}, *to = (Quad *)(g->square + k * b->wide);
-            for (Py_ssize_t l = k / 4; l < quads; l++) to[l] += shares * own[l];
-        }
+    switch (b->wide / 4) { /* compilers unroll what has a known length */
+        case 1: squared(b, 1, P, g->square); break;
+        case 2: squared(b, 2, P, g->square); break;
+        case 3: squared(b, 3, P, g->square); break;
+        default: squared(b, b->wide / 4, P, g->square);
     }
     if (b->closes)
         for (Py_ssize_t k = 0; k < e; k++)
@@ -1025,12 +1050,13 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
     Py_ssize_t rows = a.views[a.count - 1].len / 8;
     g->p = PyLong_AsSsize_t(args[5]), g->lines = PyLong_AsSsize_t(args[6]);
     INTEGERS(int64_t, soc, 7, -1);
-    g->cones = a.views[a.count - 1].len / 8, g->m = rows - g->p, g->degree = g->lines + g->cones;
+    g->cones = a.views[a.count - 1].len / 8, g->are_triples = 1, g->m = rows - g->p, g->degree = g->lines + g->cones;
     double tolerance = PyFloat_AsDouble(args[8]), enough = PyFloat_AsDouble(args[10]);
     Py_ssize_t most = PyLong_AsSsize_t(args[9]), total = g->lines, count = 0;
     int starts = (int)PyLong_AsLong(args[11]);
     int is_good = g->p >= 0 && g->lines >= 0 && g->m >= 0 && indptr[0] == 0;
-    for (Py_ssize_t k = 0; is_good && k < g->cones; k++) is_good = soc[k] > 0, total += soc[k];
+    for (Py_ssize_t k = 0; is_good && k < g->cones; k++)
+        is_good = soc[k] > 0, total += soc[k], g->are_triples &= soc[k] == 3;
     is_good = is_good && total == g->m;
     for (Py_ssize_t j = 0; is_good && j < g->n; j++) is_good = indptr[j] <= indptr[j + 1];
     for (Py_ssize_t k = 0; is_good && k < indptr[g->n]; k++) is_good = indices[k] >= 0 && indices[k] < rows;

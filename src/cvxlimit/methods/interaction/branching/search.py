@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import replace
 from functools import cached_property
@@ -62,7 +62,8 @@ class BranchAndBound:
         self.closed = -np.inf
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
-        self.solves = self.count = self.nodes = self._climbed = self._in_vain = 0
+        self.solves = self.count = self.nodes = self._climbed = 0
+        self._in_vain = np.zeros(3, dtype=int)  # climbs of each kind since one gained
         self._random = np.random.default_rng(0)
         self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
@@ -169,7 +170,7 @@ class BranchAndBound:
     @property
     def _may_climb(self) -> bool:
         """As long as climbs take their share, which falls with every one that gains nothing."""
-        in_vain = 1.0 + self._in_vain / BRANCH.patience
+        in_vain = 1.0 + float(self._in_vain.min()) / BRANCH.patience
         return in_vain * self._climbed < BRANCH.climbing * self.solves
 
     @property
@@ -184,16 +185,27 @@ class BranchAndBound:
         if not starts:
             return False
         self._climbed += 1  # there may be no problem at all
-        for _ in self._inner.iterates(starts[int(self._random.integers(len(starts)))]):
+        kind = int(self._in_vain.argmin())
+        for _ in self._way(kind, starts[int(self._random.integers(len(starts)))]):
             self._climbed, self.solves = self._climbed + 1, self.solves + 1
             if not self._has_time:
                 break
-        known, self._in_vain = self.run.best, self._in_vain + 1
+        known = self.run.best
+        self._in_vain[kind] += 1
         if known.bracket.lower > self.lower and known.forces is not None:
             self.lower, self.forces = known.bracket.lower, known.forces
             self._settle(known.forces)  # climbs solve loosely
-            self._in_vain = 0
+            self._in_vain[kind] = 0
         return True
+
+    def _way(self, kind: int, start: FloatArray) -> Iterator[object]:
+        """What leads on differs from scene to scene: steps from a node's forces, boxes about them
+        that shrink, or steps from halfway between them and the best."""
+        if kind == 1 and "boxes" in self.run.moments.starts:
+            return self._inner.narrowed(start)
+        if kind == 2 and self.forces is not None:
+            start = 0.5 * (start + self.forces)
+        return self._inner.iterates(start)
 
     @cached_property
     def _inner(self) -> InnerMethod:

@@ -31,7 +31,6 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,
-    clarabel_at,
     leading_ladder,
     tight_ladder,
     warm_ladder,
@@ -108,9 +107,9 @@ class SafeProblems:
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         copies = self.moments.safe_copies(self.contacts, centre)
-        rungs = (self.run.ladder or clarabel_at(CLIMB.frozen))[:1], self.tight
-        if self.warm:  # further rungs have not been seen to help, and cost as much as safe steps
-            rungs = warm_ladder(len(self.contacts), CLIMB.frozen_inside), self.tight[:1]
+        # further rungs have not been seen to help, and cost as much as safe steps
+        inside = warm_ladder(len(self.contacts), CLIMB.frozen_inside) if self.warm else ()
+        rungs = inside, self.tight[:1]
         return self.restricted("frozen", lambda rung: self._next("frozen", copies, rung), *rungs)
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
