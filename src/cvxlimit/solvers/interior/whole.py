@@ -39,7 +39,8 @@ def small_program(
 ) -> Result | None:
     """min c'x with b - A x in {0}^zero x R+^orthant x second-order cones, their numbers and sizes
     in ``cones``; it may end where the dual objective is ``enough``. None if the program does not
-    suit, has too many equations, or was not solved."""
+    suit, has too many equations, or rounding ended the iteration; what ``max_iter`` iterations have
+    not solved, NumPy's would not solve either."""
     zero, orthant, soc = cones
     if SMALL is None or zero > _MOST_EQUATIONS:
         return None
@@ -54,7 +55,7 @@ def small_program(
     status = _STATUS[code]
     if starts and status in ("", ALMOST, STALLED):
         return small_program(c, A, b, cones, tolerance, max_iter, enough)
-    if status in ("", STALLED):
+    if status == "" or (status == STALLED and count < max_iter):
         return None
     ends = np.cumsum([n, zero, m])
     found, halfway = (Point(*np.split(v, ends)) for v in (point, middle))

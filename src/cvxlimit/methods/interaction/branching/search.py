@@ -265,7 +265,7 @@ class BranchAndBound:
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:
         copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
         with self.run.clock.phase("solve"):
-            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight)
+            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight[:1])
         self.solves += 1
         if state.forces is None or state.load_factor is None:
             return None
