@@ -2,14 +2,12 @@
 
 For irregular walls of several sizes: CPU milliseconds of one node's problem by solver and
 tolerance, with the bound that its mechanism certifies; CPU milliseconds per node and the share of
-it that is the solver's; and nodes and CPU seconds until a bracket is closed or a hundred nodes are
-explored, in this process and in two others.
+it that is the solver's; and how far default settings come in this process and with two others.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -18,10 +16,10 @@ import numpy as np
 from rich.console import Console
 
 from benchmarks.closing import irregular_wall
+from cvxlimit import solve
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
-from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.solvers import settings_for
 
@@ -87,34 +85,20 @@ def shares(seed: int, nodes: int = 40) -> None:
     )
 
 
-def workers(seed: int, most: int = 100) -> None:
-    """Nodes, CPU seconds and seconds of the clock, in one process and in two."""
+def workers(seed: int) -> None:
+    """What the ten seconds of default settings come to, in one process and in two."""
     for count in (1, 2):
-        spent, start = _cpu_seconds(), time.perf_counter()
-        with processes(count) as executor:
-            search = searched(seed, executor=executor, workers=count)
-            while search.can_go_on and search.nodes < most:
-                search.step()
-            bracket = search.run.best.bracket
-        console.print(
-            f"wall {seed}, {count} at a time: {bracket}, {search.nodes} nodes with "
-            f"{search.solves} problems, {time.perf_counter() - start:.1f} s, "
-            f"{_cpu_seconds() - spent:.1f} s of CPU"
-        )
-
-
-def _cpu_seconds() -> float:
-    """Of this process and of those it has ended."""
-    whose = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
-    used = [resource.getrusage(who) for who in whose]
-    return float(sum(u.ru_utime + u.ru_stime for u in used))
+        found = solve(irregular_wall(seed), method=Certified(workers=count))
+        parts = found.note.split("; ")
+        done = next(part for part in parts if part.startswith("branch and bound"))
+        console.print(f"wall {seed}, {count} at a time: {done}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print all three."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.nodes", description=__doc__)
     parser.add_argument("--walls", type=int, nargs="*", default=[14, 26, 18])
-    parser.add_argument("--closing", type=int, nargs="*", default=[26, 38])
+    parser.add_argument("--closing", type=int, nargs="*", default=[90003, 90015, 90048])
     asked = parser.parse_args(arguments)
     for seed in asked.walls:
         solvers(seed)

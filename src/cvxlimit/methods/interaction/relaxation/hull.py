@@ -204,6 +204,7 @@ class CopyColumns:
 
     def _add_torsion(self) -> None:
         self.tau = self._new(self.twists)
+        self._at_most_zero(self.twists, (self.tau, -1.0))
         own = self.copies.limited[self.twists]
         free = self.twists[~own]
         self._add_bounded("MT", free, self.arm[free], self.tau[~own])
