@@ -100,7 +100,7 @@ class BranchSettings:
     worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
     rounds: int = 2  # solves per node, with copies added
     precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
-    at_rest: float = 0.1  # share of the largest speed that contacts at rest have in splits,
+    at_rest: float = 0.06  # share of the largest speed that contacts at rest have in splits,
     still: float = 1e-3  # and in the order of tightening
     prior: float = 5.0  # splits that what all contacts have in common counts for
     cut: float = 0.1  # least share of a range that tightening must cut off
