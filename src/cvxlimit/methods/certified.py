@@ -18,7 +18,7 @@ from cvxlimit.bracket import rounded_up
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex import dead_load_falls, fallen
-from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.readings.halves import Half
@@ -145,6 +145,7 @@ class _Proof:
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
         self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
+        self._seen: Answer | None = None  # proved as it can be
 
     def steps(self) -> Steps:
         run = self.run
@@ -170,7 +171,7 @@ class _Proof:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
-            prove(run, self._end, self._asked)
+            self._prove()
             if run.best.bracket.is_below_zero and self._cannot_stand():
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
@@ -219,6 +220,12 @@ class _Proof:
                 break
         yield from rounds
         yield None
+
+    @property
+    def _wanted(self) -> float:
+        """Relative width of the bracket that is wanted, its proof included."""
+        is_small = len(self.run.contacts) <= BRACKET.few
+        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.wanted)
 
     @property
     def _asked(self) -> float:
@@ -277,7 +284,9 @@ class _Proof:
     def _branch(self, outer: UpperBound) -> Iterator[None]:
         run, before = self.run, self.run.best.bracket.width
         is_small, asked = len(run.contacts) <= BRACKET.few, self._asked
-        if before <= asked or self.rule.branching_seconds == 0.0:
+        if self.rule.branching_seconds == 0.0:
+            return
+        if before <= asked and before <= (asked := self._left_by_proof()):
             return
         start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
         if seconds < BRACKET.least_problems * run.history[0].seconds:
@@ -303,6 +312,8 @@ class _Proof:
                 is_idle = spent - gained > max(BRACKET.idle, spent / 3.0)
                 is_idle &= self.rule.branching_seconds is None
                 is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
+                if not (search.can_go_on or is_over):
+                    search.tolerance = self._left_by_proof()
                 if not search.can_go_on or run.best.bracket.is_below_zero:
                     return
                 if is_over:
@@ -310,6 +321,22 @@ class _Proof:
                     return
                 yield None
                 search.step()
+
+    def _prove(self) -> None:
+        if self.run.best is not self._seen:
+            prove(self.run, self._end, self._asked)
+            self._seen = self.run.best
+
+    def _left_by_proof(self) -> float:
+        """The relative width that what a proof costs leaves of the one wanted; infinite where the
+        bracket, proved as it can be, is no wider."""
+        run, before = self.run, self.run.best
+        self._prove()
+        cost = run.best.bracket.width - before.bracket.width
+        if run.best.bracket.width <= self._wanted:
+            return np.inf
+        run.best = before  # of more use to a search
+        return before.bracket.width - BRACKET.dearer * cost
 
     def _branching_seconds(self, is_small: bool) -> float:
         rule, run = self.rule, self.run

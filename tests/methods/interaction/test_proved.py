@@ -32,6 +32,15 @@ def test_a_few_contacts_need_a_larger_margin(seed: int) -> None:
     assert_proved(random_wall(seed, sizes=(*SIZES, (4, 5))))
 
 
+def test_a_search_goes_on_where_a_proof_costs_more_than_was_to_spare() -> None:
+    """This one costs a twentieth of the width at which branching ends."""
+    wall = random_wall(98016, sizes=(*SIZES, (4, 5)))
+    found = solve(wall, method="certified", moments="signed", tolerance=0.01)
+    assert found.status == "certified"
+    assert found.bracket.is_proved
+    assert found.bracket.is_within(0.01)
+
+
 def test_what_does_not_move_need_not_open() -> None:
     """No field opens all contacts of this wall, at friction of 0.89; those of its mechanism, whose
     other blocks move as one, are opened by one."""

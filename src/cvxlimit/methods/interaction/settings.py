@@ -140,8 +140,10 @@ class BracketSettings:
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     narrow: float = 0.005  # width below which no further start is taken unasked
-    aim: float = 0.0099  # width at which branching ends where none is asked for (1 % with a proof),
-    few: int = 6  # on more contacts than these; up to as many it is the one above
+    wanted: float = 0.01  # width that is wanted where none is asked for, its proof included,
+    aim: float = 0.0099  # the one at which branching ends, or sooner by what a proof has cost
+    dearer: float = 1.5  # times so much, for the next one may cost more,
+    few: int = 6  # on more contacts than these; up to as many both are ``outer``
     budget: float = 10.0  # seconds in all until when it goes on, where none is asked for,
     relaxations: float = 12.0  # or so many times those of the first relaxation
     branching: float = 60.0  # seconds of branching with a tolerance, or on few contacts,
