@@ -141,7 +141,7 @@ class BracketSettings:
     outer: float = 1e-4  # width at which copies and branching end where none is asked for
     narrow: float = 0.005  # width below which no further start is taken unasked
     wanted: float = 0.01  # width that is wanted where none is asked for, its proof included,
-    aim: float = 0.0099  # the one at which branching ends, or sooner by what a proof has cost
+    aim: float = 0.00999  # the one at which branching ends, or sooner by what a proof has cost
     dearer: float = 1.5  # times so much, for the next one may cost more,
     few: int = 6  # on more contacts than these; up to as many both are ``outer``
     budget: float = 10.0  # seconds in all until when it goes on, where none is asked for,
