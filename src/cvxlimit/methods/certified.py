@@ -229,9 +229,8 @@ class _Proof:
 
     @property
     def _asked(self) -> float:
-        """Relative width at which branch and bound ends."""
-        is_small = len(self.run.contacts) <= BRACKET.few
-        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.aim)
+        """Relative width at which branch and bound ends, unless a proof turns out to cost more."""
+        return self.rule.tolerance or min(self._wanted, BRACKET.aim)
 
     @property
     def _end(self) -> float:
@@ -323,6 +322,7 @@ class _Proof:
                 search.step()
 
     def _prove(self) -> None:
+        """The lower bound proved, if that costs little; once per bracket."""
         if self.run.best is not self._seen:
             prove(self.run, self._end, self._asked)
             self._seen = self.run.best
