@@ -250,7 +250,7 @@ def row(scene: Scene, moments: str, seconds: float, tolerance: float | None, tri
     meter.read(run)
     trace = thinned(meter.trace)
     bracket, forces = run.best.bracket, run.best.forces
-    checked = LowerBounds(scene, run.moments).of(
+    checked = LowerBounds(scene, run.moments).checked(
         np.zeros((len(run.contacts), 6)) if forces is None else forces,
         run.best.load_factor or bracket.lower,
     )

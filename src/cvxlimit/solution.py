@@ -79,7 +79,7 @@ _ADVICE = {
         "(ladder), or leave the choice to the package"
     ),
     Status.DEAD_LOAD_UNSTABLE: (
-        "a mechanism without live load was found and checked: change the geometry, the supports, "
+        "this was proved, and checked outside the solver: change the geometry, the supports, "
         "the friction or the dead load"
     ),
     Status.LIVE_LOAD_HARMLESS: (

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.bracket import rounded_up
+from cvxlimit.bracket import Bracket
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex import dead_load_falls, fallen
@@ -28,7 +28,7 @@ from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
-from cvxlimit.methods.interaction.settings import BRACKET, CLIMB
+from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
@@ -110,20 +110,26 @@ class Certified(Method):
 
     def steps(self, run: Run) -> Steps:
         run.moments = parse_moments(self.moments)
-        if dead_load_falls(run):
+        if run.moments.has_eq_24 and dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
-        return (yield from _Proof(self, run).steps())
+        proof = _Proof(self, run)
+        status = yield from proof.steps()
+        if status is not Status.DEAD_LOAD_UNSTABLE and proof.is_standing_open:
+            run.remarks.append(_OPEN)
+        return status
 
     def basis(self, run: Run) -> str:
-        caution = [run.moments.caution]
-        if not run.contacts.is_rectangle.all():
-            caution.append("contacts that are not rectangles: lower bound on inscribed rectangles")
-        return basis(run.best.bracket, *caution)
+        return basis(run.best.bracket, run.moments.caution)
 
 
 def _percent(width: float) -> str:
     return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
 
+
+_OPEN = (
+    "neither forces that carry the dead load alone nor a proof that there are none were found: "
+    "whether it stands is open"
+)
 
 _MORE = "a larger budget, in seconds, or a tolerance may narrow it"
 
@@ -146,6 +152,7 @@ class _Proof:
         self.rule, self.run = rule, run
         self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
         self._seen: Answer | None = None  # proved as it can be
+        self.is_standing_open = False
 
     def steps(self) -> Steps:
         run = self.run
@@ -159,8 +166,7 @@ class _Proof:
         # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
         yield from self._bound_from_above(outer, tolerance)
-        is_doubtful = run.best.mechanism is None or run.best.bracket.upper < 0.0
-        if is_doubtful and self._cannot_stand():
+        if self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
         if (is_boundless or outer.claims_no_optimum) and self._is_harmless():
@@ -172,7 +178,7 @@ class _Proof:
             self._stand()
             yield from self._branch(outer)
             self._prove()
-            if run.best.bracket.is_below_zero and self._cannot_stand():
+            if self._is_ruled_out(run.best.bracket):
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
         if lower > 0.0 and run.is_boundless(lower) and self._is_harmless():
@@ -244,15 +250,11 @@ class _Proof:
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         run, state = self.run, outer.state
-        starts = self.rule.starts or run.moments.starts
-        for number, name in enumerate(starts):
+        for number, name in enumerate(self.rule.starts or self.method.starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
-            at = state.forces if name != "middle" and state else None
-            if name != "boxes":
-                yield from self._until_met(self.method.iterates(at))
-            elif self.rule.starts or len(run.contacts) <= CLIMB.most_boxed:
-                yield from self._until_met(self.method.narrowed(at))
+            relaxed = state.forces if state else None
+            yield from self._until_met(self.method.begun(name, relaxed))
         yield from self._borrow()
         run.remarks = run.remarks or ["no further progress from these starts"]
 
@@ -347,40 +349,57 @@ class _Proof:
         return self._end - run.clock.elapsed
 
     def _cannot_stand(self) -> bool:
-        """True if no true states carry the dead load. By homogeneity a load alone is carried as a
-        whole or not at all. Where a single mechanism does not show it, an upper bound below zero
-        does all the same: the dead load would be carried at zero."""
-        run = self.run
-        if not np.any(run.scene.dead_forces):
+        """True if it is proved that no true states carry the dead load, which a positive load
+        factor does not rule out: pushed, a block may stay where it would slide down."""
+        run, dead = self.run, self.run.assemblage.statics.dead
+        self._at_rest = next(iter(self.method.checker.reserves), None)
+        if self._at_rest is not None or not np.any(dead):
             return False
-        alone = run.aside(run.assemblage.alone(run.assemblage.statics.dead))
+        alone = run.aside(run.assemblage.alone(dead))
         UpperBound(alone).search(BRACKET.outer, self.ladder)
-        if alone.best.bracket.upper < 0.5:
+        if alone.best.bracket.upper < 0.5:  # by homogeneity it is carried as a whole or not at all
             rates = alone.best.mechanism
             run.best = replace(run.best, forces=None, mechanism=rates)
             if rates is not None:
                 run.remarks = [fallen(run.scene, rates)]
             return True
-        bracket = run.best.bracket
+        self._at_rest = carrying_forces(run, dead, self.ladder)
+        if self._at_rest is None and self._needs_live_load():
+            return True
+        self.is_standing_open = self._at_rest is None
+        return False
+
+    def _needs_live_load(self) -> bool:
+        """True if branch and bound proves that none of the live load reversed can be carried."""
+        run, statics = self.run, self.run.assemblage.statics
+        back = run.aside(run.assemblage.under(statics.dead, -statics.live))
+        outer = UpperBound(back)
+        outer.search(BRACKET.outer, self.ladder)
+        seconds = BRACKET.standing * min(self._end, BRACKET.budget)
+        if outer.state is not None and np.isfinite(back.best.bracket.upper):
+            until = run.clock.elapsed + seconds
+            search = BranchAndBound(back, BRACKET.good, outer=outer, seconds=seconds)
+            while search.can_go_on and run.clock.elapsed < until:
+                if back.best.bracket.is_below_zero:
+                    break
+                search.step()
+        if not self._is_ruled_out(back.best.bracket):
+            return False
+        run.best = replace(run.best, forces=None, mechanism=back.best.mechanism)
+        return True
+
+    def _is_ruled_out(self, bracket: Bracket) -> bool:
+        """True if an upper bound below zero is proved, however it was found."""
         if not (bracket.is_below_zero and bracket.upper_is_proved):
             return False
-        most = rounded_up(bracket.upper)
-        reason = "".join(run.remarks[:1])
-        run.remarks = [f"{reason}: no load factor above {most} is carried at any eccentricities"]
+        self.run.remarks = ["no contact forces carry the dead load alone, at any eccentricities"]
         return True
 
     def _stand(self) -> None:
+        """Forces that carry the dead load alone, where none were found that carry more."""
         run = self.run
-        if np.isfinite(run.best.bracket.lower) or not np.any(run.scene.dead_forces):
-            return
-        forces = carrying_forces(run, run.assemblage.statics.dead, self.ladder)
-        if forces is None:
-            run.remarks = [
-                "neither forces that carry the dead load nor a mechanism that rules them out were "
-                "found: whether it stands is open"
-            ]
-        else:
-            run.best = run.best.raised(0.0, True, 0.0, forces)
+        if self._at_rest is not None and not np.isfinite(run.best.bracket.lower):
+            run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
 
     def _is_harmless(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,

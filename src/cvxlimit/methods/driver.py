@@ -22,7 +22,7 @@ from cvxlimit.bracket import Bracket, known, rounded
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.progressbar import LOG
@@ -302,6 +302,18 @@ class Run:
         return result
 
 
+def about_cells(run: Run) -> str:
+    """What crushing contacts of other shapes than rectangles are: a model of cells."""
+    contacts = run.contacts
+    is_weak = np.isfinite(contacts.compressive_strength) & ~contacts.is_rectangle
+    if not is_weak.any() or getattr(run.formulation, "sees_to_strength", False):
+        return ""
+    return (
+        "contacts that are not rectangles crush under pressures constant on cells, "
+        f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
+    )
+
+
 Steps = Generator[None, None, Status]
 """Problems solved one by one; what it returns is how the method ended."""
 
@@ -345,7 +357,7 @@ class Method(ABC):
 
     def basis(self, run: Run) -> str:
         """What the bounds of ``run.best`` rest on, in a sentence."""
-        return assumptions(run.best.bracket)
+        return "; ".join(filter(None, (assumptions(run.best.bracket), about_cells(run))))
 
 
 def drive(method: Method, run: Run) -> Solution:

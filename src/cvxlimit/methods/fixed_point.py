@@ -218,7 +218,7 @@ class FixedPoint(Method):
         with run.clock.phase("compile"):
             objective = LeastForces(self.regularisation) if self.regularisation else None
             frozen = FrozenProblem(run.assemblage, run.cone, moments, objective)
-        if dead_load_falls(run):
+        if moments.has_eq_24 and dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))

@@ -17,7 +17,7 @@ from cvxlimit.geometry.polygons import (
     convex_hull,
     torsion_arm,
 )
-from cvxlimit.methods.interaction.states.cells import ArmBounds
+from cvxlimit.methods.interaction.states.cells import ArmBounds, capped
 from determinate import arm_at
 from helpers import regular
 
@@ -108,3 +108,21 @@ def test_the_error_falls_with_the_square_of_the_size(
     assert at(2e-2) > 1e-5
     assert at(1e-2) <= 0.35 * at(2e-2)
     assert at(5e-3) <= 0.35 * at(1e-2)
+
+
+def test_bounds_cut_where_no_arm_is_larger() -> None:
+    """Pieces of a triangle whose linear bound is cut at the largest arm cover it, each with the
+    lesser of both everywhere, to rounding."""
+    rng = np.random.default_rng(5)
+    triangles = np.dstack([rng.normal(size=(40, 3, 2)), rng.uniform(0.0, 2.0, (40, 3))])
+    shares = rng.dirichlet(np.ones(3), 50)
+    for triangle in triangles:
+        parts = capped(triangle[None], 1.0)
+        points = shares @ triangle
+        edges = np.ones((len(parts), 3, 3))
+        edges[..., :2] = parts[..., :2]
+        at = np.linalg.solve(edges.swapaxes(1, 2), np.append(points[:, :2], np.ones((50, 1)), 1).T)
+        within = at.min(axis=1)  # the least barycentric coordinate (parts, points)
+        assert within.max(axis=0).min() >= -1e-9
+        bound = np.einsum("pkn,pk->pn", at, parts[..., 2])[within.argmax(axis=0), np.arange(50)]
+        assert bound == pytest.approx(np.minimum(points[:, 2], 1.0), abs=1e-9)

@@ -52,7 +52,7 @@ class ProofSettings:
     margin: float = 1e-6  # of friction and size to begin with, where centres are held,
     growth: float = 3.0  # and its growth after each attempt, of which there are so many: for all
     attempts: tuple[int, int, int] = (5, 12, 4)  # contacts, where it did not do, by safe steps
-    late: float = 0.03  # share of a run's time that proofs take together once that is over
+    late: float = 0.05  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
     pressed: float = 1e-7  # compression from which a pressure centre means something
 
@@ -82,12 +82,14 @@ class ClimbSettings:
     exploring: int = 8  # boxes that may grow
     settling: int = 12  # boxes that only shrink
     limited: tuple[int, int] = (4, 4)  # both with Eq. 27, where safe steps gain more per second
+    others: tuple[int, int] = (6, 18)  # and on contacts that are not rectangles
     shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
     growth: float = 1.5  # factor where they do not
     settle: float = 0.6  # factor of all others
     over: float = 1e-6  # excess from which a box is too large: what leading solvers leave
     nearly: float = 3e-2  # excess of all contacts from which frozen problems follow
     settled: float = 1e-2  # the same from which steps follow
+    frozen: float = 5e-3  # and on contacts that are not rectangles frozen problems,
     retry: float = 0.5  # share of it at which safe problems are tried again
     noise: float = 2e-5  # largest excess that may be due to loose solves alone
 
@@ -103,6 +105,8 @@ class BranchSettings:
     at_rest: float = 0.06  # share of the largest speed that contacts at rest have in splits,
     still: float = 1e-3  # and in the order of tightening
     prior: float = 5.0  # splits that what all contacts have in common counts for
+    aside: float = 0.1  # share of a range that it is cut beside the pressure centre
+    widened: float = 0.03  # share of it that ranges are widened by where bounds are not closed
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
     carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
@@ -146,6 +150,7 @@ class BracketSettings:
     few: int = 6  # on more contacts than these; up to as many both are ``outer``
     budget: float = 10.0  # seconds in all until when it goes on, where none is asked for,
     relaxations: float = 12.0  # or so many times those of the first relaxation
+    standing: float = 0.2  # share of it that may go into whether the dead load stands
     branching: float = 60.0  # seconds of branching with a tolerance, or on few contacts,
     idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap,
     least_nodes: int = 30  # but not before so many nodes, however slow the machine

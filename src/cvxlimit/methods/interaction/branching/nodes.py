@@ -132,6 +132,9 @@ class Relaxer:
             self._foresee(left)
             left = [part for part in left if part.misses()]
             self._add(left)
+        for part in parts:
+            if part.is_stuck:
+                part.widen()
         return [part.node for part in parts]
 
     def _foresee(self, parts: Sequence[_Part]) -> None:
@@ -206,7 +209,7 @@ class _Part:
         self.relaxer, self.node, self.pieces, self.goal = relaxer, node, pieces, goal
         self.flow = relaxer.flow.within(node.boxes, goal.precision)
         self.certifier = relaxer.certifier.with_flow(self.flow)
-        self.missed = Copies.none()
+        self.missed, self.is_stuck = Copies.none(), False
 
     def is_solved(self) -> bool:
         node, goal = self.node, self.goal
@@ -227,10 +230,25 @@ class _Part:
             self.node = replace(self.node, bound=found, mechanism=self.mechanism)
         worth = BRANCH.worth_a_copy * self.goal.width
         is_close = found - self.node.load_factor <= worth
+        self.is_stuck = not is_close and self.node.load_factor < self.goal.cut < self.node.bound
         if is_close or self.node.bound < self.goal.lower:
             return False
         self.missed = missed_copies(self.flow, self.certifier, self.mechanism, worth)
         return len(self.missed) > 0
+
+    def widen(self) -> None:
+        """A mechanism of slightly wider boxes. Where statics hold a pressure centre at the end of
+        its range no state is strictly inside, and mechanisms of any speed are optimal: what
+        rounding leaves of those that solvers end at is worth more than the gap."""
+        boxes = self.node.boxes
+        reach = BRANCH.widened * np.ptp(boxes, axis=2, keepdims=True)
+        wider = np.clip(boxes + reach * [-1.0, 1.0], -1.0, 1.0)
+        (pieces,) = self.relaxer.pieces([wider])
+        state = self.relaxer.solve([*pieces, *self.node.added], self.goal.price)
+        if state.mechanism is not None:
+            found = self.certifier.certificate(None, None, state.mechanism).upper
+            if found < self.node.bound:
+                self.node = replace(self.node, bound=found, mechanism=state.mechanism)
 
 
 def scores(relaxer: Relaxer, node: Node, at_rest: float) -> FloatArray:
@@ -287,7 +305,10 @@ def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Sp
     low, centre = relaxer.moments.folded(node.boxes[contact], centre)
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
     axis = int(inner.argmax())
-    return _cut(relaxer, node, contact, axis, float(centre[axis]))
+    near, far = sorted((low[axis], high[axis]), key=lambda end: abs(end - centre[axis]))
+    # statics may hold a centre where it is: at the end of a range no state is strictly inside
+    at = centre[axis] + BRANCH.aside * (far - near)
+    return _cut(relaxer, node, contact, axis, float(at))
 
 
 def _widest(relaxer: Relaxer, node: Node) -> Split | None:

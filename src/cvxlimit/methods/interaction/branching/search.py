@@ -201,7 +201,7 @@ class BranchAndBound:
     def _way(self, kind: int, start: FloatArray) -> Iterator[object]:
         """What leads on differs from scene to scene: steps from a node's forces, boxes about them
         that shrink, or steps from halfway between them and the best."""
-        if kind == 1 and "boxes" in self.run.moments.starts:
+        if kind == 1 and "boxes" in self._inner.starts:
             return self._inner.narrowed(start)
         if kind == 2 and self.forces is not None:
             start = 0.5 * (start + self.forces)

@@ -66,6 +66,8 @@ class Moments(ABC):
     """Where searches for a lower bound begin unless they are told: relaxation, middle, boxes."""
     is_limited: bool = False
     """True if Eq. 27 stands beside Eq. 30: abs(MT) <= c mu N."""
+    has_eq_24: ClassVar[bool] = False
+    """True if Eq. 24 follows: what falls without interaction falls under the reading, too."""
     slopes: FloatArray | None = None
     """d_i / e_i (2, 2) of the lever about which torsion is taken, for each axis at positive and
     negative e_i; None for independent signs."""
@@ -199,14 +201,15 @@ class Independent(Moments):
     """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
     Only magnitudes of eccentricities count: copies are spread over both signs where boxes allow
-    both alike. On contacts that are not convex the arm is no larger than the contact's own
-    (:func:`own_arm`), so that Eq. 24 follows there as on rectangles.
+    both alike. The arm is no larger than that of the whole contact (:func:`own_arm`), so that
+    Eq. 24 follows.
     """
 
     name = "independent"
     starts = ("relaxation", "middle", "boxes")
     frozen = TorsionShearBending
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
+    has_eq_24 = True
     largest_arm = staticmethod(own_arm)
     support = staticmethod(independent_support)
     cell_support = staticmethod(independent_cells)

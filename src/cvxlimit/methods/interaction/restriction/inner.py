@@ -67,6 +67,26 @@ class InnerMethod(SafeProblems):
 
     _mark = -np.inf
 
+    @property
+    def has_others(self) -> bool:
+        """True where contacts are not all rectangles."""
+        return not self.run.contacts.is_rectangle.all()
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Where searches begin unless they are told. Safe steps know rectangles only, so boxes come
+        first where contacts have other shapes."""
+        every, count = self.moments.starts, len(self.run.contacts)
+        if self.has_others and count > BRACKET.few:
+            return tuple(dict.fromkeys(("boxes", *every)))
+        return tuple(s for s in every if s != "boxes" or count <= CLIMB.most_boxed)
+
+    def begun(self, start: str, relaxed: FloatArray | None) -> Iterator[InnerIterate]:
+        """The search from one of the ``starts``; ``relaxed`` are a relaxation's forces."""
+        if start == "boxes":
+            return self.narrowed(relaxed)
+        return self.iterates(None if start == "middle" else relaxed)
+
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle. On
         polygons, and with Eq. 27, frozen problems rarely have states."""
@@ -79,7 +99,8 @@ class InnerMethod(SafeProblems):
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
         than :meth:`iterates`, and on irregular walls often higher."""
-        return self._search("boxes", self._narrowed(start))
+        schedule = CLIMB.others if self.has_others else ()
+        return self._search("boxes", self._narrowed(start, *schedule))
 
     def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
         run = self.run
@@ -96,10 +117,8 @@ class InnerMethod(SafeProblems):
         outer = UpperBound(aside, other.half)
         outer.search(BRACKET.outer, (*self.leading, *self.tight))
         near = outer.state.forces if outer.state else near
-        for start in (near, None):
-            yield from other.iterates(start)
-        if "boxes" in stricter.starts and len(run.contacts) <= CLIMB.most_boxed:
-            yield from other.narrowed(near)
+        for start in other.starts:
+            yield from other.begun(start, near)
 
     def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
         self._mark = self.begin(start)
@@ -115,7 +134,8 @@ class InnerMethod(SafeProblems):
         exploring: int = CLIMB.exploring,
         settling: int = CLIMB.settling,
     ) -> Iterator[InnerIterate]:
-        boxes, point = self._boxes(start), self.middle
+        boxes, point, best = self._boxes(start), self.middle, -np.inf
+        settled = CLIMB.frozen if self.has_others else CLIMB.settled
         for number in range(1, exploring + settling + 1):
             iterate = self.relaxed("box", boxes.copies)
             yield iterate
@@ -126,8 +146,15 @@ class InnerMethod(SafeProblems):
                 return
             point = self.point(forces, point)
             boxes.follow(forces, exploring=number < exploring)
-            if boxes.excess <= CLIMB.settled and number >= exploring:
+            if number < exploring or boxes.excess > settled:
+                continue
+            if not self.has_others:
                 break
+            frozen = self.frozen(boxes.centre)
+            yield frozen
+            if frozen.is_safe and frozen.lower - best < self.gain * abs(frozen.lower):
+                return
+            best = max(best, frozen.lower)
         yield from self.climb(point)
 
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
@@ -138,7 +165,7 @@ class InnerMethod(SafeProblems):
         else:
             yield from self._after_long(self.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
-        if not (best is None or self.run.contacts.is_rectangle.all()):
+        if best is not None and self.has_others:
             yield self.frozen(self._boxes(best).centre)
 
     def _settled(self, start: FloatArray | None) -> Iterator[InnerIterate]:

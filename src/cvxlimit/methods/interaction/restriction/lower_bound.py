@@ -224,7 +224,7 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     width = best.bracket.width
     within = min(PROOF.most_of_width * asked, asked - width)
     spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
-    until = max(end, run.clock.elapsed) + PROOF.late * end
+    until = (1.0 + PROOF.late) * max(end, run.clock.elapsed)
     ways = ((_proof, True), (_proof, False), (_stepped, True))
     for (tried, is_alike), attempts in zip(ways, PROOF.attempts, strict=True):
         margin = np.full(len(run.contacts), PROOF.margin)

@@ -55,11 +55,8 @@ class Cells:
         contact, parts = [np.zeros(0, dtype=int)], [np.zeros((0, 3, 3))]
         for j in np.flatnonzero(chosen).tolist():
             low, high = (half[j] * boxes[j, :, side] for side in (0, 1))
-            found = triangles(contacts.corners_of(j), low, high)
-            arm = found[..., 2]
-            is_capped = arm.min(axis=1, keepdims=True) >= largest[j]
-            capped = np.where(is_capped, largest[j], arm)
-            parts.append(np.dstack([found[..., :2], capped]))
+            found = capped(triangles(contacts.corners_of(j), low, high), float(largest[j]))
+            parts.append(found)
             contact.append(np.full(len(found), j))
         return cls(np.concatenate(contact), np.swapaxes(np.concatenate(parts), 0, 1))
 
@@ -70,6 +67,24 @@ def triangles(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatAr
     unit = grid_of(corners)
     on_grid = np.round(corners / unit), np.floor(low / unit), np.ceil(high / unit)
     return _triangles(unit, *(numbers.tobytes() for numbers in on_grid))
+
+
+def capped(given: FloatArray, most: float) -> FloatArray:
+    """Triangles (t, 3, 3) whose bounds t_k are at most ``most``, which no arm exceeds: those across
+    are cut where their bound is that."""
+    over = given[..., 2] > most
+    count = over.sum(axis=1)
+    across = (count == 1) | (count == 2)
+    if not over.any():
+        return given
+    alone = (over[across] == (count[across] == 1)[:, None]).argmax(axis=1)
+    order = (alone[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(given[across], order[..., None], axis=1).swapaxes(0, 1)
+    p, q = (a + ((most - a[:, 2:]) / (end - a)[:, 2:]) * (end - a) for end in (b, c))
+    parts = [np.stack(corners, axis=1) for corners in ((a, p, q), (p, b, c), (p, c, q))]
+    found = np.concatenate([given[~across], *parts])
+    found[..., 2] = np.minimum(found[..., 2], most)
+    return found
 
 
 def grid_of(corners: FloatArray) -> float:

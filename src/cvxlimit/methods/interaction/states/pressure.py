@@ -127,11 +127,9 @@ def around(regions: Sequence[FloatArray], centres: FloatArray) -> tuple[FloatArr
 
 
 def own_arm(contacts: Contacts) -> FloatArray:
-    """Largest arm (n,) that independent signs grant a contact: c_T of the contact itself where it
-    is not convex, infinite elsewhere. The mean distance of the hull, about which it rocks, may
-    exceed that; with this limit the safe reading implies Eq. 24 there as it does on rectangles.
+    """Largest arm (n,) that independent signs grant a contact: its own c_T where it is no
+    rectangle, infinite on rectangles, whose effective regions are no larger anyway. On a flat
+    triangle pressed at its long side that of the effective region is, and so is that of the hull of
+    a contact that is not convex; with this limit the safe reading implies Eq. 24 on all shapes.
     """
-    most = np.full(len(contacts), np.inf)
-    outlines = [j for j in contacts.pieces if not contacts.is_rectangle[j]]
-    most[outlines] = contacts.torsion_arm[outlines]
-    return most
+    return np.where(contacts.is_rectangle, np.inf, contacts.torsion_arm)
