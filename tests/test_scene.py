@@ -234,6 +234,14 @@ REFUSALS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: scene().with_friction(0.5, {("upper", "ground"): 0.2}).contacts,
         "contact 'ground'-'upper', but these blocks do not touch",
     ),
+    "support misspelt": (
+        lambda: scene(supports=("gruond",)),
+        "support 'gruond' is not a block of the scene; did you mean 'ground'",
+    ),
+    "live load on a block misspelt": (
+        lambda: scene(live=Load(forces={"Upper": (1, 0, 0, 0, 0, 0)})),
+        "names block 'Upper', which is not in the scene; did you mean 'upper'",
+    ),
     "live load on a stranger": (
         lambda: scene(live=Load(forces={"roof": (1, 0, 0, 0, 0, 0)})),
         "the live load names block 'roof', which is not in the scene",

@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Collection
 from dataclasses import KW_ONLY, dataclass, fields, replace
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -416,11 +417,13 @@ def _check_ids(scene: Scene) -> None:
         raise InputError(f"block id {twice!r} is used twice: ids must be unique")
     for key in scene.supports:
         if key not in known:
-            raise InputError(f"support {key!r} is not a block of the scene; add it to the blocks")
+            cure = _meant(key, known) or "add it to the blocks"
+            raise InputError(f"support {key!r} is not a block of the scene; {cure}")
     for tie in scene.ties:
         for key in (tie.a, tie.b):
             if key not in known:
-                raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}")
+                cure = _meant(key, known) or "add it to the blocks"
+                raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}; {cure}")
         if tie.a in scene.supports and tie.b in scene.supports:
             raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
     if (twice := first_twice(scene.supports)) is not None:
@@ -434,7 +437,15 @@ def _check_ids(scene: Scene) -> None:
             raise InputError(
                 f"free block {scene.blocks[i].id!r} has no density; give its weight "
                 "per volume, or name the block among the supports"
+                + ("" if scene.supports else ", of which the scene has none")
             )
+
+
+def _meant(key: str, known: Collection[str]) -> str:
+    """The block that was meant, as a question; "" if none is like it."""
+    alike = {name.lower(): name for name in sorted(known)}
+    close = get_close_matches(str(key).lower(), alike, 1)
+    return f"did you mean {alike[close[0]]!r}?" if close else ""
 
 
 def _check_loads(scene: Scene) -> None:
@@ -443,7 +454,10 @@ def _check_loads(scene: Scene) -> None:
     for case, load in (("dead", scene.dead), ("live", scene.live)):
         for key in load.named:
             if key not in known:
-                raise InputError(f"the {case} load names block {key!r}, which is not in the scene")
+                cure = _meant(key, known) or "name one of its blocks"
+                raise InputError(
+                    f"the {case} load names block {key!r}, which is not in the scene; {cure}"
+                )
             if key in fixed:
                 raise InputError(
                     f"the {case} load acts on block {key!r}, which is a support and cannot move"

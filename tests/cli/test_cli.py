@@ -468,6 +468,27 @@ def test_picture_without_matplotlib(run: Run, monkeypatch: pytest.MonkeyPatch) -
     ],
     ids=["overhanging", "pressed-down"],
 )
+def test_a_picture_that_there_is_none_of_hides_no_diagnosis(
+    run: Run, scene: Scene, status: Status
+) -> None:
+    write_scene(scene, "s.json")
+    files = ("--plot", "forces:f.png", "--plot", "o.png", "--export", "e.csv")
+    code, _, err = run("solve", "s.json", *files)
+    assert code == 3
+    assert status.advice in err
+    assert Path("o.png").exists()
+    assert Path("e.csv").exists()
+    assert Path("f.png").exists() == ("f.png is not drawn" not in err)
+
+
+@pytest.mark.parametrize(
+    ("scene", "status"),
+    [
+        (tower(shift=0.8), Status.DEAD_LOAD_UNSTABLE),
+        (tower(live=(0, 0, -1)), Status.LIVE_LOAD_HARMLESS),
+    ],
+    ids=["overhanging", "pressed-down"],
+)
 def test_no_answer(run: Run, scene: Scene, status: Status) -> None:
     write_scene(scene, "s.json")
     code, out, err = run("solve", "s.json", "--json", "o.json", "--plot", "o.html")

@@ -35,6 +35,7 @@ from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
     check_outputs,
+    complain,
     counted,
     facts,
     history,
@@ -137,12 +138,20 @@ class Files:
             write_result(solution, self.json)
             yield self.json
         for kind, path in self.pictures:
-            if kind == "mechanism":
-                yield from plot(scene, solution, path)
-            else:
-                yield picture_of(solution.of(scene), kind, path)
+            try:
+                yield from _drawn(kind, scene, solution, path)
+            except InputError as error:  # without an answer there is nothing of some kinds
+                if solution.status.has_answer:
+                    raise
+                complain(f"{path} is not drawn: {error}")
         if self.export is not None:
             yield from export(scene, self.export, solution)
+
+
+def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[Path]:
+    if kind == "mechanism":
+        return plot(scene, solution, path)
+    return [picture_of(solution.of(scene), kind, path)]
 
 
 def deliver(

@@ -249,9 +249,10 @@ def _check_every_block_touches(
     lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
     nearly = [miss for miss in misses if lonely.id in (miss.a, miss.b)]
     hint = f" ({min(nearly, key=lambda miss: miss.factor).sentence()})" if nearly else ""
+    cure = ", give a larger joint_tolerance" if nearly else ""
     raise GeometryError(
         f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
-        f"block{hint}: move it so that a face meets another block's face, or remove it",
+        f"block{hint}: move it so that a face meets another block's face{cure}, or remove it",
         points=lonely.vertices,
         blocks=(lonely.id,),
     )

@@ -398,7 +398,7 @@ class _Proof:
     def _stand(self) -> None:
         """Forces that carry the dead load alone, where none were found that carry more."""
         run = self.run
-        if self._at_rest is not None and not np.isfinite(run.best.bracket.lower):
+        if self._at_rest is not None and run.best.bracket.lower < 0.0:
             run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
 
     def _is_harmless(self) -> bool:
