@@ -131,6 +131,8 @@ _OPEN = (
     "whether it stands is open"
 )
 
+_EXHAUSTED = "it ended because no range of pressure centres is left that could be cut"
+
 _MORE = "a larger budget, in seconds, or a tolerance may narrow it"
 
 
@@ -316,6 +318,8 @@ class _Proof:
                 if not (search.can_go_on or is_over):
                     search.tolerance = self._left_by_proof()
                 if not search.can_go_on or run.best.bracket.is_below_zero:
+                    if gap > search.width and not run.best.bracket.is_below_zero:
+                        run.remarks = [f"{done}; {_EXHAUSTED}"]
                     return
                 if is_over:
                     run.remarks = [f"{done}; {_ending(widths, seconds)}"]
