@@ -315,10 +315,11 @@ class _Proof:
                 is_idle = spent - gained > max(BRACKET.idle, spent / 3.0)
                 is_idle &= self.rule.branching_seconds is None
                 is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
+                is_exhausted = not search.can_go_on and gap > search.width
                 if not (search.can_go_on or is_over):
                     search.tolerance = self._left_by_proof()
                 if not search.can_go_on or run.best.bracket.is_below_zero:
-                    if gap > search.width and not run.best.bracket.is_below_zero:
+                    if is_exhausted:
                         run.remarks = [f"{done}; {_EXHAUSTED}"]
                     return
                 if is_over:
