@@ -75,7 +75,7 @@ PARTS = (
     Part("nodes", "benchmarks.nodes", 5),
     Part(
         "interaction",
-        "benchmarks.interaction --write --budget 1500 --each 25",
+        "benchmarks.interaction --write --budget 1500 --each 40",
         25,
         "docs/evidence/interaction.json",
     ),
