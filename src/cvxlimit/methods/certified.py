@@ -397,7 +397,8 @@ class _Proof:
         """True if an upper bound below zero is proved, however it was found."""
         if not (bracket.is_below_zero and bracket.upper_is_proved):
             return False
-        self.run.remarks = ["no contact forces carry the dead load alone, at any eccentricities"]
+        what = "no contact forces carry the dead load alone, at any eccentricities"
+        self.run.remarks = [f"branch and bound proves that {what}"]
         return True
 
     def _stand(self) -> None:
