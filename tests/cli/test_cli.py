@@ -306,7 +306,11 @@ def test_help_is_short_and_breaks_no_word(
     assert max(map(len, out.splitlines())) <= 80
     if command == "solve":
         words = set(re.findall(r"[\w-]+", out))
-        assert words >= {*TABLE, *MOMENTS, *PICTURES, "octagon-inscribed", "--branching-seconds"}
+        # examples of pages run in this process may have added pictures of their own
+        pictures = [
+            name for name, draw in PICTURES.items() if draw.__module__.startswith("cvxlimit")
+        ]
+        assert words >= {*TABLE, *MOMENTS, *pictures, "octagon-inscribed", "--branching-seconds"}
         assert re.findall(r"─ (\w+) ─", out) == [
             "Arguments",
             "Options",
