@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
@@ -55,7 +56,8 @@ class Certified(Method):
         contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
         has local optima, so several starts help (figures: docs/evidence/interaction-speed.md).
         None is all of them for independent signs, each while the bracket is wider than 0.5 % and
-        boxes up to 500 contacts, and for signed moments the relaxation.
+        boxes up to 500 contacts, and for signed moments the relaxation; where contacts are not all
+        rectangles boxes come first, whatever the moments.
     solves : int
         Convex problems per start, at most.
     branching_seconds : float or None
@@ -155,6 +157,7 @@ class _Proof:
         self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
         self._seen: Answer | None = None  # proved as it can be
         self.is_standing_open = False
+        self._at_rest: FloatArray | None = None  # forces that carry the dead load alone
 
     def steps(self) -> Steps:
         run = self.run
@@ -357,8 +360,10 @@ class _Proof:
         """True if it is proved that no true states carry the dead load, which a positive load
         factor does not rule out: pushed, a block may stay where it would slide down."""
         run, dead = self.run, self.run.assemblage.statics.dead
+        if not np.any(dead):
+            return False
         self._at_rest = next(iter(self.method.checker.reserves), None)
-        if self._at_rest is not None or not np.any(dead):
+        if self._at_rest is not None:
             return False
         alone = run.aside(run.assemblage.alone(dead))
         UpperBound(alone).search(BRACKET.outer, self.ladder)

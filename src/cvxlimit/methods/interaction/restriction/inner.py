@@ -88,8 +88,8 @@ class InnerMethod(SafeProblems):
         return self.iterates(None if start == "middle" else relaxed)
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
-        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle. On
-        polygons, and with Eq. 27, frozen problems rarely have states."""
+        """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle.
+        With Eq. 27 frozen problems rarely have states; on polygons boxes lead farther."""
         way = self._stepped(start)
         if self.moments.is_about_centre and self.contacts.is_rectangle.all():
             is_limited = self.moments.is_limited
