@@ -167,6 +167,39 @@ def test_boxes_of_pressure_centres(moments: str) -> None:
         assert missing <= whole + 1e-9 * np.abs(w).max()
 
 
+def test_a_range_of_sizes_holds_what_both_sides_do() -> None:
+    """Written backwards, on either side of the middle: no state of any side does more work, and the
+    one that does most is on one of them, to the search's 1e-10."""
+    contacts, rng = block_of((1.0, 0.6)), np.random.default_rng(8)
+    sides = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])
+    for w in rates_like(30, seed=9):
+        near, far = np.sort(rng.uniform(0.0, 1.0, (2, 2)), axis=0)
+        boxes = [np.sort(np.stack([near * s, far * s], axis=1), axis=1) for s in sides]
+        sizes = np.stack([far, near], axis=1)
+        found, *each = (
+            InteractionFlow(contacts, INDEPENDENT, box[None]).shortfall(-w[None]).missing[0]
+            for box in (sizes, *boxes)
+        )
+        assert found == pytest.approx(max(each), abs=1e-9 * max(1.0, np.abs(w).max()))
+        for box in boxes:
+            forces = rectangle_states(contacts, "independent", 2_000, seed=10, box=box)
+            assert (forces @ w).max() <= found + ROUNDING * np.abs(w).max()
+
+
+def test_what_presses_equally_far_on_either_side_adds_up_to_true_states() -> None:
+    """Why signs need no branch of their own with independent signs."""
+    contacts, rng = block_of((1.0, 0.6)), np.random.default_rng(11)
+    for seed in range(20):
+        e = rng.uniform(0.0, 0.95, 2)
+        mixed = 0.0
+        for side in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]:
+            box = np.stack([e * side, e * side], axis=1)
+            own = rectangle_states(contacts, "independent", 500, seed=rng.integers(1000), box=box)
+            mixed = mixed + rng.exponential(size=(500, 1)) * own
+        alone = contacts.take(np.zeros(500, dtype=int))
+        assert interaction_excess(mixed, alone, "independent").max() <= 1e-12, seed
+
+
 def test_the_worst_place_has_the_support() -> None:
     """A box that is only the worst pressure centre has the same support, to the search's 1e-10."""
     contacts = block_of((1.0, 0.6))
@@ -254,7 +287,16 @@ def pentagon() -> Contacts:
     return Scene((ground, prism("b", 5, 0.0, 0.5)), ("ground",), live, friction=0.6).contacts
 
 
-@pytest.mark.parametrize("box", [None, (-0.4, 0.4, 0.1, 0.7), (-0.8, -0.2, 0.3, 0.3)])
+@pytest.mark.parametrize(
+    "box",
+    [
+        None,
+        (-0.4, 0.4, 0.1, 0.7),
+        (-0.8, -0.2, 0.3, 0.3),
+        (0.7, 0.2, -0.1, 0.6),
+        (0.9, 0.4, 0.6, 0.1),
+    ],
+)
 def test_independent_copies_and_the_worst_one_are_the_hull(box: tuple[float, ...] | None) -> None:
     contacts = block_of((1.0, 0.5))
     boxes = whole_boxes(contacts) if box is None else np.reshape(box, (1, 2, 2))

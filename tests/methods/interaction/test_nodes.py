@@ -198,6 +198,33 @@ def test_cells_tend_to_the_true_arm() -> None:
     assert excess[2] <= 0.2 * excess[1] + 1e-9
 
 
+@pytest.mark.parametrize("is_even", [True, False])
+@pytest.mark.parametrize("name", sorted(MOMENTS))
+def test_parts_cover_what_they_are_cut_from(name: str, is_even: bool) -> None:
+    """Every place of a range is in one of its parts, all of which are smaller; ranges of sizes,
+    written backwards, have places on either side of the middle."""
+    rng = np.random.default_rng(12)
+
+    def holds(ends: tuple[float, float], e: FloatArray) -> NDArray[np.bool_]:
+        near, far = sorted(ends)
+        return (near <= (size := np.abs(e) if ends[0] > ends[1] else e)) & (size <= far)
+
+    for _ in range(200):
+        low, high = np.sort(rng.uniform(-1.0, 1.0, 2))
+        ranges = [(low, high), (-high, high), (-1.0, high)] if high > 0.0 else [(low, high)]
+        if is_even and name == "independent":
+            ranges.append((max(-low, high, 0.0), 0.5 * max(-low, high, 0.0)))
+        for ends in ranges:
+            every = rng.uniform(-1.0, 1.0, 200)
+            inside = every[holds(ends, every)]
+            at = float(rng.uniform(-1.0, 1.0))
+            parts = MOMENTS[name].split(*ends, at, is_even)
+            assert np.any([holds(part, inside) for part in parts], axis=0).all()
+            assert all(abs(b - a) < abs(ends[1] - ends[0]) for a, b in parts)
+            if not is_even:
+                assert all(a < b for a, b in parts)
+
+
 @pytest.mark.parametrize("name", sorted(MOMENTS))
 def test_how_far_pressure_reaches(name: str) -> None:
     """One block: pressure moves with the push, e1 = alpha h / 2, so it is nowhere nearer to the

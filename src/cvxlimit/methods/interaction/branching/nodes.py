@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.methods.interaction.states.support import box_keys
+from cvxlimit.methods.interaction.states.support import Range, box_keys
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
@@ -31,11 +31,11 @@ from cvxlimit.surfaces import Rocking
 
 @dataclass(frozen=True)
 class Split:
-    """The box of a ``contact`` cut along an ``axis`` at ``ends``."""
+    """The box of a ``contact`` cut along an ``axis`` into ``ranges``."""
 
     contact: int
     axis: int
-    ends: tuple[float, ...]
+    ranges: tuple[Range, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +242,8 @@ class _Part:
         rounding leaves of those that solvers end at is worth more than the gap."""
         boxes = self.node.boxes
         reach = BRANCH.widened * np.ptp(boxes, axis=2, keepdims=True)
-        wider = np.clip(boxes + reach * [-1.0, 1.0], -1.0, 1.0)
+        outward = np.where(boxes[..., :1] > boxes[..., 1:], [1.0, -1.0], [-1.0, 1.0])
+        wider = np.clip(boxes + reach * outward, -1.0, 1.0)
         (pieces,) = self.relaxer.pieces([wider])
         state = self.relaxer.solve([*pieces, *self.node.added], self.goal.price)
         if state.mechanism is not None:
@@ -301,8 +302,8 @@ def choice(relaxer: Relaxer, node: Node) -> Split | None:
 
 def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Split:
     centre = centres(forces, relaxer.contacts)[contact]
-    high = node.boxes[contact, :, 1]
-    low, centre = relaxer.moments.folded(node.boxes[contact], centre)
+    box, centre = relaxer.moments.folded(node.boxes[contact], centre)
+    low, high = box.T
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
     axis = int(inner.argmax())
     near, far = sorted((low[axis], high[axis]), key=lambda end: abs(end - centre[axis]))
@@ -321,7 +322,8 @@ def _widest(relaxer: Relaxer, node: Node) -> Split | None:
 
 def _cut(relaxer: Relaxer, node: Node, contact: int, axis: int, at: float) -> Split:
     low, high = node.boxes[contact, axis].tolist()
-    return Split(contact, axis, tuple(relaxer.moments.split(low, high, at)))
+    is_even = bool(relaxer.contacts.is_rectangle[contact])
+    return Split(contact, axis, tuple(relaxer.moments.split(low, high, at, is_even)))
 
 
 def explore(relaxer: Relaxer, nodes: Sequence[Node], goal: Goal) -> Explored:
@@ -341,7 +343,7 @@ def explore(relaxer: Relaxer, nodes: Sequence[Node], goal: Goal) -> Explored:
 
 def _parts(node: Node, split: Split) -> Iterator[Node]:
     added = node.without(split.contact)
-    for ends in pairwise(split.ends):
+    for ends in split.ranges:
         boxes = node.boxes.copy()
         boxes[split.contact, split.axis] = ends
         yield replace(node, boxes=boxes, added=added)

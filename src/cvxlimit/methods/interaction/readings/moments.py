@@ -38,6 +38,7 @@ from cvxlimit.methods.interaction.states.rectangles import (
 )
 from cvxlimit.methods.interaction.states.support import (
     Asked,
+    Range,
     Support,
     free_sign,
     independent_support,
@@ -185,16 +186,18 @@ class Moments(ABC):
         inside = (contacts.is_rectangle & ~by_corners)[rows]
         return found.joined(self.copies_at(contacts, rows[inside], place[inside], boxes))
 
-    def split(self, low: float, high: float, at: float) -> list[float]:
-        """Ends of the ranges into which branching cuts [low, high] near ``at``: at zero first."""
+    def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
+        """The ranges into which branching cuts [low, high] near ``at``, at zero first; ``is_even``
+        if the contact has a mirror image of what it does there on the other side."""
         if low < 0.0 < high:
-            return [low, 0.0, high]
+            return [(low, 0.0), (0.0, high)]
         reserve = SUPPORT.narrowest * (high - low)
-        return [low, float(np.clip(at, low + reserve, high - reserve)), high]
+        cut = float(np.clip(at, low + reserve, high - reserve))
+        return [(low, cut), (cut, high)]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Low ends and pressure centre (2,) as branching sees them in a box (2, 2)."""
-        return box[:, 0], centre
+        """Ends (2, 2), and pressure centre (2,), of a box (2, 2) as branching sees them."""
+        return box, centre
 
 
 class Independent(Moments):
@@ -235,18 +238,27 @@ class Independent(Moments):
         every, centre = np.arange(len(contacts)), np.clip(centre, -1.0, 1.0)
         return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
 
-    def split(self, low: float, high: float, at: float) -> list[float]:
-        """A range of both signs into its middle and what lies beyond, so that no other has both."""
+    def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
+        """A range of both signs into its middle and what lies beyond, so that no other has both.
+        On even contacts what lies beyond on either side stays one range: of two forces that press
+        there the mean, which presses nearer to the middle, is as strong as they are at most, and
+        so it is admissible. Signs then never need a branch of their own."""
+        if low > high:
+            return [(far, near) for near, far in super().split(high, low, at, is_even)]
         if not low < 0.0 < high:
-            return super().split(low, high, at)
+            return super().split(low, high, at, is_even)
         reach, least = max(-low, high), SUPPORT.narrowest
         cut = float(np.clip(abs(at), least * reach, (1.0 - least) * reach))
-        return [low, *([-cut] if -cut > low else []), *([cut] if cut < high else []), high]
+        beyond = [ends for ends in ((low, -cut), (cut, high)) if ends[0] < ends[1]]
+        if is_even and len(beyond) == 2:
+            beyond = [(reach, cut)]
+        return [(max(low, -cut), min(high, cut)), *beyond]
 
     def folded(self, box: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A range of both signs is one of magnitudes."""
-        free = free_sign(box)
-        return np.where(free, 0.0, box[:, 0]), np.where(free, np.abs(centre), centre)
+        free = free_sign(box)[:, None]
+        sizes = np.maximum(np.sort(box, axis=1), 0.0)
+        return np.where(free, sizes, box), np.where(free[:, 0], np.abs(centre), centre)
 
 
 class TiedMoments(Moments):

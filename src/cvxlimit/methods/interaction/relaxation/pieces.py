@@ -152,10 +152,8 @@ class Joined:
     def start(self, other: Halfway) -> Point:
         """The point of another problem for this one, where it has what this one has. What is new
         begins at zero, as far from the cones' edges as the others on the mean."""
-        point, match = other.point, _matched(self.members, other.members)
-        columns, lines, cones = (
-            _placed(self.members, other.members, kind, match) for kind in range(2, 5)
-        )
+        point, alike = other.point, _Alike(self.members, other.members)
+        columns, lines, cones = (alike.places(kind) for kind in range(2, 5))
         first = sum(len(each.lines) for each in other.members)
         triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
         rows = np.concatenate([lines, triples.ravel()])
@@ -186,24 +184,38 @@ def _starts(members: Sequence[Members], field: int) -> list[int]:
     return [0, *accumulate(len(each[field]) for each in members)]
 
 
+class _Alike:
+    """Which of ``others`` stands for what in ``own``: equal pieces for all of each other; of what
+    is left the same copy, or the first one left of the same contact."""
+
+    def __init__(self, own: Sequence[Members], others: Sequence[Members]) -> None:
+        self.own, self.others = own, others
+        known = {each.key: k for k, each in enumerate(others)}
+        self.twin = np.array([known.get(each.key, -1) for each in own])
+        self.new = [each for each, twin in zip(own, self.twin.tolist(), strict=True) if twin < 0]
+        self.left = np.setdiff1d(np.arange(len(others)), self.twin)
+        self.spare = [others[k] for k in self.left.tolist()]
+        self.match = _matched(self.new, self.spare)
+
+    def places(self, field: int) -> IntArray:
+        """Where each one's members are among the others', -1 for nowhere."""
+        own, others = (np.array(_starts(every, field)) for every in (self.own, self.others))
+        counts = np.diff(own)
+        place = np.arange(own[-1]) + np.repeat(others[self.twin] - own[:-1], counts)
+        found = _placed(self.new, self.spare, field, self.match)
+        ends = zip(others[self.left].tolist(), others[self.left + 1].tolist(), strict=True)
+        at = np.concatenate([*(np.arange(*each) for each in ends), [-1]])
+        place[np.repeat(self.twin < 0, counts)] = at[found]
+        return place
+
+
 def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
-    """Which of the others' copies stands for each copy: the same one, or the first one left of the
-    same contact; for none the one after the last."""
-    known = {each.key: k for k, each in enumerate(others)}
-    start = _starts(others, 1)
-    alike = {known[each.key] for each in own if each.key in known}
+    """Which of the others' copies stands for each copy; for none the one after the last."""
     left: dict[bytes, dict[bytes, int]] = {}  # by contact, and by name
-    for k, each in enumerate(others):
-        for number, name in enumerate(() if k in alike else each.names, start[k]):
-            left.setdefault(name[:_CONTACT], {})[name] = number
-    found: list[int] = []
-    for each in own:
-        if each.key in known:
-            first = start[known[each.key]]
-            found += range(first, first + len(each.names))
-        else:
-            found += _taken(each.names, left, start[-1])
-    return np.array(found)
+    for number, name in enumerate(name for each in others for name in each.names):
+        left.setdefault(name[:_CONTACT], {})[name] = number
+    none = _starts(others, 1)[-1]
+    return np.array([k for each in own for k in _taken(each.names, left, none)], dtype=int)
 
 
 def _taken(names: list[bytes], left: dict[bytes, dict[bytes, int]], none: int) -> list[int]:
@@ -229,6 +241,6 @@ def _placed(
 
 def _split(members: Sequence[Members], field: int) -> tuple[IntArray, IntArray]:
     """Kinds, and numbers of copies in a whole problem."""
-    labels = np.concatenate([each[field] for each in members])
-    counts = [len(each[field]) for each in members]
-    return labels // _KIND, labels % _KIND + np.repeat(_starts(members, 1)[:-1], counts)
+    labels = np.concatenate([np.zeros(0, dtype=int), *(each[field] for each in members)])
+    counts, first = [len(each[field]) for each in members], np.array(_starts(members, 1)[:-1])
+    return labels // _KIND, labels % _KIND + np.repeat(first.astype(int), counts)

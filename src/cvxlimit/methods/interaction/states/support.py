@@ -25,6 +25,10 @@ Lever = Callable[[FloatArray], FloatArray]
 """From pressure centres (..., 2) to the points about which torsion is taken, (..., 2)."""
 
 
+Range = tuple[float, float]
+"""The lowest and the highest fraction of a half side where pressure centres may be on it. Written
+backwards it is one of sizes, from the second to the first, on either side of the middle."""
+
 Pieces = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Of pieces (q, k, d) of contacts (k,): places (p, k, d), the power at each of them (p, k), and an
 upper bound (k,) on that all over the piece."""
@@ -303,16 +307,20 @@ def is_whole(boxes: FloatArray) -> BoolArray:
 
 def free_sign(boxes: FloatArray) -> BoolArray:
     """True (n, 2) where a box allows both signs of an eccentricity alike."""
-    return np.asarray((boxes[..., 0] < 0.0) & (boxes[..., 0] == -boxes[..., 1]))
+    low, high = boxes[..., 0], boxes[..., 1]
+    return np.asarray(((low < 0.0) & (low == -high)) | (low > high))
 
 
 def within_quadrants(
     boxes: FloatArray, side: FloatArray | float = 0.0
 ) -> tuple[IntArray, FloatArray]:
     """Boxes (n, 2, 2) cut at zero: which ones (k,), and ends (2, k, 2) of the parts. ``side``
-    (n, 2) is the sign of the one half that is wanted; zero is both."""
+    (n, 2) is the sign of the one half that is wanted, as it is where only sizes count; zero is
+    both."""
     side = np.broadcast_to(side, boxes.shape[:2])
     rows, ends = np.arange(len(boxes)), np.moveaxis(boxes, -1, 0)
+    of_sizes = ends[0] > ends[1]
+    ends = np.where(of_sizes, np.where(side < 0.0, -ends, ends[::-1]), ends)
     for axis in (0, 1):
         mixed = (ends[0, :, axis] < 0.0) & (ends[1, :, axis] > 0.0)
         above, below = ends.copy(), ends[:, mixed]
