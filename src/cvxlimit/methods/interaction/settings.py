@@ -33,6 +33,7 @@ class SupportSettings:
     idle: float = 0.3  # least share of it for the half of a moment that is zero at the point
     central: float = 1e-4  # share of a side from an axis within which centres may cross that
     narrowest: float = 0.2  # least share of a range that a child gets, so that ranges shrink
+    near_zero: float = 0.25  # of it, up to which a cut is made at zero where both signs are left
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,8 @@ class BranchSettings:
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
     climbing: float = 0.14  # share of problems that search for forces from open nodes,
     climb_solves: int = 24  # each so many at most,
+    # from so far on the way there from the best, in boxes of such half widths at first,
+    ahead: tuple[tuple[float, float], ...] = ((1.0, 0.5), (0.5, 0.3), (0.25, 0.5))
     patience: float = 10.0  # and half of it after so many in vain
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,

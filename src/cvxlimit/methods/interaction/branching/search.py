@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import heapq
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.branching.tightening import tightened_root
@@ -63,7 +63,6 @@ class BranchAndBound:
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
         self.solves = self.count = self.nodes = self._climbed = 0
-        self._in_vain = np.zeros(3, dtype=int)  # climbs of each kind since one gained
         self._random = np.random.default_rng(0)
         self._booked: FloatArray | None = None
         self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
@@ -186,7 +185,11 @@ class BranchAndBound:
             return False
         self._climbed += 1  # there may be no problem at all
         kind = int(self._in_vain.argmin())
-        for _ in self._way(kind, starts[int(self._random.integers(len(starts)))]):
+        search, share, self._inner.first = self._ways[kind]
+        start = starts[int(self._random.integers(len(starts)))]
+        if self.forces is not None:
+            start = self.forces + share * (start - self.forces)
+        for _ in search(start):
             self._climbed, self.solves = self._climbed + 1, self.solves + 1
             if not self._has_time:
                 break
@@ -198,14 +201,19 @@ class BranchAndBound:
             self._in_vain[kind] = 0
         return True
 
-    def _way(self, kind: int, start: FloatArray) -> Iterator[object]:
-        """What leads on differs from scene to scene: steps from a node's forces, boxes about them
-        that shrink, or steps from halfway between them and the best."""
-        if kind == 1 and "boxes" in self._inner.starts:
-            return self._inner.narrowed(start)
-        if kind == 2 and self.forces is not None:
-            start = 0.5 * (start + self.forces)
-        return self._inner.iterates(start)
+    @cached_property
+    def _ways(self) -> list[tuple[Callable[[FloatArray], Iterator[object]], float, float]]:
+        """What leads on differs from scene to scene: steps, or boxes that shrink, from a node's
+        forces or on the way there from the best."""
+        searches: list[Callable[[FloatArray], Iterator[object]]] = [self._inner.iterates]
+        if "boxes" in self._inner.starts:
+            searches.append(self._inner.narrowed)
+        return [(search, *ahead) for ahead in BRANCH.ahead for search in searches]
+
+    @cached_property
+    def _in_vain(self) -> IntArray:
+        """Climbs of each way since one gained."""
+        return np.zeros(len(self._ways), dtype=int)
 
     @cached_property
     def _inner(self) -> InnerMethod:

@@ -187,9 +187,9 @@ class Moments(ABC):
         return found.joined(self.copies_at(contacts, rows[inside], place[inside], boxes))
 
     def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
-        """The ranges into which branching cuts [low, high] near ``at``, at zero first; ``is_even``
-        if the contact has a mirror image of what it does there on the other side."""
-        if low < 0.0 < high:
+        """The ranges into which branching cuts [low, high] near ``at``: at zero first, unless that
+        is far from it; ``is_even`` if the contact does the same on either side of the middle."""
+        if low < 0.0 < high and abs(at) <= SUPPORT.near_zero * (high - low):
             return [(low, 0.0), (0.0, high)]
         reserve = SUPPORT.narrowest * (high - low)
         cut = float(np.clip(at, low + reserve, high - reserve))

@@ -33,10 +33,15 @@ class Boxes:
     """
 
     def __init__(
-        self, contacts: Contacts, moments: Moments, force: float, forces: FloatArray | None
+        self,
+        contacts: Contacts,
+        moments: Moments,
+        force: float,
+        forces: FloatArray | None,
+        first: float = CLIMB.first,
     ) -> None:
         self.contacts, self.moments, self.force = contacts, moments, force
-        self.size = np.full(len(contacts), CLIMB.largest if forces is None else CLIMB.first)
+        self.size = np.full(len(contacts), CLIMB.largest if forces is None else first)
         self.centre = np.zeros((len(contacts), 2))
         self.excess = self.largest = np.inf
         if forces is not None:
@@ -63,9 +68,10 @@ class Boxes:
 
 class InnerMethod(SafeProblems):
     """Searches of one run, each of ``max_iterations`` solves at most; :meth:`iterates` may be
-    called for several starts."""
+    called for several starts. Boxes about one begin with a half width of ``first``."""
 
     _mark = -np.inf
+    first: float = CLIMB.first
 
     @property
     def has_others(self) -> bool:
@@ -126,7 +132,7 @@ class InnerMethod(SafeProblems):
         yield from self.tightened()
 
     def _boxes(self, start: FloatArray | None) -> Boxes:
-        return Boxes(self.contacts, self.moments, self.step.scaling.force, start)
+        return Boxes(self.contacts, self.moments, self.step.scaling.force, start, self.first)
 
     def _narrowed(
         self,
