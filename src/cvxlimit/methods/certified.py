@@ -138,6 +138,11 @@ _EXHAUSTED = "it ended because no range of pressure centres is left that could b
 _MORE = "a larger budget, in seconds, or a tolerance may narrow it"
 
 
+def _spent(search: BranchAndBound, seconds: float) -> str:
+    nodes = f"{search.nodes} node{'s' * (search.nodes != 1)}"
+    return f"branch and bound, {nodes} with {search.solves} problems in {seconds:.1f} s"
+
+
 def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
     """What stopped branch and bound before it had closed, and what more time would buy."""
     spent, width = widths[-1]
@@ -306,11 +311,7 @@ class _Proof:
             while True:
                 spent, width = run.clock.elapsed - start, run.best.bracket.width
                 widths.append((spent, width))
-                nodes = f"{search.nodes} node{'s' * (search.nodes != 1)}"
-                done = (
-                    f"branch and bound, {nodes} with {search.solves} problems in "
-                    f"{spent:.1f} s: from {_percent(before)} to {_percent(width)}"
-                )
+                done = f"{_spent(search, spent)}: from {_percent(before)} to {_percent(width)}"
                 run.remarks = [done]
                 gap = search.upper - search.lower
                 if gap < 0.99 * seen or not np.isfinite(seen):
