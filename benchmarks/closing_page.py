@@ -136,7 +136,7 @@ def _draw_lines(axes: Axes, rows: Sequence[Row], colour: str) -> None:
         axes.plot(times[-1], widths[-1], "o", color=colour, ms=3.5)
     for limit in (1.0, 5.0):
         axes.axhline(limit, color="#222222", lw=0.8, ls="--")
-        axes.annotate(f"{limit:g} %", (0.06, limit), (0, 2), textcoords="offset points")
+        axes.annotate(f"{limit:g} %", (30.0, limit), (0, 2), textcoords="offset points")
     axes.set(xscale="log", yscale="log", xlim=(0.05, 80.0), ylim=(0.015, 60.0))
     axes.set_xlabel("CPU seconds")
     axes.xaxis.set_major_formatter("{x:g}")
