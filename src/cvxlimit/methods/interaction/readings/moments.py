@@ -240,9 +240,9 @@ class Independent(Moments):
 
     def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
         """A range of both signs into its middle and what lies beyond, so that no other has both.
-        On even contacts what lies beyond on either side stays one range: of two forces that press
-        there the mean, which presses nearer to the middle, is as strong as they are at most, and
-        so it is admissible. Signs then never need a branch of their own."""
+        On even contacts what lies beyond on either side stays one range: forces that press equally
+        far out add up to one that presses nearer to the middle and satisfies Eq. 30 as they do. So
+        signs need no branch of their own (docs/evidence/interaction-bounds.md)."""
         if low > high:
             return [(far, near) for near, far in super().split(high, low, at, is_even)]
         if not low < 0.0 < high:
