@@ -18,9 +18,11 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.restriction import lower_bound
 from cvxlimit.methods.interaction.restriction.inner import Boxes, InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate
+from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.methods.interaction.states.majorants import Forces, Point, Row, StepRows
 from cvxlimit.methods.interaction.states.pressure import effective_arm
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
@@ -352,6 +354,25 @@ def test_corrupted_forces_are_refused() -> None:
         assert checker.of(x, bad).value == -np.inf
     for wrong in (np.full_like(x, np.nan), 1e9 * x):
         assert checker.of(wrong, factor).value <= factor
+
+
+def test_more_contacts_than_are_tried_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing carries the dead load alone there is nothing to mix in, however many contacts
+    there are: 4,914 ended in an error of Python's. Under gravity inclined by 0.8 a block with
+    friction 0.5 slides, unless more than the difference, of what presses, pushes it back."""
+    ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
+    down = Load(gravity=tuple(np.array([0.8, 0.0, -1.0]) / np.hypot(0.8, 1.0)))
+    push = Load(acceleration=(-1.0, 0.0, 0.0))
+    block = Block.box("b", (-0.5, -0.5, 0.0), (0.5, 0.5, 0.5), density=20.0)
+    scene = Scene((ground, block), ("ground",), push, down, friction=0.5)
+    monkeypatch.setattr(lower_bound, "PROOF", replace(PROOF, rows=0))
+    bounds, statics = LowerBounds(scene, INDEPENDENT), LowerBounds(scene, INDEPENDENT).statics
+    assert not bounds.reserves
+    least = (0.8 - 0.5) / np.hypot(0.8, 1.0)
+    for factor, is_admissible in ((1.01 * least, True), (0.99 * least, False)):
+        forces = bounds.balanced(np.zeros((1, 6)), factor)
+        assert np.abs(statics.residual(forces, factor)).max() <= 1e-12
+        assert bounds.of(forces, factor).is_accepted == is_admissible
 
 
 def test_proved_bounds_need_no_tolerance() -> None:

@@ -93,7 +93,7 @@ class LowerBounds:
         """Mixtures that satisfy Eq. 9 and 30, least shares first. Many are tried at a time: that
         takes NumPy hardly longer than one."""
         every, n = list(product(shares, self.reserves)), len(forces)
-        at_a_time = max(len(self.reserves), PROOF.rows // max(n, 1))
+        at_a_time = max(len(self.reserves), PROOF.rows // max(n, 1), 1)
         for mixtures in (every[k : k + at_a_time] for k in range(0, len(every), at_a_time)):
             mixed = np.concatenate([(1.0 - t) * forces + t * x for t, x in mixtures])
             over = true_excess(mixed, self._repeated(len(mixtures)), self.moments)
