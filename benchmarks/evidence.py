@@ -70,7 +70,7 @@ PARTS = (
     Part("engine", "benchmarks.engine", 3),
     Part("limit", "benchmarks.limit --picture docs/evidence/limit.png", 4),
     Part("sweep", "benchmarks.sweep", 2),
-    Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel", 3),
+    Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 4914", 3),
     Part("closing", "benchmarks.closing_page --measure", 10, "docs/evidence/closing.jsonl"),
     Part("nodes", "benchmarks.nodes", 5),
     Part(
