@@ -357,9 +357,10 @@ def test_corrupted_forces_are_refused() -> None:
 
 
 def test_more_contacts_than_are_tried_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where nothing carries the dead load alone there is nothing to mix in, however many contacts
-    there are: 4,914 ended in an error of Python's. Under gravity inclined by 0.8 a block with
-    friction 0.5 slides, unless more than the difference, of what presses, pushes it back."""
+    """Where no state is known that carries the dead load alone there is nothing to mix in, however
+    many contacts there are: 4,914 ended in an error of Python's. Under gravity inclined by 0.8 a
+    block with friction 0.5 slides, unless more than the difference, of what presses, pushes it
+    back."""
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     down = Load(gravity=tuple(np.array([0.8, 0.0, -1.0]) / np.hypot(0.8, 1.0)))
     push = Load(acceleration=(-1.0, 0.0, 0.0))

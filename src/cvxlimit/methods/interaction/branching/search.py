@@ -185,7 +185,7 @@ class BranchAndBound:
             return False
         self._climbed += 1  # there may be no problem at all
         kind = int(self._in_vain.argmin())
-        search, share, self._inner.first = self._ways[kind]
+        search, share = self._ways[kind]
         start = starts[int(self._random.integers(len(starts)))]
         if self.forces is not None:
             start = self.forces + share * (start - self.forces)
@@ -202,22 +202,22 @@ class BranchAndBound:
         return True
 
     @cached_property
-    def _ways(self) -> list[tuple[Callable[[FloatArray], Iterator[object]], float, float]]:
+    def _ways(self) -> list[tuple[Callable[[FloatArray], Iterator[object]], float]]:
         """What leads on differs from scene to scene: steps, or boxes that shrink, from a node's
-        forces or on the way there from the best."""
-        searches: list[Callable[[FloatArray], Iterator[object]]] = [self._inner.iterates]
-        if "boxes" in self._inner.starts:
-            searches.append(self._inner.narrowed)
-        return [(search, *ahead) for ahead in BRANCH.ahead for search in searches]
+        forces or on a share of the way there from the best."""
+        ways: list[tuple[Callable[[FloatArray], Iterator[object]], float]] = []
+        every = InnerMethod(self.run, BRANCH.climb_solves)
+        for share, first in BRANCH.ahead:
+            inner = every.within(first)
+            ways.append((inner.iterates, share))
+            if "boxes" in inner.starts:
+                ways.append((inner.narrowed, share))
+        return ways
 
     @cached_property
     def _in_vain(self) -> IntArray:
         """Climbs of each way since one gained."""
         return np.zeros(len(self._ways), dtype=int)
-
-    @cached_property
-    def _inner(self) -> InnerMethod:
-        return InnerMethod(self.run, BRANCH.climb_solves)
 
     def _push(self, node: Node) -> None:
         self.count += 1

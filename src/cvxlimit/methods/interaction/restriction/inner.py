@@ -7,6 +7,7 @@ Problems are solved loosely; what a bound lost by that is won back by one solve 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from itertools import islice
 
 import numpy as np
@@ -72,6 +73,12 @@ class InnerMethod(SafeProblems):
 
     _mark = -np.inf
     first: float = CLIMB.first
+
+    def within(self, first: float) -> InnerMethod:
+        """The same searches, in boxes of another half width at first."""
+        result = copy(self)
+        result.first = first
+        return result
 
     @property
     def has_others(self) -> bool:
