@@ -12,7 +12,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from tests.kit.pictures import assert_legible
 
-from cvxlimit import Block, Load, Scene, fragility
+from cvxlimit import Block, Load, Scene
 from cvxlimit.compare import Comparison
 from cvxlimit.compare.models import Row
 from cvxlimit.compare.registry import registry
@@ -32,10 +32,6 @@ TRIED = (
     "cvxlimit", "cvxlimit/1e-8", "conic/corners/clarabel-qdldl/1e-3",
     "conic/corners/clarabel-qdldl/1e-6", "octagon/corners/highs-ipm/1e-8",
 )  # fmt: skip
-
-
-def curve() -> Any:
-    return fragility(np.random.default_rng(0).normal(0.13, 0.01, 200))
 
 
 def domain() -> LoadDomain:
@@ -62,7 +58,7 @@ def comparison() -> Comparison:
 
 
 CHARTS: dict[str, Callable[[], Any]] = {
-    made.__name__: made for made in (curve, domain, solid, nested, comparison)
+    made.__name__: made for made in (domain, solid, nested, comparison)
 }
 
 

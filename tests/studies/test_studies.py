@@ -1,4 +1,4 @@
-"""Sweeps, random draws and fragility curves: closed forms, and nothing lost on the way."""
+"""Sweeps and random draws: closed forms, and nothing lost on the way."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from cvxlimit import Block, Load, Scene, builtin_scene, fragility, solve, sweep
+from cvxlimit import Block, Load, Scene, builtin_scene, solve, sweep
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, import_geometry
@@ -395,77 +395,6 @@ class TestDraws:
     def test_no_distribution(self, wrong) -> None:
         with pytest.raises(InputError, match="'friction'"):
             draws({"friction": wrong}, 10, seed=1)
-
-
-class TestFragility:
-    def test_clopper_and_pearson(self) -> None:
-        """Ten draws, none and half of them below the demand: the textbook's intervals."""
-        factors = np.arange(1, 11) / 10
-        curve = fragility(factors)
-        assert curve.at(0.05) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
-        assert curve.at(0.55) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
-        assert curve.at(2.0) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
-        assert "10 draws" in repr(curve)
-
-    def test_the_band_holds_the_truth_as_often_as_it_says(self) -> None:
-        truth, held = stats.norm(0.5, 0.1), 0
-        for seed in range(300):
-            drawn = truth.rvs(size=40, random_state=np.random.default_rng(seed))
-            _, low, high = fragility(drawn, confidence=0.9).at(0.45)
-            held += low <= truth.cdf(0.45) <= high
-        assert held >= 300 * 0.9 - 3 * np.sqrt(300 * 0.9 * 0.1)
-
-    @pytest.mark.exhaustive
-    def test_a_closed_form_from_draws_to_curve(self) -> None:
-        """A stone that slides: the load factor is the friction, its curve the distribution's."""
-        friction = stats.uniform(0.2, 0.2)
-        table = quiet(stone(), draws({"friction": friction}, 60, seed=2))
-        curve = fragility(table, [0.25, 0.3, 0.35])
-        assert (curve.lower <= friction.cdf(curve.demand)).all()
-        assert (friction.cdf(curve.demand) <= curve.upper).all()
-        assert (curve.lower <= curve.probability).all()
-        assert (curve.probability <= curve.upper).all()
-        assert curve.name == "stone"
-
-    def test_what_is_not_known_widens_the_band(self) -> None:
-        table = quiet(stone(), {"friction": [0.2, 0.3, 0.4, -1.0]})
-        known, some = fragility(table.iloc[:3]), fragility(table)
-        assert some.draws == 4
-        assert some.at(0.45)[0] == known.at(0.45)[0] == 1.0
-        assert some.at(0.45)[1] < known.at(0.45)[1]
-
-    def test_what_falls_by_itself_has_no_capacity(self) -> None:
-        table = quiet(stone(), {"tilt": [0.0, 40.0]})
-        assert fragility(table).at(1e-9)[0] == 0.5
-
-    def test_median_dispersion_and_table(self) -> None:
-        drawn = stats.lognorm(0.2, scale=0.15).rvs(size=4000, random_state=1)
-        curve = fragility(drawn)
-        assert curve.median == pytest.approx(0.15, rel=0.02)
-        assert curve.dispersion == pytest.approx(0.2, rel=0.05)
-        table = curve.to_dataframe()
-        assert list(table.columns) == ["demand", "probability", "lower", "upper"]
-        assert table["probability"].is_monotonic_increasing
-
-    def test_a_chart_that_does_not_show_itself(self) -> None:
-        curve = fragility([0.1, 0.2, 0.3])
-        figure = curve.plot(reference=0.129)
-        labels = figure.axes[0].get_legend_handles_labels()[1]
-        assert labels == ["95 % confidence", "3 random draws", "reference 0.129"]
-
-    @pytest.mark.parametrize(
-        ("results", "options", "kind", "message"),
-        [
-            ([], {}, InputError, "no results"),
-            ([np.nan], {}, InputError, "no result has a finite load factor"),
-            (pd.DataFrame({"x": [1]}), {}, InputError, "lack column 'load_factor'"),
-            ([0.1], {"confidence": 95}, ModelError, "confidence of the band must be between"),
-            ([0.1], {"demand": [np.inf]}, InputError, "demand must be finite"),
-        ],
-    )
-    def test_refusals(self, results, options, kind, message) -> None:
-        with pytest.raises(kind, match=message):
-            fragility(results, **options)
 
 
 def test_a_wall_of_ones_own_in_eight_lines(tmp_path: Path, monkeypatch) -> None:

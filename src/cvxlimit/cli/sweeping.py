@@ -32,7 +32,6 @@ from cvxlimit.io.fields import one_line
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.solution import Status
 from cvxlimit.studies import sweep
-from cvxlimit.studies.transfer import BASIS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -56,12 +55,6 @@ class Variations:
         "Store every row there once it is solved (Parquet: pandas.read_parquet reads the folder). "
         "The same command continues an interrupted sweep.",
     )
-    transfer: float | None = option(
-        "T",
-        "Do not solve rows that others with smaller and larger friction, cohesion or strengths "
-        "enclose within this relative width.",
-        group=EFFORT,
-    )
     workers: int = option("N", "Processes that solve; 1 unless given.", 1, group=EFFORT)
 
 
@@ -79,9 +72,8 @@ def sweep_command(asked: Variations) -> ExitCode:
         options: dict[str, Any] = {} if "surface" in grid else {"surface": asked.surface or "conic"}
         with processes(number) as pool:
             return sweep(
-                scene, grid, executor=pool, path=asked.output, transfer=asked.transfer,
-                progress=with_result(tell), **options,
-            )  # fmt: skip
+                scene, grid, executor=pool, path=asked.output, progress=with_result(tell), **options
+            )
 
     table = interruptible(swept)
     if table.empty:  # only Ctrl-C leaves none
@@ -136,8 +128,6 @@ def _counted(table: DataFrame, output: Path | None) -> str:
     where = "" if output is None else f"; all rows in {one_line(str(output))}"
     if table.attrs["found"]:
         where += f", where {table.attrs['found']} of {len(table)} were found"
-    if BASIS in table.columns:
-        said += f", {int((table[BASIS] == 'bounded').sum())} of them bounded by others, not solved"
     return f"{counted(len(table), 'variation')}: {said}{where}"
 
 

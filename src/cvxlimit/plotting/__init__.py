@@ -21,7 +21,6 @@ from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
-from cvxlimit.plotting.charts import draw_fragility
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
 from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PICTURES", "Animation", "Bar", "ContactKind", "ContactMotion", "Drawing", "Lines", "Motion",
-    "Page", "SceneFigure", "animation", "camera_for", "cracks", "draw_fragility", "exploded",
+    "Page", "SceneFigure", "animation", "camera_for", "cracks", "exploded",
     "figure", "forces", "mechanism", "motion", "page", "picture", "picture_of", "plot",
     "plot_scene", "refused", "scene_figure", "scene_page", "thrust", "title", "to_pyvista",
     "utilisation",

@@ -1,7 +1,7 @@
-"""Studies of many scenes: sweeps over parameters, random draws, fragility curves.
+"""Studies of many scenes: sweeps over parameters, random draws, load domains.
 
-:func:`sweep` solves all variations of a structure in one call and returns a table;
-:func:`fragility` makes a curve with a confidence band of one whose parameters were drawn at random.
+:func:`sweep` solves all variations of a structure in one call and returns a table; :func:`draws`
+draws variations at random.
 :func:`load_domain` encloses all load vectors that a structure carries.
 """
 
@@ -11,13 +11,11 @@ from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.exploring import explore
 from cvxlimit.studies.domains.search import load_domain
 from cvxlimit.studies.domains.supports import Support
-from cvxlimit.studies.fragility import Fragility, fragility
 from cvxlimit.studies.store import read_sweep
 from cvxlimit.studies.sweeping import sweep
 from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
-    "DomainComparison", "Fragility", "LoadDomain", "Support", "compare_domains", "draws",
-    "explore", "fragility", "load_domain", "read_domain", "read_sweep", "sweep", "varied",
-    "write_domain",
+    "DomainComparison", "LoadDomain", "Support", "compare_domains", "draws", "explore",
+    "load_domain", "read_domain", "read_sweep", "sweep", "varied", "write_domain",
 ]  # fmt: skip

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.errors import InputError, ModelError
@@ -20,7 +19,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.studies.rows import RESULTS, Row, Structures, Study, packed, work
 from cvxlimit.studies.store import KEY, Store, key_of
-from cvxlimit.studies.transfer import BASIS, Transfer
 from cvxlimit.studies.variations import Grid, variations_of
 from cvxlimit.versions import __version__
 
@@ -37,7 +35,6 @@ def sweep(
     executor: Any = None,
     path: str | os.PathLike[str] | None = None,
     measure: Callable[[Solution], Mapping[str, Any]] | None = None,
-    transfer: float | None = None,
     progress: bool | Callable[[str], None] = True,
     **options: Any,
 ) -> DataFrame:
@@ -65,11 +62,6 @@ def sweep(
         continues an interrupted sweep: stored rows are not solved again.
     measure : callable or None
         From a solution to further columns: ``lambda s: {"moving": len(s.mechanism)}``.
-    transfer : float or None
-        Relative width of brackets that is good enough. Rows that differ in friction, cohesion or
-        strengths only enclose each other: where the lower bound of one with smaller values and the
-        upper bound of one with larger ones are that close, rows between them are not solved. For a
-        scene, without interaction; friction not beside tensile strength, which it reduces.
     progress : bool or callable
         Show a bar on stderr, or call this with a line of text after every row.
     options
@@ -79,19 +71,17 @@ def sweep(
     -------
     DataFrame
         In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``;
-        ``status``, ``note``, ``solver``; ``error``, empty where all went well; ``seconds``. With
-        ``transfer`` also ``basis``: ``"solved"``, or ``"bounded"`` by the rows that the note names,
-        with the middle of the bracket as the load factor. ``table.attrs["found"]`` counts the rows
-        that were stored already. After Ctrl-C those rows that were done, and
-        ``table.attrs["is_interrupted"]``.
+        ``status``, ``note``, ``solver``; ``error``, empty where all went well; ``seconds``.
+        ``table.attrs["found"]`` counts the rows that were stored already. After Ctrl-C those rows
+        that were done, and ``table.attrs["is_interrupted"]``.
 
     Raises
     ------
     InputError
         For parameters that the factory does not have, and a folder that holds another sweep.
     ModelError
-        For options that :func:`cvxlimit.solve` does not have, if pandas is not installed, if
-        a process dies (which a cluster survives), or if nothing can be transferred.
+        For options that :func:`cvxlimit.solve` does not have, if pandas is not installed, or if
+        a process dies (which a cluster survives).
 
     Example
     -------
@@ -102,23 +92,20 @@ def sweep(
     """
     pandas = needed("pandas", "frames", "sweeps")
     study, table = Study(scenes, options, measure), variations_of(grid)
-    clash = sorted(set(table.columns) & {*RESULTS, KEY, BASIS})
+    clash = sorted(set(table.columns) & {*RESULTS, KEY})
     if clash:
         raise InputError(f"a parameter must not be called {clash[0]!r}: a result is called so")
     records: list[Row] = table.to_dict("records")
     study.check(records)
-    if transfer is not None and measure is not None:
-        raise ModelError("measure takes a solution, which bounded rows lack: leave out transfer")
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
     variations = dict(zip(names, records, strict=True))
-    plan = None if transfer is None else Transfer(study, variations, transfer)
-    study = study.led(records) if plan is None else study
-    about = _about(study, transfer)
+    study = study.led(records)
+    about = _about(study)
     store = None if path is None else Store(path, about)  # nothing is refused once it is there
     done = {} if store is None else store.known(set(names))
     stored = len(done)
     with progress_bar("sweep", len(variations), progress, len(done)) as advance:
-        is_interrupted = _fill(done, study, variations, plan, executor, store, advance)
+        is_interrupted = _fill(done, study, variations, executor, store, advance)
     kept = [i for i, name in enumerate(names) if name in done]
     found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
     result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
@@ -136,20 +123,17 @@ def _fill(
     done: dict[str, Row],
     study: Study,
     variations: Mapping[str, Row],
-    plan: Transfer | None,
     executor: Any,
     store: Store | None,
     advance: Callable[[str], None],
 ) -> bool:
-    every = {name: row for name, row in variations.items() if name not in done}
-    known = Structures()
+    todo = {name: row for name, row in variations.items() if name not in done}
     try:
-        for todo, bounded in plan.rounds(done) if plan else [(every, dict[str, Row]())]:
-            for name, row in chain(bounded.items(), solved(study, todo, executor, known)):
-                done[name] = row if plan is None else {BASIS: "solved", **row}
-                if store is not None:
-                    store.add({KEY: name, **variations[name], **done[name]})
-                advance(row["error"] or f"{row['load_factor']:.6g}")
+        for name, row in solved(study, todo, executor):
+            done[name] = row
+            if store is not None:
+                store.add({KEY: name, **variations[name], **row})
+            advance(row["error"] or f"{row['load_factor']:.6g}")
     except KeyboardInterrupt:
         return True
     finally:
@@ -164,7 +148,7 @@ def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
     return [*RESULTS, *measured]
 
 
-def _about(study: Study, transfer: float | None) -> dict[str, str]:
+def _about(study: Study) -> dict[str, str]:
     """What a sweep is of: rows of one with another scene or other options must not be mixed."""
     given = study.scenes
     if isinstance(given, Scene):
@@ -173,17 +157,14 @@ def _about(study: Study, transfer: float | None) -> dict[str, str]:
     else:
         name = getattr(given, "__qualname__", type(given).__qualname__)
         scene = f"{getattr(given, '__module__', '')}.{name}"
-    asked = study.options if transfer is None else {**study.options, "transfer": float(transfer)}
-    options = ", ".join(f"{name}={value!r}" for name, value in sorted(asked.items()))
+    options = ", ".join(f"{name}={value!r}" for name, value in sorted(study.options.items()))
     return {"scene": scene, "options": re.sub(r" at 0x[0-9a-f]+", "", options)}
 
 
-def solved(
-    study: Any, todo: Mapping[str, Row], executor: Any, known: Structures | None = None
-) -> Iterator[Keyed]:
+def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
     """Rows by name as they come; a study is anything whose ``row`` answers a variation."""
     if executor is None:
-        known = known or Structures()
+        known = Structures()
         for name, variation in todo.items():
             yield name, study.row(variation, known)
         return
