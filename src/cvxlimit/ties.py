@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import finite_vector, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.strengths import PROPERTIES
 
 
 @dataclass(frozen=True)
@@ -83,24 +81,24 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
     start, end = (np.array([getattr(tie, name) for tie in ties]) for name in ("start", "end"))
     place = {key: i for i, key in enumerate(contacts.block_ids)}
     strength = np.array([tie.yield_force for tie in ties]) / side**2
-    added = {name: np.full(k, each.default) for name, each in PROPERTIES.items()} | {
-        "a": np.array([place[tie.a] for tie in ties]),
-        "b": np.array([place[tie.b] for tie in ties]),
-        "origin": 0.5 * (start + end),
-        "axes": np.array([_frame(line) for line in end - start]),
-        "corner_start": len(contacts.corner_xy) + 4 * np.arange(1, k + 1),
-        "corner_xy": np.tile(square, (k, 1)),
-        "sides": np.full((k, 2), side),
-        "area": np.full(k, side**2),
-        "friction": np.zeros(k),
-        "compressive_strength": 1e-9 * strength,
-        "tensile_strength": strength,
-    }
-    names = tuple(f"tie {tie.a}-{tie.b}" + (f" ({i})" if i else "") for i, tie in enumerate(ties))
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(contacts, name), new]) for name, new in added.items()
-    }
-    return replace(contacts, names=contacts.names + names, **joined)
+    bars = Contacts(
+        names=tuple(
+            f"tie {tie.a}-{tie.b}" + (f" ({i})" if i else "") for i, tie in enumerate(ties)
+        ),
+        block_ids=contacts.block_ids,
+        a=np.array([place[tie.a] for tie in ties]),
+        b=np.array([place[tie.b] for tie in ties]),
+        origin=0.5 * (start + end),
+        axes=np.array([_frame(line) for line in end - start]),
+        corner_start=4 * np.arange(k + 1),
+        corner_xy=np.tile(square, (k, 1)),
+        sides=np.full((k, 2), side),
+        area=np.full(k, side**2),
+        friction=np.zeros(k),
+        compressive_strength=1e-9 * strength,
+        tensile_strength=strength,
+    )
+    return Contacts.joined([contacts, bars])
 
 
 def _frame(line: FloatArray) -> FloatArray:

@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.detection import detect
+from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
@@ -328,16 +330,46 @@ class TestRefusals:
         "other",
         [
             brick("other", (0.5, 0.5, 0)),
-            brick("other"),
             brick("other", (0.25, 0.25, 0.25), (0.5, 0.5, 0.5)),
             turned_about_z(brick("other"), 0.1),
             brick("other", (-1, 0.4, 0.4), (3, 0.2, 0.2)),
         ],
-        ids=["corner", "duplicate", "inside", "turned", "skewer"],
+        ids=["corner", "inside", "turned", "skewer"],
     )
     def test_shared_volume(self, other: Block) -> None:
         with pytest.raises(InputError, match="'brick' and 'other' interpenetrate by about"):
             detect_contacts([GROUND, brick(), other], ["ground"])
+
+    def test_the_same_body_twice_however_it_is_listed(self) -> None:
+        first = brick()
+        again = np.arange(8)[::-1]
+        faces = [[int(again[i]) for i in face[2:] + face[:2]] for face in first.faces[::-1]]
+        cut, _ = triangulated(first.vertices, first.faces)
+        others = [
+            brick("other"),
+            Block.polyhedron("other", first.vertices[again], faces, density=3.0),
+            Block.polyhedron("other", first.vertices + 1e-4, cut.tolist(), density=1.0),
+        ]
+        for other in others:
+            for order in ([first, other], [other, first]):
+                with pytest.raises(InputError, match="are the same body twice") as refusal:
+                    detect_contacts([GROUND, *order], ["ground"])
+                assert {"brick", "other"} <= {*str(refusal.value).split("'")}
+        with pytest.raises(InputError, match="interpenetrate by about"):
+            detect_contacts([GROUND, first, brick("other", size=(1, 1, 0.97))], ["ground"])
+
+    def test_pairs_in_many_portions_are_those_of_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        scene = builtin_scene("tuff-wall")
+        blocks = [block.moved(random_rotation(3)) for block in scene.blocks]
+        whole = detect(blocks, scene.supports, 0.5)
+        monkeypatch.setattr("cvxlimit.geometry.nearby._PORTION", 5)
+        monkeypatch.setattr("cvxlimit.geometry.facing._NUMBERS", 300)
+        parts = detect(blocks, scene.supports, 0.5)
+        assert parts.contacts.names == whole.contacts.names
+        for name in ("a", "b", "origin", "axes", "corner_start", "corner_xy", "sides", "friction"):
+            one, other = (getattr(x.contacts, name) for x in (parts, whole))
+            np.testing.assert_array_equal(one, other)
+        assert len(parts.near_misses) == len(whole.near_misses)
 
     def test_a_brick_sunk_slightly_into_a_large_side_wall(self) -> None:
         wall = Block.box("wall", (-1, -50, -50), (0, 50, 50))
@@ -368,6 +400,17 @@ class TestRefusals:
         assert [c.name for c in found] == ["ground-wedge"]
 
 
+def near_pairs(blocks: Sequence[Block], margin: float) -> set[tuple[int, int]]:
+    found = nearby_pairs([b.vertices for b in blocks], np.full(len(blocks), margin))
+    pairs = [
+        pair
+        for first, second in found
+        for pair in zip(first.tolist(), second.tolist(), strict=True)
+    ]
+    assert len(set(pairs)) == len(pairs)
+    return set(pairs)
+
+
 class TestAllPairs:
     """Leaving far pairs out changes nothing: compared with a look at every pair."""
 
@@ -380,10 +423,10 @@ class TestAllPairs:
             brick(f"b{i}", -0.5 * size, size).moved(random_rotation(30 * seed + i), place)
             for i, (size, place) in enumerate(zip(sizes, places, strict=True))
         ]
-        near = nearby_pairs([b.vertices for b in blocks], np.zeros(len(blocks)))
+        near = near_pairs(blocks, 0.0)
         pairs = combinations(range(len(blocks)), 2)
         meeting = [(i, k) for i, k in pairs if penetration(blocks[i], blocks[k]) > 0.0]
-        assert set(meeting) <= set(zip(*(ends.tolist() for ends in near), strict=True))
+        assert set(meeting) <= near
         refusal = "touches no other block"
         if meeting:
             refusal = "'b{}' and 'b{}' interpenetrate by about".format(*meeting[0])
@@ -410,8 +453,8 @@ class TestAllPairs:
 
     def test_thin_voussoirs_are_near_their_neighbours_only(self) -> None:
         blocks = arch(1000).blocks
-        near = nearby_pairs([b.vertices for b in blocks], np.full(len(blocks), 1e-6))
-        assert len(blocks) <= len(near[0]) + 1 <= 2 * len(blocks)
+        near = near_pairs(blocks, 1e-6)
+        assert len(blocks) <= len(near) + 1 <= 2 * len(blocks)
 
     def test_a_thin_voussoir_pushed_into_the_next(self) -> None:
         blocks = list(arch(1000).blocks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -255,6 +255,25 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             corner_xy=self.corner_xy[corner],
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
             **{name: getattr(self, name)[rows] for name in own},
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Contacts]) -> Contacts:
+        """Contacts of the same blocks, those of each part after the others'."""
+        parts = [x for x in parts if len(x)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
+        own = ("a", "b", "origin", "axes", "corner_xy", "sides", "area", *PROPERTIES)
+        ends = np.cumsum([0, *(len(x.corner_xy) for x in parts)])
+        before = np.cumsum([0, *map(len, parts)])
+        starts = [x.corner_start[:-1] + n for x, n in zip(parts, ends[:-1], strict=True)]
+        placed = zip(parts, before[:-1].tolist(), strict=True)
+        return cls(
+            names=tuple(name for x in parts for name in x.names),
+            block_ids=parts[0].block_ids,
+            corner_start=np.append(np.concatenate(starts), ends[-1]).astype(np.int64),
+            pieces={n + j: pieces for x, n in placed for j, pieces in x.pieces.items()},
+            **{name: np.concatenate([getattr(x, name) for x in parts]) for name in own},
         )
 
     def with_values(self, **values: FloatArray | float) -> Contacts:

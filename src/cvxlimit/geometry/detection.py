@@ -17,7 +17,7 @@ from cvxlimit.geometry.facing import NEAR, FacetTable, Reach, facet_table, facin
 from cvxlimit.geometry.mesh import unit
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
-from cvxlimit.geometry.penetration import check_no_interpenetration
+from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.polygons import Outlines, outlines
 from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 from cvxlimit.strengths import DEFAULT_FRICTION
@@ -57,12 +57,19 @@ def detect(
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
     is_fixed = np.array([b.id in fixed for b in blocks])
     table, reach = facet_table(blocks, joint_tolerance)
-    near = nearby_pairs([b.vertices for b in blocks], reach.near)
-    lower, upper = facing_pairs(table, *near, reach)
-    joints = _Joints.of(table, lower, upper, reach)
-    contacts = joints.contacts(blocks, friction)
-    sunk = check_no_interpenetration(blocks, *near, contacts, reach)
-    misses = [*joints.near_misses(blocks), *sunk]
+    overlaps = Overlaps(blocks, reach.tolerance)
+    none = np.empty(0, dtype=np.int64)
+    parts = [_Joints.of(table, none, none, reach).contacts(blocks, friction)]
+    misses: list[NearMiss] = []
+    # Blocks in each other are refused in the portion of pairs where they are met first, so that
+    # neither memory nor time grows with the number of such pairs.
+    for near in nearby_pairs([b.vertices for b in blocks], reach.near):
+        joints = _Joints.of(table, *facing_pairs(table, *near, reach), reach)
+        parts.append(joints.contacts(blocks, friction))
+        misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
+    contacts = Contacts.joined(parts)
+    if len(parts) > 2:
+        contacts = contacts.take(np.lexsort((contacts.b, contacts.a)))
     _check_every_block_touches(blocks, contacts, is_fixed, misses)
     ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}
     both = is_fixed[contacts.a] & is_fixed[contacts.b]

@@ -14,7 +14,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import STRAIGHT, Facets
 from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
 from cvxlimit.geometry.nearby import overlapping
-from cvxlimit.geometry.polygons import members_of
+from cvxlimit.geometry.polygons import members_of, portions
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 NEAR = 30.0
@@ -189,19 +189,41 @@ def facing_pairs(
     low, high = (reduce(end, corners) for end in (np.minimum, np.maximum))
     low, high = low - margin, high + margin
     start = np.flatnonzero(np.diff(table.block, prepend=-1))
+    pieces = np.diff(start, append=len(table.block))
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
-    pair, lower = members_of(start, len(table.block), first)
-    other = second[pair]
-    meet = overlapping(low, high, lower, block_low, block_high, other)
-    row, upper = members_of(start, len(table.block), other[meet])
-    lower = lower[meet][row]
+    most = _NUMBERS // table.corners[0].size
+    found = [np.empty((2, 0), dtype=np.int64)]
+    for some in portions(pieces[first], most):
+        pair, lower = members_of(start, len(table.block), first[some])
+        other = second[some][pair]
+        meet = overlapping(low, high, lower, block_low, block_high, other)
+        lower, other = lower[meet], other[meet]
+        for few in portions(pieces[other], most):
+            row, upper = members_of(start, len(table.block), other[few])
+            found.append(_facing(table, lower[few][row], upper, low, high, reach))
+    lower, upper = np.concatenate(found, axis=1)
+    return lower, upper
+
+
+_NUMBERS = 2**21
+"""Numbers in an array of rows of corners: 16 MB, of which some six are alive at a time."""
+
+
+def _facing(
+    table: FacetTable,
+    lower: IntArray,
+    upper: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+    reach: Reach,
+) -> IntArray:
     facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= _FACING
     lower, upper = lower[facing], upper[facing]
     meet = overlapping(low, high, lower, low, high, upper)
     lower, upper = lower[meet], upper[meet]
     length = np.minimum(reach.near[table.block[lower]], reach.near[table.block[upper]])
     near = _within(table, lower, upper, length) & _within(table, upper, lower, length)
-    return lower[near], upper[near]
+    return np.stack([lower[near], upper[near]])
 
 
 def _within(table: FacetTable, plane: IntArray, other: IntArray, length: FloatArray) -> BoolArray:

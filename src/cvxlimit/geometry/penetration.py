@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import manifold3d
 import numpy as np
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facing import Reach
 from cvxlimit.geometry.nearmisses import NearMiss
 
 
@@ -78,48 +77,88 @@ def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
     return np.where(inside, height, aside)
 
 
-def check_no_interpenetration(
-    blocks: Sequence[Block], first: IntArray, second: IntArray, contacts: Contacts, reach: Reach
-) -> list[NearMiss]:
-    """Refuse blocks that share volume, among the pairs (``first``, ``second``) that may.
+@dataclass(frozen=True, eq=False)
+class Overlaps:
+    """What blocks share, and the refusal of those that share too much."""
 
-    A contact's plane separates two convex blocks; others are intersected if no face's plane
-    separates them. Overlaps that are too shallow to refuse are returned.
-    """
-    count = np.array([len(b.vertices) for b in blocks])
-    points, begin = np.concatenate([b.vertices for b in blocks]), np.cumsum(count) - count
-    low, high = np.minimum.reduceat(points, begin), np.maximum.reduceat(points, begin)
-    margin = np.minimum(reach.tolerance[first], reach.tolerance[second])
-    shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
-    touching = np.isin(first * len(blocks) + second, contacts.a * len(blocks) + contacts.b)
-    convex = np.array([b.is_convex for b in blocks])
-    convex = convex[first] & convex[second]
-    origin = 0.5 * (low.min(axis=0) + high.max(axis=0))
-    normals = cache(lambda i: mesh.unit(mesh.area_vectors(blocks[i].vertices, blocks[i].faces)))
-    bodies = cache(lambda i: Body.of(blocks[i], origin))
-    sunk = []
-    looked = (shared.min(axis=1) > margin) & ~(touching & convex)
-    for j in np.flatnonzero(looked).tolist():
-        i, k, allowed = int(first[j]), int(second[j]), float(margin[j])
-        a, b = blocks[i], blocks[k]
-        directions = np.concatenate([normals(i), -normals(k)])
+    blocks: Sequence[Block]
+    tolerance: FloatArray
+
+    def check(self, first: IntArray, second: IntArray, contacts: Contacts) -> list[NearMiss]:
+        """Refuse blocks that share volume, among the pairs (``first``, ``second``) that may.
+
+        A contact's plane separates two convex blocks; others are intersected if no face's plane
+        separates them. Overlaps that are too shallow to refuse are returned.
+        """
+        low, high = self._boxes
+        margin = np.minimum(self.tolerance[first], self.tolerance[second])
+        shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
+        count = len(self.blocks)
+        touching = np.isin(first * count + second, contacts.a * count + contacts.b)
+        convex = self._is_convex[first] & self._is_convex[second]
+        looked = np.flatnonzero((shared.min(axis=1) > margin) & ~(touching & convex))
+        found = (self._of(int(first[j]), int(second[j]), float(margin[j])) for j in looked.tolist())
+        return [miss for miss in found if miss is not None]
+
+    def _of(self, i: int, k: int, allowed: float) -> NearMiss | None:
+        a, b = self.blocks[i], self.blocks[k]
+        directions = np.concatenate([self._normals(i), -self._normals(k)])
         overlaps = (a.vertices @ directions.T).max(0) - (b.vertices @ directions.T).min(0)
         if overlaps.min() <= allowed:
-            continue
-        depth, where, corners = shared_depth(bodies(i), bodies(k))
-        if convex[j]:  # an edge that runs across a face has no corner in it, and half its thickness
+            return None
+        depth, where, corners = shared_depth(self._body(i), self._body(k))
+        convex = a.is_convex and b.is_convex
+        if convex:  # an edge that runs across a face has no corner in it, and half its thickness
             depth = max(depth, min(float(overlaps.min()), _overlap_across_edges(a, b)))
-        if depth > (1.0 if convex[j] else _REFUSED) * allowed:
-            raise GeometryError(
-                f"blocks {a.id!r} and {b.id!r} interpenetrate by about {depth:.3g} near "
-                f"{mesh.place(where)}, beyond their joint tolerance of {allowed:.3g}: move or cut "
-                "one of them, or raise joint_tolerance if the model is no more exact",
-                points=corners,
-                blocks=(a.id, b.id),
+        if depth > (1.0 if convex else _REFUSED) * allowed:
+            fault = (
+                f"interpenetrate by about {depth:.3g} near {mesh.place(where)}, beyond their joint "
+                f"tolerance of {allowed:.3g}: move or cut one of them, or raise joint_tolerance if "
+                "the model is no more exact"
             )
-        if depth > allowed:
-            sunk.append(NearMiss(a.id, b.id, "overlap", depth, allowed, where, corners))
-    return sunk
+            if self._are_same(i, k):
+                fault = (
+                    f"are the same body twice, in the same place (centre {mesh.place(a.centroid)}):"
+                    " remove one of them"
+                )
+            raise GeometryError(
+                f"blocks {a.id!r} and {b.id!r} {fault}", points=corners, blocks=(a.id, b.id)
+            )
+        if depth <= allowed:
+            return None
+        return NearMiss(a.id, b.id, "overlap", depth, allowed, where, corners)
+
+    def _are_same(self, i: int, k: int) -> bool:
+        """True if what only one of them holds is a layer of their default joint tolerance, however
+        their vertices are listed and their faces cut."""
+        a, b = self.blocks[i], self.blocks[k]
+        common = float((self._body(i).manifold ^ self._body(k).manifold).volume())
+        layer = min(x.joint_tolerance * x.surface for x in (a, b))
+        return a.volume + b.volume - 2.0 * common <= layer
+
+    @cached_property
+    def _boxes(self) -> tuple[FloatArray, FloatArray]:
+        count = np.array([len(b.vertices) for b in self.blocks])
+        points = np.concatenate([b.vertices for b in self.blocks])
+        begin = np.cumsum(count) - count
+        return np.minimum.reduceat(points, begin), np.maximum.reduceat(points, begin)
+
+    @cached_property
+    def _is_convex(self) -> BoolArray:
+        return np.array([b.is_convex for b in self.blocks])
+
+    @cached_property
+    def _normals(self) -> Callable[[int], FloatArray]:
+        def normals(i: int) -> FloatArray:
+            return mesh.unit(mesh.area_vectors(self.blocks[i].vertices, self.blocks[i].faces))
+
+        return cache(normals)
+
+    @cached_property
+    def _body(self) -> Callable[[int], Body]:
+        low, high = self._boxes
+        origin = 0.5 * (low.min(axis=0) + high.max(axis=0))
+        return cache(lambda i: Body.of(self.blocks[i], origin))
 
 
 _REFUSED = 2.0

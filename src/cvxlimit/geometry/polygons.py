@@ -7,7 +7,7 @@ Corners go round counter-clockwise. Many polygons at once are arrays (p, k, 2) o
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import cycle
 
@@ -403,3 +403,18 @@ def members_of(start: IntArray, end: int, groups: IntArray) -> tuple[IntArray, I
     place = np.repeat(np.arange(len(groups)), count)
     within = np.arange(len(place)) - (np.cumsum(count) - count)[place]
     return place, start[groups][place] + within
+
+
+def portions(sizes: IntArray, most: int) -> Iterator[slice]:
+    """Runs of rows whose ``sizes`` add up to no more than ``most``, or single rows that do not.
+
+    >>> list(portions(np.array([3, 3, 9, 1]), 6))
+    [slice(0, 2, None), slice(2, 3, None), slice(3, 4, None)]
+    """
+    ends = np.cumsum(sizes)
+    begin = 0
+    while begin < len(ends):
+        before = ends[begin] - sizes[begin]
+        end = max(begin + 1, int(np.searchsorted(ends, before + most, side="right")))
+        yield slice(begin, end)
+        begin = end

@@ -15,9 +15,6 @@ from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.mesh import Faces
 from cvxlimit.geometry.nearby import nearby_pairs
 
-_CHUNK = 200_000
-"""Pairs of triangles looked at in one array operation: about 100 MB."""
-
 
 def check_faces(
     id: str, points: FloatArray, faces: Sequence[Sequence[int]], tolerance: float
@@ -62,10 +59,8 @@ def check_no_crossing(
     """Refuse a surface where a side of a face passes through another by more than a tolerance."""
     corners, _ = mesh.triangulated(points, faces)
     bodies = points[corners]
-    first, second = nearby_pairs(list(bodies), np.zeros(len(bodies)))
-    for at in range(0, len(first), _CHUNK):
-        chunk = slice(at, at + _CHUNK)
-        for i, k in ((first[chunk], second[chunk]), (second[chunk], first[chunk])):
+    for first, second in nearby_pairs(list(bodies), np.zeros(len(bodies))):
+        for i, k in ((first, second), (second, first)):
             hit = _pierced(bodies[i], bodies[k], tolerance)
             if hit is not None:
                 pair, where = hit
