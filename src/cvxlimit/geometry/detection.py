@@ -58,8 +58,7 @@ def detect(
     is_fixed = np.array([b.id in fixed for b in blocks])
     table, reach = facet_table(blocks, joint_tolerance)
     overlaps = Overlaps(blocks, reach.tolerance)
-    none = np.empty(0, dtype=np.int64)
-    parts = [_Joints.of(table, none, none, reach).contacts(blocks, friction)]
+    parts: list[Contacts] = []
     misses: list[NearMiss] = []
     # Blocks in each other are refused in the portion of pairs where they are met first, so that
     # neither memory nor time grows with the number of such pairs.
@@ -67,8 +66,11 @@ def detect(
         joints = _Joints.of(table, *facing_pairs(table, *near, reach), reach)
         parts.append(joints.contacts(blocks, friction))
         misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
+    if not parts:
+        none = np.empty(0, dtype=np.int64)
+        parts = [_Joints.of(table, none, none, reach).contacts(blocks, friction)]
     contacts = Contacts.joined(parts)
-    if len(parts) > 2:
+    if len(parts) > 1:
         contacts = contacts.take(np.lexsort((contacts.b, contacts.a)))
     _check_every_block_touches(blocks, contacts, is_fixed, misses)
     ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}
