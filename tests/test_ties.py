@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,19 +80,90 @@ class TestByHand:
         assert solution.load_factor == pytest.approx(force * 1.0 + 10.0 * 0.5, rel=1e-5)
         assert solution.is_proved
 
-    def test_hangs_on_a_tie(self) -> None:
-        """From a mast beside it: pulled down until the tie yields, and with none it falls."""
-        mast = Block.box("mast", (-2, 0, 0), (-1, 1, 6))
-        foot = Block.box("foot", (-2, 0, -1), (-1, 1, 0))
-        ledge = Block.box("ledge", (-1, 0, 0), (0, 1, 1))
-        block = Block.box("block", (0, 0, 0), (1, 1, 1), density=1.0)
-        ties = (Tie("mast", "block", (0.5, 0.5, 5), (0.5, 0.5, 1), 3.0),)
-        down = Load(acceleration=(0, 0, -1))
-        blocks, fixed = [mast, foot, ledge, block], ["mast", "foot", "ledge"]
-        hung = Scene(blocks, fixed, down, friction=0.0, ties=ties)
-        assert solve(hung).load_factor == pytest.approx(2.0, rel=1e-5)
-        loose = Scene(blocks, fixed, down, friction=0.0)
-        assert solve(loose).status is Status.DEAD_LOAD_UNSTABLE
+
+class TestConnections:
+    """A tie connects: what it holds need not touch anything."""
+
+    ROCK = Block.box("rock", (-1, -1, 5), (1, 1, 6))
+    DOWN = Load(acceleration=(0, 0, -1))
+
+    def hung(self, *stones: Block, ties: Sequence[Tie], live: Load = DOWN) -> Scene:
+        return Scene([self.ROCK, *stones], ["rock"], live, ties=tuple(ties))
+
+    def certified(self, scene: Scene) -> float:
+        solution = solve(scene)
+        assert solution.status is Status.CERTIFIED
+        assert solution.load_factor is not None
+        return solution.load_factor
+
+    def test_a_wall_tied_to_a_rock_that_touches_nothing(self) -> None:
+        """Moments about the toe: the wall's weight of 24 at 0.2 inside, the tie's force of 5 along
+        (-3, 0, -2) at 0.4 inside and 2.5 up; the live load at mid-height."""
+        ground = Block.box("ground", (-1, 0, -1), (2, 1, 0))
+        wall = Block.box("wall", (0, 0, 0), (0.4, 1, 3), density=20.0)
+        rock = Block.box("rock", (-4, 0, -1), (-3, 1, 1))
+        tie = Tie("wall", "rock", (0, 0.5, 2.5), (-3, 0.5, 0.5), 5.0)
+        live = Load(acceleration=(1, 0, 0))
+        scene = Scene([ground, wall, rock], ["ground", "rock"], live, friction=0.7, ties=(tie,))
+        pull = 5.0 / np.hypot(3.0, 2.0)
+        expected = (24 * 0.2 + pull * (3 * 2.5 + 2 * 0.4)) / (24 * 1.5)
+        assert expected == pytest.approx(0.453056, abs=1e-6)
+        assert self.certified(scene) == pytest.approx(expected, rel=1e-6)
+        with pytest.raises(InputError, match=r"'rock' .*touches no other block.*tie it to one"):
+            solve(replace(scene, ties=()))
+
+    @pytest.mark.parametrize("anchor", [0.0, 0.5])
+    def test_a_stone_that_hangs_on_a_tie(self, anchor: float) -> None:
+        """At its top, or at its centroid; the tie yields at 25, the stone weighs 10."""
+        tie = Tie("stone", "rock", (0, 0, anchor), (0, 0, 5), 25.0)
+        assert self.certified(self.hung(cube("stone"), ties=[tie])) == pytest.approx(1.5, rel=1e-6)
+
+    def test_a_stone_between_two_inclined_ties(self) -> None:
+        """Pushed sideways until one of them yields: both lines pass through the centroid."""
+        ends = [(-0.9, 0, 5), (0.9, 0, 5)]
+        ties = [Tie("rock", "stone", end, (0, 0, 0), 8.0) for end in ends]
+        length = np.hypot(0.9, 5.0)
+        expected = (2 * 8.0 - 10.0 * length / 5.0) * 0.9 / length / 10.0
+        scene = self.hung(cube("stone"), ties=ties, live=Load(acceleration=(1, 0, 0)))
+        assert self.certified(scene) == pytest.approx(expected, rel=1e-6)
+
+    def test_a_stone_on_four_ties_and_one_hung_below_it(self) -> None:
+        places = [(x, y) for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
+        four = [Tie("stone", "rock", (x, y, 0.5), (x, y, 5), 10.0) for x, y in places]
+        assert self.certified(self.hung(cube("stone"), ties=four)) == pytest.approx(3.0, rel=1e-6)
+        below = Tie("stone", "low", (0, 0, -0.5), (0, 0, -2.5), 15.0)
+        scene = self.hung(cube("stone"), cube("low", z=-3.0), ties=[*four, below])
+        assert self.certified(scene) == pytest.approx(0.5, rel=1e-6)  # 15 / 10 - 1
+
+    def test_two_free_blocks_on_the_ground(self) -> None:
+        """Ties along the ground pass on what the second block cannot resist."""
+        ground = Block.box("ground", (-5, -1, -1), (5, 1, 0))
+        blocks = [ground, cube("p", x=-1.5, z=0.5), cube("q", x=1.5, z=0.5)]
+        pull = Load(forces={"q": (1, 0, 0, 0, -0.5, 0)})  # at the foot
+        for places, expected in (((-0.3, 0.0, 0.3), 2 * 3.0), ((-0.3, 0.3), 3.0 + 2 * 1.2)):
+            ties = tuple(Tie("p", "q", (-1, y, 0.0), (1, y, 0.0), 1.2) for y in places)
+            scene = Scene(blocks, ["ground"], pull, friction=0.3, ties=ties)
+            assert self.certified(scene) == pytest.approx(expected, rel=1e-6)
+
+    def test_a_tied_group_that_hangs_on_nothing_falls(self) -> None:
+        tie = Tie("stone", "low", (0, 0, -0.5), (0, 0, -2.5), 15.0)
+        scene = self.hung(cube("held", z=4.5), cube("stone"), cube("low", z=-3.0), ties=[tie])
+        solution = solve(scene)
+        assert solution.status is Status.DEAD_LOAD_UNSTABLE
+        assert "'stone'" in solution.note or "'low'" in solution.note
+
+    def test_contacts_are_not_shared_where_other_blocks_are_tied(self) -> None:
+        scene = self.hung(cube("stone"), ties=[Tie("stone", "rock", (0, 0, 0.5), (0, 0, 5), 25.0)])
+        stronger = replace(scene, ties=(replace(scene.ties[0], yield_force=50.0),))
+        assert solve(stronger.sharing_contacts_of(scene)).load_factor == pytest.approx(4.0)
+        with pytest.raises(InputError, match="tied blocks"):
+            replace(scene, ties=()).sharing_contacts_of(scene)
+
+
+def cube(id: str, x: float = 0.0, z: float = 0.0) -> Block:
+    """Of side 1 and weight 10, its centroid in y = 0."""
+    middle = np.array([x, 0.0, z])
+    return Block.box(id, middle - 0.5, middle + 0.5, density=10.0)
 
 
 def test_ice_is_proved_too() -> None:

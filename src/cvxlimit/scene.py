@@ -153,7 +153,11 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @cached_property
     def _detection(self) -> Detection:
-        return detect(self.blocks, self.supports, self.friction, self.joint_tolerance)
+        return detect(self.blocks, self.supports, self.friction, self.joint_tolerance, self._tied)
+
+    @property
+    def _tied(self) -> frozenset[str]:
+        return frozenset(name for tie in self.ties for name in (tie.a, tie.b))
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -333,10 +337,11 @@ class Scene(RemadeFromFields, SceneJoints):
     def geometry(self) -> str:
         """Fingerprint of all that determines contacts: equal for scenes with the same contacts.
 
-        Shapes and ids of blocks, supports, joint tolerance; not density, friction or loads.
+        Shapes and ids of blocks, supports, joint tolerance, which blocks are tied; not density,
+        friction or loads.
         """
         digest = hashlib.blake2b(digest_size=16)
-        digest.update(repr((self.supports, self.joint_tolerance)).encode())
+        digest.update(repr((self.supports, self.joint_tolerance, sorted(self._tied))).encode())
         for block in self.blocks:
             digest.update(repr((block.id, block.faces)).encode())
             digest.update(block.vertices.tobytes())
@@ -348,15 +353,16 @@ class Scene(RemadeFromFields, SceneJoints):
         Raises
         ------
         InputError
-            If the two do not have the same blocks, supports and joint tolerance.
+            If the two do not have the same blocks, supports, joint tolerance and tied blocks.
         """
-        same = self.blocks is other.blocks and (
-            (self.supports, self.joint_tolerance) == (other.supports, other.joint_tolerance)
+        same = self.blocks is other.blocks and all(
+            getattr(self, name) == getattr(other, name)
+            for name in ("supports", "joint_tolerance", "_tied")
         )
         if not same and self.geometry != other.geometry:
             raise InputError(
-                f"scenes {self.name!r} and {other.name!r} differ in their blocks, supports or "
-                "joint tolerance, and so in their contacts"
+                f"scenes {self.name!r} and {other.name!r} differ in their blocks, supports, "
+                "tied blocks or joint tolerance, and so in their contacts"
             )
         return self._beside("_detection", other._detection)
 

@@ -76,7 +76,8 @@ def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:
     if not ties:
         return contacts
     k = len(ties)
-    side = 1e-6 * contacts.typical_size  # it resists its yield force times half of that in bending
+    size = contacts.typical_size if len(contacts) else np.median([tie.length for tie in ties])
+    side = 1e-6 * size  # it resists its yield force times half of that in bending
     square = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     start, end = (np.array([getattr(tie, name) for tie in ties]) for name in ("start", "end"))
     place = {key: i for i, key in enumerate(contacts.block_ids)}

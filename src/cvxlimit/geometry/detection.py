@@ -44,8 +44,11 @@ def detect(
     fixed: Collection[str] = (),
     friction: float = DEFAULT_FRICTION,
     joint_tolerance: float | None = None,
+    tied: Collection[str] = (),
 ) -> Detection:
     """Contacts between ``blocks``, except those between two ``fixed`` ones, and near misses.
+
+    A block that touches no other is refused, unless it is one of those ``tied`` to another.
 
     Two facets are in contact when they face each other and, everywhere on their overlap, are no
     farther apart and no deeper in each other than ``joint_tolerance`` (length; None:
@@ -72,7 +75,8 @@ def detect(
     contacts = Contacts.joined(parts)
     if len(parts) > 1:
         contacts = contacts.take(np.lexsort((contacts.b, contacts.a)))
-    _check_every_block_touches(blocks, contacts, is_fixed, misses)
+    is_tied = np.array([b.id in tied for b in blocks])
+    _check_every_block_is_held(blocks, contacts, is_fixed, is_tied, misses)
     ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}
     both = is_fixed[contacts.a] & is_fixed[contacts.b]
     return Detection(
@@ -248,11 +252,15 @@ def _names(a: IntArray, b: IntArray, blocks: Sequence[Block]) -> tuple[str, ...]
     return tuple(names)
 
 
-def _check_every_block_touches(
-    blocks: Sequence[Block], contacts: Contacts, is_fixed: BoolArray, misses: Sequence[NearMiss]
+def _check_every_block_is_held(
+    blocks: Sequence[Block],
+    contacts: Contacts,
+    is_fixed: BoolArray,
+    is_tied: BoolArray,
+    misses: Sequence[NearMiss],
 ) -> None:
     """Refuse loose blocks; of several a free one is named, as it is the one to move."""
-    alone = np.setdiff1d(np.arange(len(blocks)), [contacts.a, contacts.b])
+    alone = np.setdiff1d(np.flatnonzero(~is_tied), [contacts.a, contacts.b])
     if not len(alone):
         return
     lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
@@ -261,7 +269,8 @@ def _check_every_block_touches(
     cure = ", give a larger joint_tolerance" if nearly else ""
     raise GeometryError(
         f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
-        f"block{hint}: move it so that a face meets another block's face{cure}, or remove it",
+        f"block{hint}: move it so that a face meets another block's face{cure}, tie it to one, or "
+        "remove it",
         points=lonely.vertices,
         blocks=(lonely.id,),
     )
