@@ -12,7 +12,8 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
-from cvxlimit.plotting.movement import ContactKind, contact_forces, motion
+from cvxlimit.joints import ContactKind
+from cvxlimit.plotting.movement import contact_forces, motion
 from cvxlimit.plotting.strength import BENDING, utilisations
 from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, rounded, rounded_up
 from cvxlimit.errors import InputError
+from cvxlimit.joints import Dilatancy
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.surfaces import YieldSurface
 
@@ -192,6 +193,9 @@ class Solution:
         ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
+    dilatancy : Dilatancy or None
+        How far the load factor rests on joints that open because they slide; None without forces
+        and mechanism, and where friction does not dilate (``flow``).
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -228,6 +232,7 @@ class Solution:
     torsion_shear: str = "linear"
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
+    dilatancy: Dilatancy | None = None
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)

@@ -27,6 +27,7 @@ from cvxlimit.io import (
     scene_to_dict,
 )
 from cvxlimit.io.fields import laid_out
+from cvxlimit.joints import Dilatancy
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.solution import Iterate, Member
 from cvxlimit.strengths import PROPERTIES
@@ -185,7 +186,8 @@ SOLUTION = {
     "mechanism": {"b": np.arange(6.0)},
     "note": "so it is",
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
-    "members": (MEMBER,), "model": ("planar",), "quantity": "reaction",
+    "members": (MEMBER,),
+    "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"),
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}

@@ -16,10 +16,11 @@ from tests.kit.pictures import assert_legible
 
 from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.joints import ContactKind
 from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
 from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
-from cvxlimit.plotting.movement import ContactKind, motion
+from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.forces import FAINTEST, thrust_lines
 from cvxlimit.plotting.pictures.utilisation import IDLE_COLOUR

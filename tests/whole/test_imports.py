@@ -18,7 +18,7 @@ LAYERS = (
     {"geometry"},
     {"loads", "ties"},
     {"scene", "solvers"},
-    {"masonry", "surfaces"},
+    {"masonry", "surfaces", "joints"},
     {"solution"},
     {"model"},
     {"proof"},
@@ -34,7 +34,7 @@ LAYERS = (
 
 OUTSIDE = {
     "arrays", "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks",
-    "extras", "files", "strengths",
+    "extras", "files", "strengths", "joints",
 }  # fmt: skip
 """All that input, output and plotting may see besides themselves."""
 

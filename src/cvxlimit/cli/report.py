@@ -135,6 +135,8 @@ def summary(
     bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
     interaction = solution.interaction
     interaction += "" if interaction == "none" else f", {solution.moments} moments"
+    sliding = str(solution.dilatancy or "")
+    basis = solution.note.removesuffix(sliding).removesuffix("; ")
     solvers = Counter(one_line(iterate.solver) for iterate in solution.history)
     return facts(
         [
@@ -148,7 +150,8 @@ def summary(
             ("interaction", interaction),
             (solution.quantity, Text(value, style="bold")),
             ("bracket", bracket if solution.bracket.has_any else ""),
-            ("basis", "" if solution.note == advice(solution) else solution.note),
+            ("basis", "" if solution.note == advice(solution) else basis),
+            ("dilatancy", Text(sliding, style="yellow")),
             ("status", Text(solution.standing, style=_style(solution.status))),
             ("solver", ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in solvers.items())),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),

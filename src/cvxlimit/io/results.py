@@ -30,6 +30,7 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS
+from cvxlimit.joints import Dilatancy
 from cvxlimit.solution import Iterate, Member, Solution, Status
 
 _NOT_FINITE = ("nan", "inf", "-inf")
@@ -93,6 +94,15 @@ MEMBER = record(
     },
     # forces and mechanism are those of the lowest only, which are the result's own
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
+)
+
+DILATANCY = record(
+    Dilatancy,
+    {
+        "share": Key(FIGURE),
+        "sliding": Key(listed(TEXT, "name of a contact"), is_needed=False),
+        "moving": Key(WHOLE, is_needed=False),
+    },
 )
 
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -160,6 +170,7 @@ RESULT: Document[Solution] = Document(
             "quantity": Key(TEXT, "{key}"),
             "flow": Key(TEXT, "{key}"),
             "members": Key(listed(MEMBER), "{key}"),
+            "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
             "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),

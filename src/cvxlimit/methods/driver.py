@@ -20,6 +20,7 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, known, rounded
 from cvxlimit.errors import ModelError
+from cvxlimit.joints import Dilatancy, dilatancy_of
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
@@ -404,6 +405,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         words[method.axis] = method.name
     mechanism = None if best.mechanism is None else np.reshape(best.mechanism, (-1, DOF))
     ids = [scene.blocks[i].id for i in scene.free]
+    dilatancy = _dilatancy(method, run, best)
     return Solution(
         **words,
         scene=scene.name,
@@ -417,16 +419,30 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
         forces=best.forces,
         mechanism=None if mechanism is None else dict(zip(ids, mechanism, strict=True)),
-        note=_note(method, run, status),
+        note=_note(method, run, status, dilatancy),
         versions=versions(run.solvers),
         members=best.members,
+        dilatancy=dilatancy,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
     )
 
 
-def _note(method: Method, run: Run, status: Status) -> str:
+def _dilatancy(method: Method, run: Run, best: Answer) -> Dilatancy | None:
+    """Of the forces and the mechanism; under a guide, which moves a support, nobody has asked."""
+    forces, mechanism, alpha = best.forces, best.mechanism, best.load_factor
+    statics = run.assemblage.statics
+    if forces is None or mechanism is None or alpha is None:
+        return None
+    if method.axis == "flow" or statics.guide is not None:
+        return None
+    power = run.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
+    relative = statics.relative_rates(mechanism)
+    return dilatancy_of(run.scene, forces, relative, mechanism, power) if power > 0.0 else None
+
+
+def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:
     basis = method.basis(run) if run.best.bracket.has_any else ""
     if not status.has_answer:
         parts = [*run.remarks, status.advice]
@@ -436,6 +452,7 @@ def _note(method: Method, run: Run, status: Status) -> str:
         parts = [basis, *run.remarks]
     else:
         parts = [status.advice, basis, *run.remarks]
+    parts.append("" if dilatancy is None else str(dilatancy))
     return "; ".join(part for part in parts if part)
 
 

@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING, Any
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
+from cvxlimit.joints import ContactKind, ContactMotion
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
-from cvxlimit.plotting.movement import ContactKind, ContactMotion, Motion, motion
+from cvxlimit.plotting.movement import Motion, motion
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
 from cvxlimit.plotting.pictures.forces import forces, thrust

@@ -14,8 +14,9 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import rounded
 from cvxlimit.errors import InputError
 from cvxlimit.files import write_file
+from cvxlimit.joints import ContactKind
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
-from cvxlimit.plotting.movement import ContactKind, Motion
+from cvxlimit.plotting.movement import Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 

@@ -13,9 +13,10 @@ from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors, linked, triangulated
 from cvxlimit.geometry.penetration import Body
+from cvxlimit.joints import VISIBLE
 from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
-from cvxlimit.plotting.movement import VISIBLE, displaced, free_bounds, free_size
+from cvxlimit.plotting.movement import displaced, free_bounds, free_size
 from cvxlimit.plotting.visible import Faces, outlines, rings
 from cvxlimit.scene import Scene
 

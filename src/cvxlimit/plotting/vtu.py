@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.movement import Motion, contact_forces, motion, side_rates, velocity_of
+from cvxlimit.joints import velocity_of
+from cvxlimit.plotting.movement import Motion, contact_forces, motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -108,7 +109,10 @@ def _blocks(scene: Scene, moving: Motion, result: Arrays) -> bytes:
 
 def _contacts(scene: Scene, solution: Solution, moving: Motion, result: Arrays) -> bytes:
     c, what = scene.contacts, moving.contacts
-    one, other = side_rates(scene, moving.rates)
+    one, other = (
+        velocity_of(scene, moving.rates, c.corner_points, block[c.corner_contact])
+        for block in (c.a, c.b)
+    )
     point_data = {"displacement": 0.5 * moving.scale * (one + other), "opening": what.opening}
     cell_data = {
         "kind": what.kind,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cvxlimit.checks import positive
+from cvxlimit.joints import ContactKind
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
 from cvxlimit.plotting.look import SLOW, SPEED_STOPS, SPEED_TEXT, moving_joints, title
-from cvxlimit.plotting.movement import motion
+from cvxlimit.plotting.movement import Motion, motion
 from cvxlimit.plotting.registry import picture
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -58,13 +59,22 @@ def mechanism_of(
         moving,
         camera_for(scene, moving, viewer),
         title(solution),
-        caption if moving.moves else "",
+        caption + _opened_by_sliding(solution, moving) if moving.moves else "",
         marking=moving_joints(scene, moving),
         notes=annotated(scene),
         bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
         blocks="block (no mechanism)",
         shapes=shapes_of(scene, solution, moving),
     )
+
+
+def _opened_by_sliding(solution: Solution, moving: Motion) -> str:
+    """Openings that only the flow rule asks for, under which joints slide: they are drawn too."""
+    if solution.flow != "associated" or not (moving.contacts.kind >= ContactKind.SLIDES).any():
+        return ""
+    is_unsafe = solution.dilatancy is not None and solution.dilatancy.is_worth_a_word
+    unsafe = ": the load factor is on the unsafe side (without: --method zero-dilatancy)"
+    return "; opening by dilatancy drawn" + unsafe * is_unsafe
 
 
 @picture
