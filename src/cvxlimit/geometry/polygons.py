@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import turn
+from cvxlimit.geometry.overlays import union
 
 _SLENDER = 1e-3
 """Below this side ratio the gradient of c_T is taken at the ratio itself: its log term's slope
@@ -362,7 +363,7 @@ def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
         return [pieces]
     shapes = shapely.polygons([shapely.linearrings(piece) for piece in pieces])
     grid = 2.0 * SAME * float(np.ptp(np.concatenate(pieces), axis=0).max())
-    parts = shapely.get_parts(shapely.union_all(shapes, grid_size=grid))
+    parts = shapely.get_parts(union(shapes, grid, is_snapped=True))
     wide = 2.0 * shapely.area(parts) > least * shapely.length(parts)
     if wide.all() or not wide.any():
         return [pieces]

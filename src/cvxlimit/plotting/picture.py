@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-import shapely
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors, linked, triangulated
+from cvxlimit.geometry.overlays import union
 from cvxlimit.geometry.penetration import Body
 from cvxlimit.joints import VISIBLE
 from cvxlimit.plotting.contents import Drawing
@@ -149,7 +149,7 @@ def seen(drawing: Drawing) -> Seen:
     front, solid = _facing(mesh, moved)
     extent = np.concatenate([still, moved] if moving.moves else [moved])[:, :2]
     opaque = np.ones(len(front), dtype=bool)
-    lines = outlines(solid.visible(), mesh.patch[front]) if drawing.glass else None
+    lines = outlines(solid.visible(), mesh.patch[front], solid.grid) if drawing.glass else None
     if drawing.glass:
         opaque = ~np.isin(mesh.face_block[front], scene.free)
     shades = _shades(mesh, moved)[front]
@@ -162,7 +162,7 @@ def seen(drawing: Drawing) -> Seen:
     everything = Faces(corners)
     regions = everything.visible()
     if lines is None:
-        lines = outlines(regions[: len(front)], mesh.patch[front])
+        lines = outlines(regions[: len(front)], mesh.patch[front], everything.grid)
     fills = [
         Fill(own, ink)
         for own, ink in zip(map(rings, regions), np.concatenate(inks), strict=True)
@@ -184,9 +184,8 @@ def _ghost(drawing: Drawing, mesh: Mesh, still: FloatArray) -> tuple[Fill, list[
     front, faces = _facing(mesh, still)
     gone = (drawing.moving.speed > VISIBLE)[mesh.face_block[front]]
     regions = faces.visible()[gone]
-    return Fill(rings(shapely.union_all(regions)), paper), outlines(
-        regions, mesh.patch[front][gone]
-    )
+    whole = rings(union(regions, faces.grid))
+    return Fill(whole, paper), outlines(regions, mesh.patch[front][gone], faces.grid)
 
 
 def _facing(mesh: Mesh, points: FloatArray) -> tuple[IntArray, Faces]:

@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import shapely
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.mesh import cross
-
-Regions = np.ndarray[Any, np.dtype[np.object_]]
-"""Polygons of shapely, one for each face."""
+from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,10 @@ class Faces:
             return 1.0
         return float(np.ptp(np.concatenate(self.corners)[:, :2], axis=0).max()) or 1.0
 
+    @property
+    def grid(self) -> float:
+        return _ROUNDING.grid * self.size
+
     @cached_property
     def planes(self) -> FloatArray:
         """Distance towards the viewer as a x + b y + c, (n, 3); NaN for what is seen edge-on."""
@@ -64,6 +65,8 @@ class Faces:
 
     @cached_property
     def flat(self) -> Regions:
+        if not len(self.corners):
+            return np.empty(0, dtype=object)
         counts = [len(polygon) for polygon in self.corners]
         points = np.concatenate(self.corners)[:, :2]
         owner = np.repeat(np.arange(len(counts)), counts)
@@ -88,18 +91,17 @@ class Faces:
         hiding: list[list[shapely.Geometry]] = [[] for _ in self.corners]
         for i, part in zip(behind.tolist(), parts, strict=True):
             hiding[i].append(part)
-        left = [
-            shapely.difference(own, shapely.union_all(parts)) if parts else own
-            for own, parts in zip(self.flat, hiding, strict=True)
-        ]
-        # Rounding leaves slivers and spikes without width, whose outlines would be seen.
-        return np.asarray(shapely.set_precision(left, _ROUNDING.grid * self.size))
+        # On a grid: slivers and spikes without width are gone, whose outlines would be seen.
+        left = np.empty(len(self.corners), dtype=object)
+        for i, (own, hidden) in enumerate(zip(self.flat, hiding, strict=True)):
+            left[i] = difference(own, hidden, self.grid)
+        return left
 
     def _hidden(self) -> tuple[IntArray, Regions]:
         """Faces and parts of them that another one hides."""
         one, other = self.tree.query(self.flat, predicate="intersects")
         one, other = one[one < other], other[one < other]
-        shared = shapely.intersection(self.flat[one], self.flat[other])
+        shared = intersections(self.flat[one], self.flat[other], self.grid)
         kept = shapely.area(shared) > _ROUNDING.sliver * self.size**2
         one, other, shared = one[kept], other[kept], shared[kept]
         points, owner = shapely.get_coordinates(shared, return_index=True)
@@ -114,9 +116,10 @@ class Faces:
         for pair in np.flatnonzero(~first & ~second).tolist():
             i, j = int(one[pair]), int(other[pair])
             plane = self.planes[j] - self.planes[i]
-            nearer = shapely.intersection(shared[pair], _half_plane(plane, points[owner == pair]))
+            corners = points[owner == pair]
+            halves = [_half_plane(sign * plane, corners) for sign in (1.0, -1.0)]
             behind.append(np.array([i, j]))
-            parts.append(np.array([nearer, shapely.difference(shared[pair], nearer)], dtype=object))
+            parts.append(intersections(shared[[pair, pair]], np.array(halves), self.grid))
         return np.concatenate(behind), np.concatenate(parts)
 
     def visible_lines(self, ends: FloatArray, lift: float) -> tuple[FloatArray, IntArray]:
@@ -124,7 +127,7 @@ class Faces:
         line each is."""
         lines = shapely.linestrings(ends[:, :, :2])
         line, face = self.tree.query(lines, predicate="intersects")
-        cut = shapely.intersection(lines[line], self.flat[face])
+        cut = intersections(lines[line], self.flat[face], self.grid)
         length = shapely.length(lines)
         kept = shapely.length(cut) > 1e-9 * np.maximum(length[line], self.size * 1e-6)
         line, face, cut = line[kept], face[kept], cut[kept]
@@ -179,12 +182,12 @@ def _gaps(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return [*result, (reached, 1.0)] if reached < 1.0 - 1e-6 else result
 
 
-def outlines(regions: Regions, patch: IntArray) -> list[FloatArray]:
+def outlines(regions: Regions, patch: IntArray, grid: float) -> list[FloatArray]:
     """Where surfaces end, as closed lines (k, 2): those of faces of one ``patch`` have none between
     them."""
     order = np.argsort(patch, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(patch[order])) + 1) if len(order) else []
-    return [ring for own in groups for ring in rings(shapely.union_all(regions[own]))]
+    return [ring for own in groups for ring in rings(union(regions[own], grid))]
 
 
 def rings(region: shapely.Geometry) -> list[FloatArray]:
