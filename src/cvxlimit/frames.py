@@ -161,7 +161,9 @@ def _history(solution: Solution, pandas: Any) -> DataFrame:
 
 def _facts(solution: Solution) -> dict[str, Any]:
     names = ("scene", "surface", "load_factor", "lower", "upper", "interaction", "moments")
-    return {name: getattr(solution, name) for name in names} | {"status": str(solution.status)}
+    band = {} if solution.iteration is None else {"iteration": asdict(solution.iteration)}
+    facts = {name: getattr(solution, name) for name in names}
+    return {**facts, "status": str(solution.status), **band}
 
 
 _TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {

@@ -61,14 +61,14 @@ _ADVICE = {
         "the bracket is wider than the tolerance: use its bounds, or ask for a wider tolerance; "
         "with interaction give it more time, without it try another surface or solver"
     ),
-    Status.CONVERGED: "the iteration met its tolerance",
+    Status.CONVERGED: "the iteration settled within its tolerance, which bounds nothing",
     Status.NOT_CONVERGED: (
         "the iteration did not settle, or settled where Coulomb's law is exceeded, and its last "
-        "load factor is not an answer: allow more iterations or another tolerance; for interaction "
-        "with bending use method 'certified', for friction without dilatancy 'zero-dilatancy'"
+        "load factor is not an answer: for interaction with bending use method 'certified', for "
+        "friction without dilatancy 'zero-dilatancy'"
     ),
     Status.CYCLING: (
-        "the fixed point returns to earlier load factors; none of them is an answer: "
+        "the fixed point returns to the same load factors, and none of them is an answer: "
         "use method 'certified', or another old-value weight"
     ),
     Status.DIVERGED: (
@@ -110,6 +110,56 @@ class Iterate:
     equilibrium_residual: float | None = None
     yield_excess: float | None = None
     flow_violation: float | None = None
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """How far an iteration without bounds went: the paper's criterion, and a band.
+
+    The band is how far the last iterates lie apart. It bounds neither the collapse load nor where
+    the iteration goes on to, and another solver may have another one.
+
+    Attributes
+    ----------
+    met_after : int or None
+        Solves after which the load factor first changed by no more than the tolerance, which is
+        where the paper stops (Eq. 43); None if it never did.
+    met_at : float or None
+        The load factor then.
+    lowest, highest : float
+        Load factors of the last iterates.
+    last : int
+        How many those are.
+
+    Example
+    -------
+    >>> print(Iteration(22, 0.342684, 0.339134, 0.342684, 40))
+    met the paper's criterion (Eq. 43) after 22 solves, at 0.34268; last 40 iterates 0.33913 to \
+0.34268
+    """
+
+    met_after: int | None
+    met_at: float | None
+    lowest: float
+    highest: float
+    last: int
+
+    @property
+    def band(self) -> str:
+        """Its ends in words, rounded to the nearest: they are no bounds."""
+        ends = f"{rounded(self.lowest, 5)} to {rounded(self.highest, 5)}"
+        return f"last {self.last} iterates {ends}"
+
+    @property
+    def width(self) -> float:
+        """The band's width over its larger end."""
+        return (self.highest - self.lowest) / max(abs(self.lowest), abs(self.highest), 1e-300)
+
+    def __str__(self) -> str:
+        if self.met_after is None or self.met_at is None:
+            return f"did not meet the paper's criterion (Eq. 43); {self.band}"
+        met = f"met the paper's criterion (Eq. 43) after {self.met_after} solves"
+        return f"{met}, at {rounded(self.met_at, 5)}; {self.band}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +246,8 @@ class Solution:
     dilatancy : Dilatancy or None
         How far the load factor rests on joints that open because they slide; None without forces
         and mechanism, and where friction does not dilate (``flow``).
+    iteration : Iteration or None
+        Where the paper would have stopped and the band of the last iterates, of the fixed point.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -233,6 +285,7 @@ class Solution:
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
     dilatancy: Dilatancy | None = None
+    iteration: Iteration | None = None
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
@@ -258,11 +311,16 @@ class Solution:
 
     @property
     def standing(self) -> str:
-        """The status; with interaction, certified stands beside the width of its bracket."""
-        is_certain = self.interaction == "none" or self.gap <= 1e-6
-        if is_certain or self.status is not Status.CERTIFIED:
+        """The status, and how far apart what it stands for is: the bracket with interaction, the
+        last iterates of an iteration."""
+        width = 0.0 if self.interaction == "none" else self.gap
+        if self.iteration is not None:
+            if not self.status.is_good:
+                return f"{self.status}, {self.iteration.band}"
+            width = self.iteration.width
+        if width <= 1e-6 or not self.status.is_good:
             return str(self.status)
-        return f"{self.status} within {rounded_up(100.0 * self.gap, 2)} %"
+        return f"{self.status} within {rounded_up(100.0 * width, 2)} %"
 
     @property
     def lower(self) -> float:

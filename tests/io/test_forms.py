@@ -29,7 +29,7 @@ from cvxlimit.io import (
 from cvxlimit.io.fields import laid_out
 from cvxlimit.joints import Dilatancy
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.solution import Iterate, Member
+from cvxlimit.solution import Iterate, Iteration, Member
 from cvxlimit.strengths import PROPERTIES
 from malformed_scenes import GOLDEN
 
@@ -186,7 +186,7 @@ SOLUTION = {
     "mechanism": {"b": np.arange(6.0)},
     "note": "so it is",
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
-    "members": (MEMBER,),
+    "members": (MEMBER,), "iteration": Iteration(None, None, 0.1, 0.3, 20),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"),
 }  # fmt: skip

@@ -31,7 +31,7 @@ from cvxlimit.io.forms import (
 )
 from cvxlimit.io.scenes import UNITS
 from cvxlimit.joints import Dilatancy
-from cvxlimit.solution import Iterate, Member, Solution, Status
+from cvxlimit.solution import Iterate, Iteration, Member, Solution, Status
 
 _NOT_FINITE = ("nan", "inf", "-inf")
 
@@ -105,6 +105,19 @@ DILATANCY = record(
     },
 )
 
+ITERATION = record(
+    Iteration,
+    {
+        "met_after": Key(nullable(WHOLE)),
+        "met_at": Key(nullable(FIGURE)),
+        "lowest": Key(FIGURE),
+        "highest": Key(FIGURE),
+        "last": Key(WHOLE),
+    },
+)
+"""Solves until the paper's criterion, the load factor then, and the band of the last iterates."""
+
+
 _RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
@@ -171,6 +184,7 @@ RESULT: Document[Solution] = Document(
             "flow": Key(TEXT, "{key}"),
             "members": Key(listed(MEMBER), "{key}"),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
+            "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
             "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),

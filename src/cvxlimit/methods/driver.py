@@ -29,7 +29,7 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.progressbar import LOG
 from cvxlimit.proof.certificate import assumptions
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Iterate, Member, Solution, Status
+from cvxlimit.solution import Iterate, Iteration, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of
@@ -98,6 +98,8 @@ class Answer:
         That of the upper bound, if there is one.
     members : tuple of Member
         All solutions, where the answer is a set.
+    iteration : Iteration or None
+        How far an iteration without bounds has been.
     """
 
     load_factor: float | None = None
@@ -105,6 +107,7 @@ class Answer:
     forces: FloatArray | None = None
     mechanism: FloatArray | None = None
     members: tuple[Member, ...] = ()
+    iteration: Iteration | None = None
 
     def raised(
         self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
@@ -423,6 +426,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         versions=versions(run.solvers),
         members=best.members,
         dilatancy=dilatancy,
+        iteration=best.iteration,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -17,7 +17,7 @@ from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex import dead_load_falls
-from cvxlimit.methods.driver import Answer, Method, Run, Steps, cycles
+from cvxlimit.methods.driver import Method, Run, Steps, cycles
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
@@ -26,7 +26,7 @@ from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import own_unknowns
 from cvxlimit.model.problem import LeastForces, LimitProblem, Objective
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Status
+from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
@@ -40,17 +40,12 @@ DPP_LIMIT = 3_000
 first compile with them grows with their square; beyond, every solve is compiled afresh."""
 
 
-@dataclass(frozen=True)
-class _Numbers:
-    """Iterates on the way have the relative gap ``loose``: ends are those of exact ones, where 1e-3
-    moves them by 1 % (docs/evidence/speed.md). The change ``before`` the last one may be so many
-    times the tolerance."""
+FORGOTTEN = 20
+"""Solves after which the start counts as forgotten: with the paper's weight of 0.8 it has 1 % left
+in the forces then (0.8 ** 20). The band is that of all iterates after these, at least twenty."""
 
-    loose: float = 1e-4
-    before: float = 100.0
-
-
-_N = _Numbers()
+SMALL = 5
+"""Small changes in a row that count as converged: wandering iterations had three by chance."""
 
 
 class FrozenProblem:
@@ -159,9 +154,13 @@ class _Entries:
 class FixedPoint(Method):
     """The paper's iteration: solve with frozen eccentricities, blend, repeat.
 
-    The first iterate uses whole contacts (Eq. 41). It has no bracket: the bounds of its last convex
-    problem, with eccentricities frozen, are not bounds of the collapse load with interaction. For
-    those see :class:`~cvxlimit.methods.certified.Certified`.
+    The first iterate uses whole contacts (Eq. 41). The paper stops at the first small change
+    (Eq. 43). Most iterations wander on from there, each solver along a path of its own, so that
+    this is reported in ``solution.iteration`` and the iteration goes on: to five small changes in a
+    row, which count as converged, or to ``max_iterations``, with the band of the iterates after
+    the first twenty. It has no bracket: the bounds of its last convex problem, with eccentricities
+    frozen, are not bounds of the collapse load with interaction. For those see
+    :class:`~cvxlimit.methods.certified.Certified`.
 
     Attributes
     ----------
@@ -170,9 +169,9 @@ class FixedPoint(Method):
         alike (Eq. 42, read as Gilbert et al. 2006 do: beta weighs the old value). 0.8 is the
         paper's value.
     tolerance : float
-        Relative change of the load factor that counts as converged (Eq. 43), unless the change
-        before was more than 100 times as large; the paper's 1e-4.
+        Relative change of the load factor that counts as small (Eq. 43); the paper's 1e-4.
     max_iterations : int
+        Problems solved at most. With fewer than 40 the band holds iterates near the start.
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     epsilon : float
@@ -213,8 +212,9 @@ class FixedPoint(Method):
 
     def steps(self, run: Run) -> Steps:
         moments = run.moments = parse_moments(self.moments)
-        caution = [moments.caution] if moments.caution else []
-        run.remarks = ["the iteration gives no bounds on the collapse load", *caution]
+        cautions = ["the iteration gives no bounds on the collapse load"]
+        cautions += [moments.caution] if moments.caution else []
+        run.remarks = cautions
         with run.clock.phase("compile"):
             objective = LeastForces(self.regularisation) if self.regularisation else None
             frozen = FrozenProblem(run.assemblage, run.cone, moments, objective)
@@ -222,36 +222,43 @@ class FixedPoint(Method):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
-        loose, exact = min(_N.loose, self.tolerance), 0  # exact iterates in a row
-        is_exact = run.ladder is not None or objective is not None
+        ladder = run.ladder or iterate_ladder(objective is None)
+        small = 0  # small changes in a row
         for number in range(self.max_iterations):
+            # Eq. 31 and 41: a convex problem with the eccentricities of the forces so far
             pressure = Pressure.of(blended, run.contacts, epsilon)
-            solver = partial(frozen.solve, pressure)
-            is_exact = is_exact or number == self.max_iterations - 1
-            ladder = run.ladder or iterate_ladder(None if is_exact else loose, objective is None)
-            state, rung = run.try_solvers(solver, ladder)
-            exact = exact + 1 if is_exact else 0
+            state, rung = run.try_solvers(partial(frozen.solve, pressure), ladder)
             change = run.change(state)
             run.note(state, rung, change=change)
             if state.forces is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.DIVERGED if claims else Status.SOLVER_FAILED
-            run.best = Answer(state.load_factor, run.best.bracket, state.forces, state.mechanism)
+            # Eq. 42: its forces, with a share of the old ones
             beta = self.old_value_weight if number else 0.0
             blended = beta * blended + (1.0 - beta) * state.forces
+            # Eq. 43, which one small change meets: it is reported, and the iteration goes on
+            small = small + 1 if change is not None and change <= self.tolerance else 0
+            settled = SMALL + 1 if small >= SMALL else 0
+            found = self._band(run.history, settled or max(FORGOTTEN, number + 1 - FORGOTTEN))
+            run.best = replace(
+                run.best, load_factor=state.load_factor, forces=state.forces,
+                mechanism=state.mechanism, iteration=found,
+            )  # fmt: skip
+            run.remarks = [str(found), *cautions]
             yield
-            if self._has_settled(run) and exact > 1:
+            if small >= SMALL:
                 return Status.CONVERGED
-            is_cycle = cycles(run.load_factors, self.tolerance)
-            if is_cycle and exact:
+            if cycles(run.load_factors, self.tolerance):
                 return Status.CYCLING
-            # what was solved loosely may only seem to settle, or to come back
-            is_still = change is not None and change <= self.tolerance
-            is_exact = is_exact or is_cycle or is_still
         return Status.NOT_CONVERGED
 
-    def _has_settled(self, run: Run) -> bool:
-        changes = [iterate.change for iterate in run.history[-2:]]
-        if not changes or changes[-1] is None or changes[-1] > self.tolerance:
-            return False
-        return changes[0] is None or changes[0] <= _N.before * self.tolerance
+    def _band(self, history: Sequence[Iterate], last: int) -> Iteration:
+        """Where the paper would have stopped, and the band of the last iterates."""
+        small = (
+            (number, entry.load_factor)
+            for number, entry in enumerate(history, 1)
+            if entry.change is not None and entry.change <= self.tolerance
+        )
+        met_after, met_at = next(small, (None, None))
+        factors = [entry.load_factor for entry in history[-last:] if entry.load_factor is not None]
+        return Iteration(met_after, met_at, min(factors), max(factors), len(factors))
