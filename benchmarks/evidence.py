@@ -67,6 +67,7 @@ PARTS = (
         " --picture docs/evidence/resolving.png",
         7,
     ),
+    Part("parameters", "benchmarks.parameters", 1),
     Part("engine", "benchmarks.engine", 3),
     Part("limit", "benchmarks.limit --picture docs/evidence/limit.png", 4),
     Part("sweep", "benchmarks.sweep", 2),
