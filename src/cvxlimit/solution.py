@@ -77,7 +77,7 @@ _ADVICE = {
     ),
     Status.SOLVER_FAILED: (
         "every solver failed, which says nothing about the structure: try other solvers "
-        "(ladder), or leave the choice to the package"
+        "(solver, ladder), or leave the choice to the package"
     ),
     Status.DEAD_LOAD_UNSTABLE: (
         "this was proved, and checked outside the solver: change the geometry, the supports, "

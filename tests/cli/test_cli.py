@@ -133,6 +133,24 @@ def test_a_result_file_on_stdout_is_all_that_is_there(run: Run) -> None:
     assert not Path("-").exists()
 
 
+def test_one_solver_by_name(run: Run) -> None:
+    code, out, _ = run("solve", "stack", "--solver", "clarabel")
+    assert code == 0
+    assert re.search(r"^solver +CLARABEL \(", out, re.MULTILINE)
+
+
+def test_an_unknown_solver(run: Run) -> None:
+    outcome = run("solve", "stack", "--solver", "CLARABLE")
+    assert_refused(outcome, "there is no solver 'CLARABLE'; did you mean CLARABEL")
+
+
+def test_what_a_solver_prints_is_no_part_of_the_result() -> None:
+    """HiGHS introduces itself on stdout from native code."""
+    asked = command("solve", "arch", "--solver", "HIGHS", "--json", "-")
+    done = subprocess.run(asked, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["scene"] == "arch"
+
+
 def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     returned: list[Solution] = []
     solve = solving.solve

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
 import pytest
+from cvxpy.reductions.solution import Solution as Answer
+from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
+from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -466,3 +470,62 @@ def assert_right(
     else:
         assert_certified(solution, proved=False)
         assert solution.load_factor == pytest.approx(answer.load_factor, rel=1e-5, abs=1e-7)
+
+
+def test_the_table_denies_no_solver_what_cvxpy_passes_on() -> None:
+    """Cones: by what CVXPY's own interfaces say that they take."""
+    for name, interface in SOLVER_MAP_CONIC.items():
+        if name in SOLVERS and cp.SOC in interface.SUPPORTED_CONSTRAINTS:
+            assert SOLVERS[name].has_cones, name
+
+
+class Dualless(CLARABEL):
+    """Forces without duals, as CVXPY gets them of cones from some solvers."""
+
+    def name(self) -> str:
+        return "DUALLESS"
+
+    def invert(self, solution: Any, inverse_data: Any) -> Answer:
+        found = super().invert(solution, inverse_data)
+        return Answer(found.status, found.opt_val, found.primal_vars, None, found.attr)
+
+
+def test_without_duals_there_is_a_lower_bound_and_a_word_why_no_upper_one() -> None:
+    """A block 0.4 wide and 1 high on friction of 0.3 slides."""
+    scene = single_block(friction=0.3)
+    solution = solve(scene, solver=Dualless)
+    assert solution.status is Status.NOT_CERTIFIED
+    assert solution.lower == pytest.approx(0.3, rel=1e-6)
+    assert solution.upper == np.inf
+    assert "DUALLESS returned forces without duals" in solution.note
+    assert not solve(scene, solver=Dualless, method="certified").status.is_good
+
+
+class TestOneSolver:
+    @pytest.mark.parametrize("solver", ["clarabel", SolverSettings("CLARABEL"), CLARABEL])
+    def test_it_alone_is_tried(self, solver: Any) -> None:
+        solution = solve(builtin_scene("tuff-wall"), solver=solver)
+        assert solution.status is Status.CERTIFIED
+        assert {iterate.solver for iterate in solution.history} == {"CLARABEL"}
+
+    def test_its_own_log_is_handed_through(self, capfd: pytest.CaptureFixture[str]) -> None:
+        scene = builtin_scene("arch")
+        solve(scene, solver="CLARABEL")
+        assert "iter" not in capfd.readouterr().out
+        solve(scene, solver="CLARABEL", verbose=True)
+        assert "iter" in capfd.readouterr().out
+
+    @pytest.mark.parametrize(
+        ("options", "said"),
+        [
+            ({"solver": "CLARABLE"}, "no solver 'CLARABLE'; did you mean CLARABEL"),
+            ({"solver": "CLARABEL", "ladder": ["CLARABEL"]}, "solver and ladder .* leave one out"),
+            ({"solver": ["CLARABEL", "SCS"]}, r"one solver, got .*: write ladder=\['CLARABEL', 'S"),
+            ({"solver": 5}, "solver must be a name, got 5: write solver='CLARABEL'"),
+            ({"solver": int}, "a rung of the ladder must be"),
+            ({"solver": "HIGHS"}, "no solver asked for can solve this: HIGHS takes no second-"),
+        ],
+    )
+    def test_refusals(self, options: dict[str, Any], said: str) -> None:
+        with pytest.raises(ModelError, match=said):
+            solve(builtin_scene("tuff-wall"), **options)

@@ -8,7 +8,7 @@ import difflib
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
@@ -196,6 +196,12 @@ class Order:
         f"How interaction with bending adds moments: {either(MOMENTS)}; unless given, independent, "
         "the safe reading.",
     )
+    solver: str | None = option(
+        "NAME",
+        "The one solver to use, any that CVXPY has installed: CLARABEL, MOSEK ...; unless given, "
+        "several in turn until the answer is certified.",
+        group=EFFORT,
+    )
     model: str = option(
         "NAME",
         "Size of the model: auto (default), reduced where that saves time; full; or least, the "
@@ -226,7 +232,8 @@ class Order:
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
 
     def settings(self) -> dict[str, str | float | Certified | None]:
-        names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model")
+        names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model",
+                 "solver")  # fmt: skip
         given = {name: getattr(self, name) for name in names}
         if self.branching_seconds is None and self.workers == 1:
             return given
@@ -252,8 +259,23 @@ def solve_command(order: Order) -> ExitCode:
         scene = scene_named(order.scene)
         return scene, solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
 
-    scene, solution = interruptible(solved)
+    with _prints_on_stderr() if files.is_piped else nullcontext():
+        scene, solution = interruptible(solved)
     return deliver(scene, order.scene, solution, files, order.tolerance)
+
+
+@contextmanager
+def _prints_on_stderr() -> Iterator[None]:
+    """Native code prints on stderr for a while: HiGHS introduces itself on stdout, which is a
+    result's alone where one is asked for there."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 @dataclass(frozen=True, kw_only=True)

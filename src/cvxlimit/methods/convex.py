@@ -124,6 +124,7 @@ class Inquiry:
         self.run, self.tolerance, self.budget = run, tolerance, budget
         self.surfaces = needed_surfaces(run.surfaces)
         self.asked: set[str] = set()
+        self.without_duals: list[str] = []
         self._take(model)
 
     def _take(self, model: str) -> None:
@@ -200,6 +201,12 @@ class Inquiry:
             if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
                 return Status.LIVE_LOAD_HARMLESS
             yield
+        if self.without_duals and not np.isfinite(self.run.best.bracket.upper):
+            who = " and ".join(dict.fromkeys(self.without_duals))
+            self.run.remarks = [
+                f"{who} returned forces without duals: there is no mechanism, and no upper bound; "
+                "another solver has them"
+            ]
         if is_cut:
             more = f"more than the budget of {self.budget:g} s may narrow the bracket"
             self.run.remarks = [more]
@@ -219,6 +226,8 @@ class Inquiry:
     def _attempt(self, settings: SolverSettings) -> LimitState:
         run = self.run
         state = run.solve(self.problem.solve, settings)
+        if state.forces is not None and state.mechanism is None:
+            self.without_duals.append(settings.name)
         found = self._certificate(state)
         if self._loses_below(found) and self._is_new("dead load"):
             self._dead_load_alone()

@@ -144,6 +144,8 @@ class Run:
     formulation : Formulation
     ladder : tuple of SolverSettings or None
         Asked for; None leaves the choice to the method.
+    verbose : bool
+        Whether solvers' own logs are handed through.
     model : str
         How much model: one of :data:`~cvxlimit.reductions.choice.MODELS`.
     reductions : tuple of str
@@ -176,12 +178,14 @@ class Run:
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
         progress: Progress | None = None,
         model: str = "auto",
+        verbose: bool = False,
     ) -> None:
         self.surfaces, self.surface = surfaces_of(surface)
         self.model = model
         self.reductions: tuple[str, ...] = ()
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
+        self.verbose = verbose
         self.progress = progress
         self.clock = Clock()
         self.history: list[Iterate] = []
@@ -228,14 +232,14 @@ class Run:
         """
         self.tell(f"solving with {settings}")
         with self.clock.phase("compile"):
-            state = solver(settings)
+            state = solver(replace(settings, verbose=True) if self.verbose else settings)
             self.clock.seconds["compile"] += state.outcome.compile_seconds
             self.clock.seconds["solve"] += state.outcome.solve_seconds
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
             self.attempts.append((settings, state.outcome))
         elif self.ladder and not (self.attempts or any(rung.row.has_cones for rung in self.ladder)):
-            raise ModelError(f"the ladder cannot solve this: {state.outcome.refusal}")
+            raise ModelError(f"no solver asked for can solve this: {state.outcome.refusal}")
         return state
 
     def try_solvers(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
-from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.methods.interaction.readings.named import MomentsName
 from cvxlimit.methods.table import (
     TABLE,
@@ -23,7 +25,7 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.solvers import SolverSettings
+from cvxlimit.solvers import SolverSettings, rungs_of
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
 
@@ -36,7 +38,9 @@ def solve(
     moments: MomentsName | Moments | None = None,
     tolerance: float | None = None,
     formulation: Formulation = corner_compressions,
-    ladder: Sequence[str | SolverSettings] | None = None,
+    solver: str | SolverSettings | type[ConicSolver] | None = None,
+    ladder: Sequence[str | SolverSettings | type[ConicSolver]] | None = None,
+    verbose: bool = False,
     progress: Progress | None = None,
     model: ModelName = "auto",
     interaction: InteractionName | Method | None = None,
@@ -80,9 +84,13 @@ def solve(
         Which internal forces describe a contact: :func:`corner_compressions` (default, fastest),
         :func:`resultants`, or a function of your own from contacts to a :class:`ForceModel`. For
         the convex method only.
-    ladder : sequence of str or SolverSettings, or None
-        Solvers to try in turn, any that CVXPY has installed: ``["MOSEK", "CLARABEL"]``; None is
-        the tested order.
+    solver : str, SolverSettings, interface of CVXPY's kind, or None
+        The one solver to use, any that CVXPY has installed: ``"CLARABEL"``, ``"MOSEK"``...; None
+        is the tested order of several, chosen by size and kind of problem.
+    ladder : sequence of the same, or None
+        Solvers to try in turn until an answer is certified: ``["MOSEK", "CLARABEL"]``.
+    verbose : bool
+        True hands through what solvers print of their own work, on stdout.
     progress : callable or None
         Called with one line of text at every step of long work.
     model : {"auto", "full", "least"}
@@ -118,7 +126,8 @@ def solve(
     older = {"interaction": interaction, "torsion_shear": torsion_shear, "flow": flow}
     settings = {"tolerance": tolerance, "moments": moments}
     taken, asked = chosen(surface, method, older, settings)
-    run = Run(scene, taken, formulation=formulation, ladder=ladder, progress=progress, model=model)
+    rungs = rungs_of(solver, ladder)
+    run = Run(scene, taken, INDEPENDENT, formulation, rungs, progress, model, verbose)
     if asked.name in TABLE:  # a loop of one's own takes all
         if model == "least" and not TABLE[asked.name].reduces:
             raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")

@@ -15,6 +15,7 @@ from cvxlimit.solvers.ladders import (
     leading_ladder,
     limit_ladder,
     node_ladder,
+    rungs_of,
     tight_ladder,
     warm_ladder,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "limit_ladder",
     "node_ladder",
     "run",
+    "rungs_of",
     "settings_for",
     "tight_ladder",
     "versions",

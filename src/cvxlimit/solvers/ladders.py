@@ -105,6 +105,28 @@ def ladder_of(
     return tuple(ladder)
 
 
+def rungs_of(solver: Any, ladder: Any) -> Ladder | None:
+    """The ladder that a call means by ``solver``, one, or by ``ladder``, several; None by neither.
+
+    Raises
+    ------
+    ModelError
+        If both are given, or several solvers as one.
+
+    >>> [str(rung) for rung in rungs_of("clarabel", None)]
+    ['CLARABEL']
+    """
+    if solver is None:
+        return None if ladder is None else ladder_of(ladder)
+    if ladder is not None:
+        raise ModelError("solver and ladder both say who is to solve this: leave one out")
+    if isinstance(solver, (list, tuple)):
+        raise ModelError(f"solver must be one solver, got {solver!r}: write ladder={solver!r}")
+    if not isinstance(solver, (str, SolverSettings, type)):
+        raise ModelError(f"solver must be a name, got {solver!r}: write solver='CLARABEL'")
+    return ladder_of([solver])
+
+
 def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
     """Clarabel at each of some tolerances, for loops that compare one solve with the next."""
     return tuple(

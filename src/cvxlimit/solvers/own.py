@@ -139,6 +139,13 @@ class Blockwise(CLARABEL):
             solve_time=result.seconds,
             iterations=result.iterations,
         )
+        if verbose:
+            cones, heat = len(data[ConicSolver.DIMS].soc), "cold" if start is None else "warm"
+            keys.LOGGER.info(
+                f"{self.name()}: {len(c):,} variables, {len(b):,} rows, {cones:,} cones; "
+                f"{result.iterations} iterations from a {heat} start, {result.seconds:.4f} s; "
+                f"{result.status}, objective {result.objective:.12g}"
+            )
         kept |= {"asked": asked, "answer": answer}
         return answer
 

@@ -90,12 +90,14 @@ class ConeProgram:
             data, inverse = self._data(row.splits_equations)
             kept = cache if row.starts_warm else None
             starts = is_warm and kept is not None
-            solve = partial(solver.solve_via_data, data, starts, False, options, kept)
+            solve = partial(solver.solve_via_data, data, starts, settings.verbose, options, kept)
             return solve, lambda raw: solver.invert(raw, inverse)
 
         outcome, found = attempted(settings, bool(self.cones), compiled)
         if found is None or not outcome.has_values:
             return outcome, None, None
+        if not found.dual_vars:
+            return replace(outcome, status="failed: returned no duals"), None, None
         (x,) = found.primal_vars.values()
         (y,) = found.dual_vars.values()
         return outcome, np.asarray(x), np.asarray(y).ravel()

@@ -70,7 +70,9 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
         )
         # Only some solvers start from what CVXPY kept of the run before: its interface to QOCO 0.3
         # then returned the solution for the Parameters of that run.
-        solve = partial(chain.solve_via_data, problem, data, row.starts_warm, False, options)
+        solve = partial(
+            chain.solve_via_data, problem, data, row.starts_warm, settings.verbose, options
+        )
         return solve, partial(_unpacked, problem, chain, inverse)
 
     has_cones = cp.SOC in map(type, problem.constraints)

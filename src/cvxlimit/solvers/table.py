@@ -98,7 +98,7 @@ _ROWS = (
     Solver("COPT", "commercial", _ALONE, distribution="coptpy"),
     Solver("XPRESS", "commercial", _ALONE),
     Solver("CUCLARABEL", "Apache-2.0", _ALONE),
-    Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",), has_cones=False),
+    Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",)),  # of cones CVXPY gets no duals
     Solver("CVXOPT", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), splits_equations=True),
     Solver("GLPK", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
     Solver("GLPK_MI", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
@@ -117,7 +117,7 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 @dataclass(frozen=True)
 class SolverSettings:
     """A solver by CVXPY's name, its options, a label for the history, and its interface, where
-    neither CVXPY nor this package knows it by that name.
+    neither CVXPY nor this package knows it by that name. ``verbose`` hands its own log through.
 
     >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
     'CLARABEL'
@@ -127,6 +127,7 @@ class SolverSettings:
     options: Mapping[str, Any] = field(default_factory=dict)
     label: str = ""
     plug_in: type[ConicSolver] | None = None
+    verbose: bool = False
 
     def __str__(self) -> str:
         return self.label or self.name

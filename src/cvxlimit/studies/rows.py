@@ -53,13 +53,16 @@ _CONTINUOUS = (
 """Parameters, and options of solve, with which every variation is one convex problem that changes
 little where they change little."""
 
-OPTIONS = tuple(name for name in signature(solve).parameters if name not in ("scene", "progress"))
+_OF_A_RUN = ("scene", "progress", "verbose")
+
+OPTIONS = tuple(name for name in signature(solve).parameters if name not in _OF_A_RUN)
 """Options of :func:`cvxlimit.solve`, which may be parameters of a sweep as well."""
 
 _CHECKS: dict[str, Callable[[Any], object]] = {
     "surface": surfaces_of,
     "moments": parse_moments,
     "ladder": ladder_of,
+    "solver": ladder_of,
     "tolerance": lambda value: ratio(value, "tolerance"),
     "method": lambda value: check_choice("method", value, TABLE),
     "model": lambda value: check_choice("model", value, MODELS),
