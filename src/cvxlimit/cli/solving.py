@@ -198,9 +198,7 @@ class Order:
     )
     solver: str | None = option(
         "NAME",
-        "The one solver to use, any that CVXPY has installed: CLARABEL, MOSEK ...; unless given, "
-        "several in turn until the answer is certified.",
-        group=EFFORT,
+        "The one solver to use: any that CVXPY has installed.",
     )
     model: str = option(
         "NAME",
@@ -219,8 +217,8 @@ class Order:
     tolerance: float | None = option(
         "WIDTH",
         "Asked relative width of the bracket, or change at which the fixed point stops. Unless "
-        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % as far as its time allows, and "
-        "a bracket within 5 % counts.",
+        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % as far as its time allows "
+        "(5 % counts).",
         group=EFFORT,
     )
     branching_seconds: float | None = option(
