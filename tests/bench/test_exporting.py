@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import cvxpy as cp
 import highspy
@@ -28,13 +29,16 @@ def proved(comments: str, found: float) -> float:
     return unit * found
 
 
-@pytest.mark.parametrize(("scene", "model"), [("arch", "auto"), ("single-block", "full")])
+@pytest.mark.parametrize(
+    ("scene", "model", "surface"),
+    [("arch", "auto", "conic"), ("single-block", "full", "conic"), ("stack", "full", "parabolic")],
+)
 def test_a_cone_program_is_read_back_and_solved_by_another_solver(
-    scene: str, model: str, tmp_path: Path
+    scene: str, model: str, surface: Any, tmp_path: Path
 ) -> None:
     path = tmp_path / "problem.cbf"
-    command = ["export-problem", scene, "--format", "cbf", "--model", model, "--output", str(path)]
-    assert run(command) == 0
+    command = ["export-problem", scene, "--format", "CBF", "--surface", surface, "--model", model]
+    assert run([*command, "--output", str(path)]) == 0
     read = read_cbf(path)
     x, at, constraints = cp.Variable(len(read.cost)), 0, []
     for kind, size in read.cones:
@@ -49,7 +53,7 @@ def test_a_cone_program_is_read_back_and_solved_by_another_solver(
     problem = cp.Problem(cp.Minimize(read.cost @ x), constraints)
     problem.solve(solver=cp.SCS, eps_abs=1e-9, eps_rel=1e-9, max_iters=100_000)
     factor = proved(" ".join(read.comments), problem.value)
-    assert factor == pytest.approx(solve(builtin_scene(scene)).load_factor, rel=LOOSE)
+    assert factor == pytest.approx(solve(builtin_scene(scene), surface).load_factor, rel=LOOSE)
 
 
 def test_facets_are_read_and_solved_by_highs(tmp_path: Path) -> None:

@@ -7,8 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import cvxpy as cp
-
 from cvxlimit.bracket import known
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
@@ -25,7 +23,7 @@ from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.direct import DirectProblem
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.exporting import FORMATS, write_program
@@ -52,9 +50,9 @@ class Export:
 @taking(Export)
 def export_command(asked: Export) -> ExitCode:
     """Write the convex problem that the solver gets, with its proved optimum in a comment."""
-    form = asked.format
+    form = asked.format.lower()
     if form not in FORMATS:
-        raise InputError(f"--format must be one of {', '.join(FORMATS)}, got {form!r}")
+        raise InputError(f"--format must be one of {', '.join(FORMATS)}, got {asked.format!r}")
 
     def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
         scene = scene_named(asked.scene)
@@ -79,9 +77,9 @@ def problem_of(
     """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
-    limit = LimitProblem(found.assemblage, surfaces, reduction=found.best())
-    data, _, _ = limit.problem.get_problem_data(cp.CLARABEL)
-    dims, unit = data["dims"], limit.scaling.load_factor(1.0)
+    limit = DirectProblem(found.assemblage, surfaces, found.best())
+    program = limit.program or ConeProgram.of(limit.modelled.problem)
+    unit = found.assemblage.scaling.load_factor(1.0)
     solution = solve(scene, surface, model=model)
     lower, upper = known(solution.lower), known(solution.upper)
     if lower is None or upper is None:
@@ -93,5 +91,4 @@ def problem_of(
         f"{counted(len(scene.contacts), 'contact')}",
         f"{proved}; load factor = {-unit:.12g} x objective ({solution.status})",
     )
-    cones = tuple(dims.soc)
-    return ConeProgram(data["c"], data["A"], data["b"], dims.zero, dims.nonneg, cones), remarks
+    return program, remarks

@@ -22,6 +22,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.arrays import FloatArray
+from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import Outcome, attempted
 from cvxlimit.solvers.table import SolverSettings
 
@@ -51,6 +52,15 @@ class ConeProgram:
     nonneg: int
     cones: tuple[int, ...] = ()
     enough: float = np.inf
+
+    @classmethod
+    def of(cls, problem: cp.Problem) -> ConeProgram:
+        """What solvers with linear objectives and these cones get of a problem in CVXPY, at the
+        present values of its Parameters."""
+        data, _, _ = problem.get_problem_data(Blockwise(), ignore_dpp=True)
+        dims = data[ConicSolver.DIMS]
+        matrices = data[keys.C], data[keys.A], data[keys.B]
+        return cls(*matrices, dims.zero, dims.nonneg, tuple(dims.soc))
 
     def is_like(self, other: ConeProgram) -> bool:
         """True if entries stand in the same places."""
