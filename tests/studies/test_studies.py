@@ -254,13 +254,18 @@ class TestTable:
 class TestStore:
     GRID = {"friction": [0.2, 0.3, 0.4], "height": [1.0, 2.0]}  # noqa: RUF012
 
-    def test_what_is_stored_is_not_solved_again(self, tmp_path: Path) -> None:
+    def test_what_is_stored_is_not_solved_again(self, tmp_path: Path, monkeypatch) -> None:
+        from cvxlimit.studies import rows
+
         calls = []
 
-        def counted(friction: float, height: float) -> Scene:
-            calls.append((friction, height))
-            return stone(friction, height)
+        def solved(given, **options):
+            scene = getattr(given, "scene", given)
+            calls.append((scene.friction, scene.blocks[1].vertices[:, 2].max()))
+            return solve(given, **options)
 
+        monkeypatch.setattr(rows, "solve", solved)
+        counted = stone
         first = quiet(counted, self.GRID, path=tmp_path / "s")
         assert len(calls) == 6
         assert quiet(counted, self.GRID, path=tmp_path / "s").equals(first)
@@ -274,13 +279,6 @@ class TestStore:
         table = quiet(stone(), {"friction": [0.2, 0.3]}, path=tmp_path / "s")
         found = pd.read_parquet(tmp_path / "s").sort_values("friction", ignore_index=True)
         assert found["load_factor"].equals(table["load_factor"])
-
-    def test_folders_of_older_versions_are_read_and_go_on(self, tmp_path: Path) -> None:
-        quiet(stone(), {"friction": [0.2]}, path=tmp_path / "s")
-        (tmp_path / "s" / "_sweep.json").rename(tmp_path / "s" / "sweep.json")
-        assert read_sweep(tmp_path / "s")["friction"].tolist() == [0.2]
-        assert len(quiet(stone(), {"friction": [0.2, 0.3]}, path=tmp_path / "s")) == 2
-        assert len(read_sweep(tmp_path / "s")) == 2
 
     def test_interrupted_it_keeps_what_was_done(self, tmp_path: Path) -> None:
         broken = [True]

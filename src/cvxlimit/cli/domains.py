@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 from rich.text import Text
 
@@ -95,6 +96,7 @@ def domain_command(asked: Asked) -> ExitCode:
 
 def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
     gap, where = domain.worst
+    said = f"{gap:.2e}" if np.isfinite(gap) else domain.gap_said
     along = ", ".join(f"{x:.3g}" for x in where)
     kind = domain.surface if domain.method == "convex" else f"{domain.surface}, {domain.method}"
     return facts(
@@ -103,7 +105,7 @@ def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
             ("surface", kind),
             *((f"largest {name}", f"[{low}, {high}]")
               for name, (low, high) in domain.extent().items()),
-            ("largest gap", f"{gap:.2e} along ({along}), asked: {domain.tolerance:g}"
+            ("largest gap", f"{said} along ({along}), asked: {domain.tolerance:g}"
              if domain.is_convex else "nothing is said between points"),
             ("points", f"{len(domain.points)}, half-spaces {len(domain.offsets)}"),
             ("unbounded", f"{len(domain.rays)} directions" if len(domain.rays) else ""),
@@ -132,5 +134,5 @@ def _verdict(domains: Sequence[LoadDomain]) -> ExitCode:
         status = domain.status
         if status is Status.INTERRUPTED or not (status.is_good or not domain.is_convex):
             code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
-            return refuse(code, f"{status}: the largest gap is {domain.gap:.2e}")
+            return refuse(code, f"{status}: the largest gap is {domain.gap_said}")
     return ExitCode.SOLVED

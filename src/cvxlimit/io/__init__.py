@@ -12,7 +12,14 @@ from cvxlimit.errors import InputError
 from cvxlimit.io.geometry.export import export
 from cvxlimit.io.geometry.importing import Imported, import_geometry, read_bodies
 from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
-from cvxlimit.io.scenes import SCENE, read_scene, scene_from_dict, scene_to_dict, write_scene
+from cvxlimit.io.scenes import (
+    SCENE,
+    read_scene,
+    scene_digest,
+    scene_from_dict,
+    scene_to_dict,
+    write_scene,
+)
 
 __all__ = [
     "Imported",
@@ -24,6 +31,7 @@ __all__ = [
     "read_scene",
     "result_from_dict",
     "result_to_dict",
+    "scene_digest",
     "scene_from_dict",
     "scene_to_dict",
     "write_result",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any
 
@@ -326,6 +328,31 @@ def scene_to_dict(scene: Scene) -> JsonObject:
     """
     check_scene(scene)
     return SCENE.to_dict(scene)
+
+
+def scene_digest(scene: Scene, cases: Collection[str] = ("dead", "live")) -> str:
+    """A digest of all that a scene's file says, but for its name: equal for scenes that are alike.
+
+    ``cases`` are the loads that count.
+
+    Raises
+    ------
+    InputError
+        As for :func:`scene_to_dict`.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene
+    >>> stack = builtin_scene("stack")
+    >>> scene_digest(stack) == scene_digest(stack.with_name("pile"))
+    True
+    >>> scene_digest(stack) == scene_digest(stack.with_friction(0.5))
+    False
+    """
+    document: dict[str, Any] = {k: x for k, x in scene_to_dict(scene).items() if k != "name"}
+    document["loads"] = {case: document["loads"][case] for case in cases}
+    text = json.dumps(document, sort_keys=True, ensure_ascii=False)
+    return hashlib.blake2b(text.encode("utf-8"), digest_size=16).hexdigest()
 
 
 def scene_from_dict(document: object) -> Scene:

@@ -168,7 +168,7 @@ def domain_html(domain: Any) -> str:
     """Figures of a domain beside its picture, for notebooks."""
     rows = [
         ("loads", ", ".join(domain.names)),
-        ("largest gap", f"{domain.gap:.3g}" if np.isfinite(domain.gap) else "points one by one"),
+        ("largest gap", domain.gap_said if domain.is_convex else "points one by one"),
         ("status", str(domain.status)),
         ("surface", domain.surface if domain.method == "convex" else
          f"{domain.surface}, {domain.method}"),

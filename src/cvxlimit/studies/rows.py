@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import threading
 import time
@@ -19,6 +20,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import is_number, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extras import needed
+from cvxlimit.io.results import result_to_dict
 from cvxlimit.methods.convex import TOLERANCE, Inquiry
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.named import parse_moments
@@ -32,7 +34,9 @@ from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import ladder_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.strengths import PROPERTIES
+from cvxlimit.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.studies.leaders import Leaders
+from cvxlimit.studies.store import IDENTITY, PROOF
 from cvxlimit.studies.variations import varied
 from cvxlimit.surfaces.coulomb import surfaces_of
 
@@ -55,7 +59,12 @@ little where they change little."""
 
 _OF_A_RUN = ("scene", "progress", "verbose")
 
-OPTIONS = tuple(name for name in signature(solve).parameters if name not in _OF_A_RUN)
+_USUAL = {
+    name: each.default
+    for name, each in signature(solve).parameters.items()
+    if name not in _OF_A_RUN
+}
+OPTIONS = tuple(_USUAL)
 """Options of :func:`cvxlimit.solve`, which may be parameters of a sweep as well."""
 
 _CHECKS: dict[str, Callable[[Any], object]] = {
@@ -80,6 +89,11 @@ class Structures:
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
         self.is_led = False
+
+    def sharing(self, scene: Scene) -> Scene:
+        """The scene with the contacts of one of its geometry, if there was one."""
+        known = self._known.get(scene.geometry)
+        return scene if known is None else scene.sharing_contacts_of(known.scene)
 
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
         """The scene with the contacts, equilibrium and factorisation of one of its geometry.
@@ -124,6 +138,10 @@ class Study:
     options: Mapping[str, Any] = field(default_factory=dict)
     measure: Callable[[Solution], Mapping[str, Any]] | None = None
     leaders: Leaders | None = None
+    asked: str = ""
+    """Digest of all that is asked of every row, where rows are stored; else empty."""
+    stored: frozenset[str] = frozenset()
+    """Identities of the rows that are there already."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.scenes, Scene) or callable(self.scenes)):
@@ -178,6 +196,20 @@ class Study:
                 "varied as well"
             ) from error
 
+    def to_be_stored(self) -> Study:
+        """The same for rows that are stored.
+
+        Raises
+        ------
+        ModelError
+            If an option or the measure holds what cannot be told apart.
+        """
+        given = {**_USUAL, **self.options}
+        parts = [digest(x, f"option {name!r}") for name, x in given.items() if name != "surface"]
+        parts.append(digest(surface_forms(given["surface"]), "the surface"))
+        parts.append(digest(self.measure, "measure"))
+        return replace(self, asked=digest(parts, "the sweep"))
+
     def led(self, variations: Sequence[Mapping[str, Any]]) -> Study:
         """The same, with starts between some of all ``variations`` where that makes sense."""
         parameters, options = _CONTINUOUS
@@ -204,22 +236,36 @@ class Study:
                 given.repeats.lead(place)
 
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
-        self._lead(known)
+        """The answer to one variation. Where rows are stored, with its identity, and nothing else
+        if that is there already, or with the result file that proves it."""
         start = time.perf_counter()
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
-            result |= self._solved(variation, known)
+            parameters, options = self.split(variation)
+            scene = self._scene(parameters)
+            if self.asked:
+                surface = options.get("surface", self.options.get("surface", "conic"))
+                alike = known.sharing(scene)
+                result[IDENTITY] = row_identity(self.asked, alike, surface, options)
+                if result[IDENTITY] in self.stored:
+                    return {IDENTITY: result[IDENTITY]}
+            result |= self._solved(scene, options, variation, known)
         except CvxlimitError as error:
             result["error"] = str(error)
         except Exception as error:  # a factory may raise what it likes; the row keeps the reason
             result["error"] = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        if self.asked and IDENTITY not in result:  # there is no scene: it is tried every time
+            result[IDENTITY] = digest([self.asked, dict(variation), result["error"]], "the row")
+            if result[IDENTITY] in self.stored:
+                return {IDENTITY: result[IDENTITY]}
         return result | {"seconds": time.perf_counter() - start}
 
-    def _solved(self, variation: Mapping[str, Any], known: Structures) -> Row:
-        parameters, options = self.split(variation)
+    def _solved(
+        self, scene: Scene, options: Row, variation: Mapping[str, Any], known: Structures
+    ) -> Row:
+        self._lead(known)
         place = None if self.leaders is None else self.leaders.place(variation)
-        given = known.mechanics(self._scene(parameters))
-        solution = _answer(given, {**self.options, **options}, place)
+        solution = _answer(known.mechanics(scene), {**self.options, **options}, place)
         figures: Row = {
             "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
             "lower": solution.lower,
@@ -229,7 +275,10 @@ class Study:
             "note": solution.note,
             "solver": solution.history[-1].solver if solution.history else "",
         }
-        return figures | dict(self.measure(solution) if self.measure else {})
+        figures |= dict(self.measure(solution) if self.measure else {})
+        if self.asked:
+            figures[PROOF] = json.dumps(result_to_dict(solution))
+        return figures
 
     def _scene(self, parameters: Mapping[str, Any]) -> Scene:
         given = self.scenes

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extras import needed
-from cvxlimit.io.scenes import scene_to_dict
+from cvxlimit.io.scenes import scene_digest, scene_to_dict
 from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.studies.rows import RESULTS, Row, Structures, Study, packed, work
-from cvxlimit.studies.store import KEY, Store, key_of
+from cvxlimit.studies.store import IDENTITY, KEY, PROOF, Store, key_of
 from cvxlimit.studies.variations import Grid, variations_of
 from cvxlimit.versions import __version__
 
@@ -92,19 +92,20 @@ def sweep(
     """
     pandas = needed("pandas", "frames", "sweeps")
     study, table = Study(scenes, options, measure), variations_of(grid)
-    clash = sorted(set(table.columns) & {*RESULTS, KEY})
+    clash = sorted(set(table.columns) & {*RESULTS, KEY, IDENTITY, PROOF})
     if clash:
         raise InputError(f"a parameter must not be called {clash[0]!r}: a result is called so")
     records: list[Row] = table.to_dict("records")
     study.check(records)
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
     variations = dict(zip(names, records, strict=True))
-    study = study.led(records)
-    about = _about(study)
-    store = None if path is None else Store(path, about)  # nothing is refused once it is there
-    done = {} if store is None else store.known(set(names))
-    stored = len(done)
-    with progress_bar("sweep", len(variations), progress, len(done)) as advance:
+    study, store, about = study.led(records), None, _about(study)
+    if path is not None:
+        study = study.to_be_stored()  # nothing is refused once the folder is there
+        store = Store(path, {**about, "base": _base(scenes)})
+        study = replace(study, stored=frozenset(store.rows))
+    done = dict[str, Row]()
+    with progress_bar("sweep", len(variations), progress) as advance:
         is_interrupted = _fill(done, study, variations, executor, store, advance)
     kept = [i for i, name in enumerate(names) if name in done]
     found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
@@ -113,7 +114,7 @@ def sweep(
         **about,
         "version": __version__,
         "variations": len(variations),
-        "found": stored,
+        "found": sum(row.get(IDENTITY) in study.stored for row in done.values()),
         "is_interrupted": is_interrupted,
     }
     return result
@@ -127,13 +128,15 @@ def _fill(
     store: Store | None,
     advance: Callable[[str], None],
 ) -> bool:
-    todo = {name: row for name, row in variations.items() if name not in done}
     try:
-        for name, row in solved(study, todo, executor):
-            done[name] = row
-            if store is not None:
-                store.add({KEY: name, **variations[name], **row})
-            advance(row["error"] or f"{row['load_factor']:.6g}")
+        for name, row in solved(study, variations, executor):
+            if store is not None and row[IDENTITY] in study.stored:
+                done[name] = store.again(name, variations[name], row[IDENTITY])
+            else:
+                done[name] = row
+                if store is not None:
+                    store.add(name, variations[name], row)
+            advance(done[name]["error"] or f"{done[name]['load_factor']:.6g}")
     except KeyboardInterrupt:
         return True
     finally:
@@ -143,22 +146,40 @@ def _fill(
 
 
 def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
-    others = [name for row in done.values() for name in row]
-    measured = dict.fromkeys(o for o in others if o not in {*RESULTS, *table.columns, KEY})
-    return [*RESULTS, *measured]
+    """Results, and what was measured; stored rows lack in NaN what others of the folder have."""
+    known, measured = {*RESULTS, *table.columns, KEY, IDENTITY, PROOF}, dict[str, None]()
+    for row in done.values():
+        is_new = KEY not in row
+        measured |= {name: None for name, x in row.items() if is_new or (x is not None and x == x)}
+    return [*RESULTS, *(name for name in measured if name not in known)]
 
 
 def _about(study: Study) -> dict[str, str]:
-    """What a sweep is of: rows of one with another scene or other options must not be mixed."""
+    """What a sweep is of, in words: what is plainly another one must not share its folder.
+
+    Objects are told by their classes, functions by their names: an edited one goes on in the same
+    folder, where its rows are told from earlier ones by their identities.
+    """
     given = study.scenes
-    if isinstance(given, Scene):
-        text = json.dumps(scene_to_dict(given), sort_keys=True)
-        scene = f"{given.name} {hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}"
-    else:
-        name = getattr(given, "__qualname__", type(given).__qualname__)
-        scene = f"{getattr(given, '__module__', '')}.{name}"
-    options = ", ".join(f"{name}={value!r}" for name, value in sorted(study.options.items()))
-    return {"scene": scene, "options": re.sub(r" at 0x[0-9a-f]+", "", options)}
+    scene = f"{given.name} {scene_digest(given)}" if isinstance(given, Scene) else _said(given)
+    options = ", ".join(f"{name}={_said(value)}" for name, value in sorted(study.options.items()))
+    return {"scene": scene, "options": options}
+
+
+def _said(value: Any) -> str:
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return repr(value)
+    if isinstance(value, partial):
+        return _said(value.func)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_said, value))}]"
+    named = value if hasattr(value, "__qualname__") else type(value)
+    return f"{named.__module__}.{named.__qualname__}"
+
+
+def _base(scenes: Any) -> dict[str, Any] | None:
+    """The scene that is varied, with which a folder can be proved again; a function has none."""
+    return scene_to_dict(scenes) if isinstance(scenes, Scene) else None
 
 
 def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:

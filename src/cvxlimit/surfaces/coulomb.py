@@ -107,7 +107,7 @@ SurfaceName = Literal[
 PARABOLIC = "parabolic"
 """Torsion and shear on a parabola between the paper's line (Eq. 24) and the exact limit."""
 
-_BUILT_IN = {
+BUILT_IN = {
     kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
 }
 
@@ -186,14 +186,14 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
             return NAMED.get(torsion_shear) or surfaces_of(name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
         parabolic = ParabolicTorsionShear.name  # has one cone only
-        made = [_BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
+        made = [BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
     except (KeyError, ValueError, ModelError):
         return None
     return tuple(made)
 
 
 def _said(surface: YieldSurface) -> str:
-    kind = _BUILT_IN.get(surface.name)
+    kind = BUILT_IN.get(surface.name)
     own = "" if kind in (None, type(surface)) else " of one's own"
     return f"{surface.name}{own}({surface.cone})"
 

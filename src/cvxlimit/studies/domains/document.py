@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.io.fields import Path, items, text
+from cvxlimit.checks import first_twice
+from cvxlimit.errors import InputError
+from cvxlimit.io.fields import Path, items, shown, text
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,
@@ -15,6 +17,7 @@ from cvxlimit.io.forms import (
     Form,
     Key,
     choice,
+    keyed,
     listed,
     nullable,
     plain,
@@ -53,8 +56,14 @@ SUPPORT = record(
 
 def _named(value: Any, where: str, owner: str) -> dict[str, Any]:
     each = [items(entry, where) for entry in items(value, where)]
+    for entry in each:
+        if len(entry) != 2:
+            raise InputError(f"each of {where} must be a name and a load, got {shown(entry)}")
     names = [text(name, f"name of a load in {where}") for name, _ in each]
     loads = [LOAD.read(load, f"a load in {where}", where) for _, load in each]
+    if (twice := first_twice(names)) is not None or not 2 <= len(names) <= 3:
+        what = f"{len(names)} loads" if twice is None else f"{shown(twice)} twice"
+        raise InputError(f"{where} must be two or three by different names, got {what}")
     return dict(zip(names, loads, strict=True))
 
 
@@ -66,6 +75,31 @@ LOADS = Form(
     {"type": "array", "items": {"type": "array"}},
 )
 """Pairs of a name and a load: their order is that of the load factors."""
+
+
+def _domain(status: str, loads: dict[str, Any], units: Any, **given: Any) -> LoadDomain:
+    """A domain all of whose vectors have a number for each load."""
+    _check_vector(units, len(loads), "units")
+    if not (units > 0.0).all():
+        raise InputError(f"units must be above zero, got {shown(units.tolist())}")
+    for i, support in enumerate(given["supports"]):
+        where = f"entry {i} of supports"
+        for name in ("direction", "point", "ray", "normal", "loaded"):
+            vector = getattr(support, name)
+            if vector is not None:
+                _check_vector(vector, len(loads), f"{name} of {where}")
+        if np.isnan(support.offset):
+            raise InputError(f"offset of {where} must be a number, got 'nan'")
+    return LoadDomain(status=Status(status), loads=loads, units=units, **given)
+
+
+def _check_vector(vector: Any, size: int, where: str) -> None:
+    if len(vector) != size or not np.isfinite(vector).all():
+        raise InputError(
+            f"{where} must be {size} finite numbers, one for each load, got "
+            f"{shown(vector.tolist())}: the file is damaged; delete it, or take another"
+        )
+
 
 DOMAIN: Document[LoadDomain] = Document(
     "domain",
@@ -82,8 +116,10 @@ DOMAIN: Document[LoadDomain] = Document(
             "solves": Key(WHOLE, "{key}"),
             "seconds": Key(FIGURE, "{key}"),
             "about": Key(TEXT, "{key}"),
+            "scene_digest": Key(TEXT, "{key}"),
+            "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
         },
-        lambda status, **given: LoadDomain(status=Status(status), **given),
+        _domain,
         header=HEADER,
     ),
 )

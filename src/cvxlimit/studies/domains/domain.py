@@ -63,6 +63,12 @@ class LoadDomain:
     solves : int
         Solver runs.
     seconds : float
+    about : str
+        A digest of all that decides about the set, by which a file is continued.
+    scene_digest : str
+        That of the scene, :func:`~cvxlimit.io.scene_digest`; empty in files of earlier versions.
+    versions : mapping of distribution to version
+        cvxlimit's; empty in files of earlier versions.
 
     Example
     -------
@@ -88,6 +94,8 @@ class LoadDomain:
     solves: int = 0
     seconds: float = 0.0
     about: str = field(default="", repr=False)
+    scene_digest: str = field(default="", repr=False)
+    versions: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def points(self) -> FloatArray:
@@ -182,16 +190,25 @@ class LoadDomain:
         if not len(gaps):
             return 0.0, np.zeros(len(self.units))
         at = int(gaps.argmax())
-        return float(gaps[at]), (corners[at] - self.centre) * self.units
+        gap = float(gaps[at])  # where nothing is known to be carried on the way, it is beyond one
+        return gap if gap <= 1.0 else np.inf, (corners[at] - self.centre) * self.units
 
     @property
     def gap(self) -> float:
-        """The largest relative gap of any direction; infinite where nothing holds between points.
+        """The largest relative gap of any direction, 1 at most; infinite where nothing holds
+        between points, or where too little is known yet.
 
         Measured from zero, or from inside the set where zero is not; loads beyond a hundred times
         their natural size are left out.
         """
         return self.worst[0]
+
+    @property
+    def gap_said(self) -> str:
+        """The gap in words: ``"0.93 %"``, or ``"unbounded"``."""
+        if not np.isfinite(self.gap):
+            return "unbounded"
+        return f"{100.0 * self.gap:.0f} %" if self.gap >= 0.1 else f"{100.0 * self.gap:.2g} %"
 
     def load_factor(self, direction: ArrayLike) -> Bracket:
         """Bounds on the largest t for which t times ``direction`` is carried; nothing is solved.
@@ -352,7 +369,7 @@ class LoadDomain:
     @property
     def summary(self) -> str:
         """One line: what of, how close, from how many solves."""
-        gap = f"gap {100 * self.gap:.2g} %" if np.isfinite(self.gap) else "points one by one"
+        gap = f"gap {self.gap_said}" if self.is_convex else "points one by one"
         return (
             f"{self.scene!r} under {', '.join(self.names)}, {self.surface}: {gap}, "
             f"{len(self.points)} points, {len(self.offsets)} half-spaces, "

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
-import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +16,7 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import count, of_type, ratio
 from cvxlimit.errors import InputError
-from cvxlimit.io.scenes import LOAD, scene_to_dict
+from cvxlimit.io.scenes import LOAD, scene_digest
 from cvxlimit.loads import Load, combined
 from cvxlimit.methods.interaction.readings.flow import InteractionFlow
 from cvxlimit.methods.interaction.readings.moments import Moments
@@ -37,9 +34,11 @@ from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.studies.domains.images import Raw, images
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.studies.domains.supports import Structure, Support
+from cvxlimit.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.studies.sweeping import solved
 from cvxlimit.surfaces import Cone, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
+from cvxlimit.versions import __version__
 
 PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0))}
 """Loads unless others are given: pushes of the weight along both horizontal axes."""
@@ -137,7 +136,7 @@ class Search:
             self.take(questions[int(key)], row)
             self._keep(Status.NOT_CERTIFIED)
             is_convex = self.domain.is_convex
-            self.advance(f"gap {self.domain.gap:.2%}" if is_convex else "points one by one")
+            self.advance(f"gap {self.domain.gap_said}" if is_convex else "points one by one")
 
     def _keep(self, status: Status) -> None:
         seconds = time.perf_counter() - self.started
@@ -362,10 +361,12 @@ def load_domain(
     structure, is_convex = study.structure, method in ("convex", "exact")
     domain = LoadDomain(
         scene.name, structure.run.surface, method, named, structure.units, (),
-        Status.NOT_CERTIFIED, tolerance, is_convex, about=_about(study),
+        Status.NOT_CERTIFIED, tolerance, is_convex, scene_digest=scene_digest(scene, ["dead"]),
+        versions={"cvxlimit": __version__},
     )  # fmt: skip
-    if path is not None and os.path.exists(path):
-        domain = _gone_on(path, domain)
+    if path is not None:
+        domain = replace(domain, about=_about(study))
+        domain = _gone_on(path, domain) if os.path.exists(path) else domain
     title = f"domain of {scene.name}"
     with progress_bar(title, most_solves, progress, domain.solves) as advance:
         return Search(study, domain, path, advance).closed(most_solves, executor)
@@ -374,6 +375,13 @@ def load_domain(
 def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
     """What a file has of the same domain."""
     known = read_domain(path)
+    wrote = known.versions.get("cvxlimit")
+    if wrote != __version__:
+        by = "an earlier version" if wrote is None else f"version {wrote}"
+        raise InputError(
+            f"{path}: holds a domain of {by} of cvxlimit, this is {__version__}: take another "
+            "file, or delete it"
+        )
     if known.about != domain.about:
         raise InputError(
             f"{path}: holds the domain of another scene, other loads or other options (scene "
@@ -383,13 +391,12 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 
 
 def _about(study: Study) -> str:
-    """A digest of all that decides about the set."""
-    plain = scene_to_dict(study.scene.with_live(combined(study.loads, np.ones(len(study.loads)))))
-    loads = [LOAD.write(load, "a load", "a domain") for load in study.loads]
-    parts = [json.dumps(each, sort_keys=True) for each in (plain, *loads)]
-    shown = {name: study.options.get(name) for name in ("surface", "moments")}
-    text = re.sub(r" at 0x[0-9a-f]+", "", "\n".join([*parts, study.method, repr(shown)]))
-    return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
+    """A digest of all that decides about the set: the tolerance, solvers and reductions do not."""
+    plain = [LOAD.write(load, "a load", "a domain") for load in study.loads]
+    moments = digest(study.options.get("moments"), "option 'moments'")
+    surface, scene = study.options["surface"], study.structure.run.given
+    asked = digest(["domain", surface_forms(surface), study.method, moments, plain], "the domain")
+    return row_identity(asked, scene, surface, {})
 
 
 def _status(domain: LoadDomain) -> Status:
