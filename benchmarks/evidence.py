@@ -80,6 +80,19 @@ PARTS = (
         25,
         "docs/evidence/interaction.json",
     ),
+    Part("bands", "benchmarks.bands", 8),
+    Part(
+        "bands-readings",
+        "benchmarks.bands tuff-wall facade random-wall-2 random-wall-13 --compiled yes"
+        " --moments independent paper",
+        2,
+    ),
+    Part(
+        "bands-kernels",
+        "benchmarks.bands tuff-wall facade --solvers BLOCKWISE --compiled yes --moments signed"
+        ' independent --kernels "" Haswell SkylakeX Prescott Zen',
+        1,
+    ),
     Part(
         "atlas",
         "benchmarks.stability --peer .venv-cra/bin/python",
