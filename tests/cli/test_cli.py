@@ -477,6 +477,7 @@ def test_disk_full_at_the_end_still_shows_the_result(run: Run) -> None:
 def test_picture_without_matplotlib(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert_refused(run("solve", "arch", "--plot", "m.png"), "pip install 'cvxlimit[plot]'")
+    assert_refused(run("solve", "arch", "--plot", "m.vtu"), "pip install 'cvxlimit[pyvista]'")
 
 
 # --- no answer: exit 3; not good enough: exit 4 ---------------------------------------------------

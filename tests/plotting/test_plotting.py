@@ -24,7 +24,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting import ContactKind, Drawing, figure, motion, page, plot, title
+from cvxlimit.plotting import ContactKind, Drawing, figure, motion, page, plot, title, to_pyvista
 from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.camera import camera_from, default_camera
 from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS, rgb
@@ -635,6 +635,17 @@ def test_vtu_with_hostile_texts_reads_back(hostile, tmp_path):
     paths = plot(scene, solution, tmp_path / "h.vtu")
     assert pyvista.read(paths[0]).cell_data["id"].tolist() == [b.id for b in scene.blocks]
     assert "V1" not in pyvista.read(paths[1]).cell_data
+
+
+def test_missing_pyvista_is_one_clear_error(wall, solved, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    for make in (
+        lambda: plot(wall, solved, tmp_path / "a.vtu"),
+        lambda: to_pyvista(solved.of(wall)),
+    ):
+        with pytest.raises(ModelError, match=r'need pyvista: pip install "cvxlimit\[pyvista\]"'):
+            make()
+    assert not list(tmp_path.iterdir())
 
 
 # ---------------------------------------------------------------- files

@@ -26,7 +26,9 @@ from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
 
-NEED_MATPLOTLIB = {*PICTURES} - {".html", ".vtu"}
+LIBRARIES = dict.fromkeys({*PICTURES} - {".html"}, ("pictures", "Matplotlib", "plot"))
+LIBRARIES[".vtu"] = ("files for ParaView", "PyVista", "pyvista")
+"""What files by suffix are, the library that they need, and the extra that brings it."""
 
 SCENE_PICTURES = (".png", ".html", ".svg", ".pdf")
 """What a scene without a solution can be drawn as."""
@@ -81,11 +83,13 @@ def check_outputs(
         typed = _typed(f"--{name}", path)
         if (suffix := path.suffix.lower()) not in suffixes:
             raise InputError(f"{typed}: the name must end in {', '.join(suffixes)}")
-        if suffix in NEED_MATPLOTLIB and importlib.util.find_spec("matplotlib") is None:
-            others = ".html and .vtu work" if ".vtu" in suffixes else ".html works"
-            without = f" ({others} without it)" if ".html" in suffixes else ""
+        if suffix not in LIBRARIES:
+            continue
+        what, library, extra = LIBRARIES[suffix]
+        if importlib.util.find_spec(library.lower()) is None:
+            without = " (.html works without it)" if ".html" in suffixes else ""
             raise ModelError(
-                f"{typed}: pictures need Matplotlib: pip install 'cvxlimit[plot]'{without}"
+                f"{typed}: {what} need {library}: pip install 'cvxlimit[{extra}]'{without}"
             )
 
 

@@ -93,7 +93,8 @@ def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tupl
     InputError
         For another suffix, a folder that cannot be written to, or a solution of another scene.
     ModelError
-        If a picture is asked for and Matplotlib is not installed.
+        If a picture is asked for and Matplotlib is not installed, or a ``.vtu`` without PyVista
+        (the extra ``pyvista``).
 
     Example
     -------

@@ -91,5 +91,5 @@ _COMMON = [
 
 def figures(module: str = "drawing") -> ModuleType:
     """What draws with Matplotlib, imported when it is used; refused if that is not installed."""
-    needed("matplotlib", "plot", "pictures (but for .html and .vtu)")
+    needed("matplotlib", "plot", "pictures (but for .html)")
     return import_module(f"cvxlimit.plotting.{module}")
