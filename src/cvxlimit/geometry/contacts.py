@@ -34,6 +34,9 @@ CARRIES = 1e-6
 little mean anything."""
 
 
+_PER_CONTACT = (*PROPERTIES, "lumped", "turned")
+
+
 @dataclass(frozen=True, eq=False)
 class Contact:
     """One contact, for people to read; made by indexing :class:`Contacts`.
@@ -84,6 +87,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     pieces : mapping of int to tuple of (k, 2) arrays
         For contacts that are not convex, have holes or several parts: convex polygons that tile
         them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.
+    lumped : (n,) integers, turned : (n,)
+        How many of the blocks' faces do not lie in the contact's plane and are taken as if they
+        did, and the largest angle (radians) by which they are turned from it; 0 for exact ones.
     """
 
     names: tuple[str, ...]
@@ -97,12 +103,14 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     sides: FloatArray
     area: FloatArray
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
+    lumped: IntArray = 0  # type: ignore[assignment]  # as for friction, that of all contacts
+    turned: FloatArray = 0.0  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name in PROPERTIES and np.ndim(value) == 0:
-                value = np.full(len(self.names), float(value))
+            if each.name in _PER_CONTACT and np.ndim(value) == 0:
+                value = np.full(len(self.names), value, float if each.name != "lumped" else int)
             object.__setattr__(self, each.name, read_only(value))
         if self.pieces:
             self._check_hulls()
@@ -247,7 +255,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def take(self, rows: IntArray) -> Contacts:
         """Some of the contacts, in the order of ``rows`` (k,)."""
         place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
-        own = ("a", "b", "origin", "axes", "sides", "area", *PROPERTIES)
+        own = ("a", "b", "origin", "axes", "sides", "area", *_PER_CONTACT)
         return replace(
             self,
             names=tuple(self.names[j] for j in rows.tolist()),
@@ -263,7 +271,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         parts = [x for x in parts if len(x)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        own = ("a", "b", "origin", "axes", "corner_xy", "sides", "area", *PROPERTIES)
+        own = ("a", "b", "origin", "axes", "corner_xy", "sides", "area", *_PER_CONTACT)
         ends = np.cumsum([0, *(len(x.corner_xy) for x in parts)])
         before = np.cumsum([0, *map(len, parts)])
         starts = [x.corner_start[:-1] + n for x, n in zip(parts, ends[:-1], strict=True)]

@@ -2,6 +2,10 @@
 
 Faces in one plane are one facet whether or not they share an edge: what two bodies transmit through
 one plane is one contact, and a bridge of no width between two feet must not change its answer.
+
+There are two groupings. :func:`facets` takes what lies within a tolerance of a plane as that plane:
+a warped, scanned or hammered face. :func:`planes` joins only what rounding keeps from one plane:
+the faces as they are, for joints whose two sides agree on a shape (:mod:`.shapes`).
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from scipy.spatial import cKDTree
 import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import Faces
+from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 _SAME_WAY = 0.9
 """Cosine below which faces are not one facet, however small they are (26 degrees): a fillet
@@ -42,24 +47,38 @@ STRAIGHT = 1e-9
 class Facets:
     """Planar facets of a body: its ``faces`` that make up each, and convex ``pieces`` that tile
     them (vertex indices, counter-clockwise from outside), with the ``facet`` of each, which never
-    falls."""
+    falls. Facets of one ``sheet`` go over into each other without a sharp edge; those that are
+    ``lumped`` hold faces that may be a shape of their own."""
 
     faces: Faces
     pieces: Faces
     facet: tuple[int, ...]
+    sheet: tuple[int, ...]
+    lumped: tuple[bool, ...]
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Facets:
         numbers = tuple(range(len(faces)))
-        return cls(tuple((i,) for i in numbers), faces, numbers)
+        return cls(tuple((i,) for i in numbers), faces, numbers, numbers, (False,) * len(faces))
 
 
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
     """Faces are one facet when all their corners lie within ``tolerance`` of their mean plane;
     curved surfaces are covered by as large such patches as grow from their largest faces."""
-    surface = _Surface(points, faces)
-    label = _joined_across_edges(surface, tolerance)
-    label = _joined_by_plane(surface, label, tolerance)
+    return _facets(_Surface(points, faces, tolerance, _SAME_WAY, narrow=tolerance), faces)
+
+
+def planes(points: FloatArray, faces: Faces) -> Facets:
+    """Faces are one facet when they are flat and parallel to six digits, in one plane."""
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    parallel = 1.0 - 0.5 * RELATIVE_TOLERANCE**2
+    return _facets(_Surface(points, faces, RELATIVE_TOLERANCE * size, parallel, narrow=0.0), faces)
+
+
+def _facets(surface: _Surface, faces: Faces) -> Facets:
+    points = surface.points
+    sheet, label = _joined_across_edges(surface)
+    label = _joined_by_plane(surface, label)
     members: dict[int, list[int]] = {}
     for face, group in enumerate(label.tolist()):
         members.setdefault(group, []).append(face)
@@ -69,13 +88,31 @@ def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
         found = _convex_pieces(points, [faces[i] for i in group], surface.plane(np.array(group))[0])
         pieces += found
         owner += [number] * len(found)
-    return Facets(tuple(map(tuple, members.values())), tuple(pieces), tuple(owner))
+    sheets = mesh.linked(len(faces) + int(label.max()) + 1, sheet, len(faces) + label)
+    return Facets(
+        tuple(map(tuple, members.values())),
+        tuple(pieces),
+        tuple(owner),
+        tuple(sheets[sheet[[group[0] for group in members.values()]]].tolist()),
+        tuple(_may_be_shaped([faces[i] for i in group]) for group in members.values()),
+    )
+
+
+def _may_be_shaped(faces: Sequence[tuple[int, ...]]) -> bool:
+    """Two triangles are a warped quadrilateral cut along one of its diagonals: whether a file holds
+    it cut or whole must not change an answer."""
+    return len(faces) > 2 or (len(faces) == 2 and max(map(len, faces)) > 3)
 
 
 class _Surface:
     """Faces with their planes, for one grouping."""
 
-    def __init__(self, points: FloatArray, faces: Faces) -> None:
+    def __init__(
+        self, points: FloatArray, faces: Faces, tolerance: float, way: float, narrow: float
+    ) -> None:
+        """Faces are one facet within ``tolerance`` of a plane, if the cosine of the angle to it
+        exceeds ``way``, or if they are too ``narrow`` to look anywhere."""
+        self.points, self.tolerance, self.way, self.narrow = points, tolerance, way, narrow
         self.vectors = mesh.area_vectors(points, faces)
         self.area = np.linalg.norm(self.vectors, axis=1)
         self.normal = self.vectors / self.area[:, None]
@@ -94,33 +131,33 @@ class _Surface:
         return normal / length, weight @ self.middle[group] / weight.sum()
 
     def fits(
-        self, group: IntArray, normal: FloatArray, point: FloatArray, tolerance: float
+        self, group: IntArray, normal: FloatArray, point: FloatArray, share: float = 1.0
     ) -> BoolArray:
-        """Which faces lie in a plane and look the same way, or are too narrow to look anywhere."""
-        same = self.normal[group] @ normal > _SAME_WAY
-        narrow = self.narrowness[group] <= tolerance
+        """Which faces lie in a plane, within a share of the tolerance, and look the same way, or
+        are too narrow to look anywhere."""
+        same = self.normal[group] @ normal > self.way
+        narrow = self.narrowness[group] <= share * self.narrow
         off = np.abs((self.corners[group] - point) @ normal).max(axis=1)
-        return np.asarray((off <= tolerance) & (same | narrow))
+        return np.asarray((off <= share * self.tolerance) & (same | narrow))
 
 
-def _joined_across_edges(surface: _Surface, tolerance: float) -> IntArray:
+def _joined_across_edges(surface: _Surface) -> tuple[IntArray, IntArray]:
+    """The sheet and, of those that are no plane as a whole, the patch of every face."""
     f, g = surface.neighbours
-    same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > _SAME_WAY
-    same |= np.minimum(surface.narrowness[f], surface.narrowness[g]) <= tolerance
+    same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > surface.way
+    same |= np.minimum(surface.narrowness[f], surface.narrowness[g]) <= surface.narrow
     f, g = f[same], g[same]
     label = mesh.linked(len(surface.area), f, g)
     result = label.copy()
     sizes = np.bincount(label)
     for group in (np.flatnonzero(label == k) for k in np.flatnonzero(sizes > 1).tolist()):
-        if not surface.fits(group, *surface.plane(group), tolerance).all():
-            for patch in _patches(surface, group, f, g, _CURVED * tolerance):
+        if not surface.fits(group, *surface.plane(group)).all():
+            for patch in _patches(surface, group, f, g):
                 result[patch] = result.max() + 1
-    return result
+    return label, result
 
 
-def _patches(
-    surface: _Surface, group: IntArray, f: IntArray, g: IntArray, tolerance: float
-) -> Iterable[IntArray]:
+def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> Iterable[IntArray]:
     inside = np.isin(f, group)
     ends = np.concatenate([f[inside], g[inside]]), np.concatenate([g[inside], f[inside]])
     order = np.argsort(ends[0], kind="stable")
@@ -141,17 +178,17 @@ def _patches(
                 np.concatenate([target[begin[i] : begin[i + 1]] for i in frontier.tolist()])
             )
             around = around[free[around]]
-            frontier = around[surface.fits(around, *surface.plane(patch), tolerance)]
+            frontier = around[surface.fits(around, *surface.plane(patch), _CURVED)]
             free[frontier] = False
             patch = np.concatenate([patch, frontier])
-        kept = surface.fits(patch, *surface.plane(patch), tolerance)
+        kept = surface.fits(patch, *surface.plane(patch), _CURVED)
         if not kept[0]:
             kept = np.arange(len(patch)) == 0
         free[patch[~kept]] = True
         yield patch[kept]
 
 
-def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> IntArray:
+def _joined_by_plane(surface: _Surface, label: IntArray) -> IntArray:
     names, label = np.unique(label, return_inverse=True)
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(label))[:-1])
@@ -162,13 +199,13 @@ def _joined_by_plane(surface: _Surface, label: IntArray, tolerance: float) -> In
     pairs = tree.query_pairs(_PARALLEL, output_type="ndarray").reshape(-1, 2)
     one, other = pairs[np.lexsort(pairs.T[::-1])].T  # the tree's own order turns with the body
     between = point[other] - point[one]
-    near = np.abs(np.einsum("pk,pk->p", between, normal[one])) <= tolerance
-    near &= np.abs(np.einsum("pk,pk->p", between, normal[other])) <= tolerance
+    near = np.abs(np.einsum("pk,pk->p", between, normal[one])) <= surface.tolerance
+    near &= np.abs(np.einsum("pk,pk->p", between, normal[other])) <= surface.tolerance
     joined = np.arange(len(names))
     for i, k in zip(one[near].tolist(), other[near].tolist(), strict=True):
         i, k = sorted((int(joined[i]), int(joined[k])))
         both = np.concatenate([groups[i], groups[k]])
-        if i != k and surface.fits(both, *surface.plane(both), tolerance).all():
+        if i != k and surface.fits(both, *surface.plane(both)).all():
             joined[joined == k] = i
             groups[i] = both
     return joined[label]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
@@ -41,7 +42,10 @@ class Reach:
 class FacetTable:
     """Convex pieces of all facets, block by block and facet by facet. ``corners`` (f, k, 3) repeat
     a piece's last corner up to k, ``sides`` counts them without; ``normal`` and ``point`` are of
-    the facet's mean plane, the same for all of its pieces."""
+    the facet's mean plane, the same for all of its pieces; ``off`` is how far its corners are off
+    that plane, ``bent`` how far all corners of its ``faces`` are, whose numbers these are;
+    ``sheet`` and ``lumped`` are those of :class:`~cvxlimit.geometry.facets.Facets`, and ``patch``
+    is the facet itself, or the patch that a face as it is belongs to."""
 
     block: IntArray
     facet: IntArray
@@ -50,18 +54,28 @@ class FacetTable:
     normal: FloatArray
     point: FloatArray
     off: FloatArray
+    bent: FloatArray
+    faces: NDArray[np.object_]
+    sheet: IntArray
+    lumped: BoolArray
+    patch: IntArray
 
     def take(self, rows: IntArray) -> FacetTable:
         return FacetTable(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
+def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
+    """Facets within the joint tolerance of a plane, and how far that and near misses reach."""
     size, thickness = _extents(blocks)
     tolerance = JOINT_TOLERANCE * thickness
     if joint_tolerance is not None:
         tolerance = np.full(len(blocks), joint_tolerance)
     near = np.maximum(np.minimum(NEAR * tolerance, _THROUGH * thickness), tolerance)
-    shapes = _shapes(blocks, tolerance)
+    return facet_table(blocks, _shapes(blocks, tolerance)), Reach(size, tolerance, near)
+
+
+def facet_table(blocks: Sequence[Block], shapes: Mapping[Facets, list[int]]) -> FacetTable:
+    """The facets of blocks, which are numbered by their shapes; every block has one."""
     width = max(len(piece) for shape in shapes for piece in shape.pieces)
     parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
     columns = ([getattr(p, f.name) for p in parts] for f in fields(FacetTable))
@@ -69,7 +83,8 @@ def facet_table(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple
     table = joined.take(np.argsort(joined.block, kind="stable"))
     new = np.flatnonzero(np.diff(table.facet, prepend=-1) | np.diff(table.block, prepend=-1))
     number = np.repeat(np.arange(len(new)), np.diff(new, append=len(table.facet)))
-    return replace(table, facet=number), Reach(size, tolerance, near)
+    sheet = np.unique(table.block * len(number) + table.sheet, return_inverse=True)[1]
+    return replace(table, facet=number, sheet=sheet, patch=number)
 
 
 def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
@@ -101,7 +116,7 @@ def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> dict[Facets, list
         is_tried = len(faces) <= _FEW and all(blocks[i].is_convex for i in which)
         while len(left):
             if is_tried:
-                fits = _fits(_points(blocks, left), shape, tolerance[left])
+                fits = _fits(_points(blocks, left), shape, faces, tolerance[left])
                 result[shape] += left[fits].tolist()
                 left = left[~fits]
             if len(left):
@@ -121,10 +136,11 @@ _FEW = 32
 
 
 def _planes(
-    points: FloatArray, shape: Facets, width: int = 0
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    points: FloatArray, shape: Facets, faces: Faces, width: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Pieces (n, p, k, 3) of bodies (n, v, 3), and their facets' mean planes: normal, none where
-    there is no area, and a point (n, p, 3), and how far corners are off (n, p)."""
+    there is no area, and a point (n, p, 3), and how far corners of pieces are off, and those of all
+    faces (n, p): an outline is drawn straight across the end of a ridge."""
     corners = points[:, padded(shape.pieces, width)]
     vectors = polygon_vectors(corners)
     middle = np.stack(
@@ -140,12 +156,18 @@ def _planes(
     normal = vectors / np.where(length > 0.0, length, 1.0)
     heights = np.einsum("nfkc,nfc->nfk", corners - middle[:, :, None], normal)
     off = np.maximum.reduceat(np.abs(heights).max(axis=2), begin, axis=1)
-    return corners, normal, middle, off[:, shape.facet]
+    bent = off.copy()
+    for number in (i for i, group in enumerate(shape.faces) if len(group) > 1):
+        own = points[:, np.unique([k for i in shape.faces[number] for k in faces[i]])]
+        own = own - middle[:, begin[number], None]
+        height = np.einsum("nkc,nc->nk", own, normal[:, begin[number]])
+        bent[:, number] = np.abs(height).max(axis=1)
+    return corners, normal, middle, off[:, shape.facet], bent[:, shape.facet]
 
 
-def _fits(points: FloatArray, shape: Facets, tolerance: FloatArray) -> BoolArray:
+def _fits(points: FloatArray, shape: Facets, faces: Faces, tolerance: FloatArray) -> BoolArray:
     """Which bodies (n, v, 3) have flat facets of this shape, no two nearly in one plane."""
-    corners, normal, middle, off = _planes(points, shape)
+    corners, normal, middle, _, off = _planes(points, shape, faces)
     # Without a normal it is another shape whose faces are named alike.
     result = (np.linalg.norm(normal, axis=2) > 0.0).all(axis=1)
     result &= (off <= tolerance[:, None]).all(axis=1)
@@ -167,15 +189,23 @@ def _fits(points: FloatArray, shape: Facets, tolerance: FloatArray) -> BoolArray
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
-    corners, normal, middle, off = _planes(_points(blocks, which), shape, width)
+    own = blocks[which[0]].faces
+    corners, normal, middle, off, bent = _planes(_points(blocks, which), shape, own, width)
+    facet, faces = np.array(shape.facet), np.empty(len(shape.faces), dtype=object)
+    faces[:] = shape.faces
     return FacetTable(
         np.repeat(which, len(shape.pieces)),
-        np.tile(np.array(shape.facet), len(which)),
+        np.tile(facet, len(which)),
         corners.reshape(-1, width, 3),
         np.tile([len(p) for p in shape.pieces], len(which)),
         normal.reshape(-1, 3),
         middle.reshape(-1, 3),
         off.reshape(-1),
+        bent.reshape(-1),
+        np.tile(faces[facet], len(which)),
+        np.tile(np.array(shape.sheet)[facet], len(which)),
+        np.tile(np.array(shape.lumped)[facet], len(which)),
+        np.tile(facet, len(which)),
     )
 
 

@@ -289,6 +289,14 @@ class Outlines:
     start: IntArray  # (k,)
     corners: FloatArray  # (m, 2)
 
+    @classmethod
+    def joined(cls, parts: Sequence[Outlines]) -> Outlines:
+        names = [field.name for field in fields(Outlines)]
+        columns = {name: np.concatenate([getattr(x, name) for x in parts]) for name in names}
+        before = np.cumsum([0, *(len(x.corners) for x in parts[:-1])])
+        columns["start"] = columns["start"] + np.repeat(before, [len(x.pair) for x in parts])
+        return cls(**columns)
+
     def take(self, rows: IntArray) -> Outlines:
         place, corner = members_of(self.start, len(self.corners), rows)
         return Outlines(
@@ -314,11 +322,8 @@ def outlines(
     found = [_rectangles(pair[boxes], first[boxes], second[boxes])]
     for j, pieces in together.items():
         found += [_polygon(j, parts) for parts in _bearing(pieces, float(least[j]))]
-    names = [field.name for field in fields(Outlines)]
-    columns = {name: np.concatenate([getattr(x, name) for x in found]) for name in names}
-    before = np.cumsum([0, *(len(x.corners) for x in found[:-1])])
-    columns["start"] += np.repeat(before, [len(x.pair) for x in found])
-    return Outlines(**columns).take(np.argsort(columns["pair"], kind="stable"))
+    result = Outlines.joined(found)
+    return result.take(np.argsort(result.pair, kind="stable"))
 
 
 def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlines:
