@@ -35,7 +35,7 @@ from cvxlimit.solvers.interior.compiled import CompiledCones, CompiledSystem
 from cvxlimit.solvers.interior.cones import Cones
 from cvxlimit.solvers.interior.elimination import NewtonSystem
 from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
-from cvxlimit.solvers.interior.whole import small_program
+from cvxlimit.solvers.interior.whole import HANDED_OVER, small_program
 from cvxlimit.solvers.sparse import backends
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, named_scene, scenes
@@ -609,15 +609,15 @@ class TestSmall:
         indptr, indices = A.indptr.astype(np.int32), A.indices.astype(np.int32)
         right = [
             c, indptr, indices, A.data, b, zero, orthant, np.array(soc), 1e-8, 50, np.inf, 0,
-            np.zeros(size), np.zeros(size),
+            np.zeros(size), np.zeros(size), HANDED_OVER,
         ]  # fmt: skip
         SMALL.minimise(*right)
         wrong = {
             0: c[:-1], 1: indptr.astype(np.int64), 2: indices + len(b), 3: A.data[:-1], 4: b[:-1],
             5: -1, 6: orthant + 1, 7: np.array([*soc, 3]), 12: np.zeros(size - 1),
-            13: np.zeros(size + 1),
+            13: np.zeros(size + 1), 14: HANDED_OVER[:-1], 14.5: np.nan * HANDED_OVER,
         }  # fmt: skip
-        for place, value in wrong.items():
+        for place, value in ((int(place), value) for place, value in wrong.items()):
             with pytest.raises((ValueError, BufferError)):
                 SMALL.minimise(*right[:place], value, *right[place + 1 :])
         with pytest.raises(TypeError):

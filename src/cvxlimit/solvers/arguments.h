@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define REVISION 2 /* of the interfaces: extensions.py asks for it */
+#define REVISION 3 /* of the interfaces: extensions.py asks for it */
 #define MOST 16 /* arguments of a function */
 
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)

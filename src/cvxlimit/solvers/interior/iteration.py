@@ -33,8 +33,11 @@ class Numbers:
     ``reach`` is the share of the way to the boundary. Of Gondzio's correctors there are at most so
     many ``correctors``; ``widen`` is the longer step aimed at, ``band`` that for the products
     around the target, ``gain`` the share of the aim that makes another one worth it, beyond a
-    ``long_step`` none is. The iteration stops, near the end, after ``patience`` iterations without
-    a gain of a factor 2, and where steps are below the ``shortest``. ``solved`` and ``almost`` are
+    ``long_step`` none is; the target is the share ``nearest`` of the mean product at least. Where
+    rounding leaves a point outside, steps are shortened by the factor ``retreat``, down to the
+    ``shortest``. The iteration stops, near the end (gaps below ``late``, which are relative to
+    objectives of the ``least_value`` or more), after ``patience`` iterations without a gain of a
+    factor 2. ``solved`` and ``almost`` are
     the worst gap and residual called so (where a wide gap is asked for, residuals may be the share
     ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
     optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
@@ -53,7 +56,11 @@ class Numbers:
     gain: float = 0.1
     long_step: float = 0.9
     patience: int = 5
+    nearest: float = 1e-8
     shortest: float = 1e-6
+    retreat: float = 0.8
+    late: float = 1e-10
+    least_value: float = 1e-6
     solved: float = 1e-8
     almost: float = 1e-4
     balance: float = 1e-5
@@ -259,14 +266,14 @@ class InteriorPoint:
         rz = slack - at.s
         product = float(at.s @ at.z)
         primal = float(self.c @ at.x)
-        gap = product / max(abs(primal), 1e-6)
+        gap = product / max(abs(primal), NUMBERS.least_value)
         dual_size = max(1.0, largest(at.z), largest(at.y))
         primal_size = max(1.0, largest(at.x))
         missing = largest(rx) / dual_size
         infeasibility = max(max(largest(ry), largest(rz)) / primal_size, missing)
         # What the certificate may lose: above, it has to open contacts where rates break the flow
         # rule, and loads do work on that; below, forces have to be put into equilibrium again.
-        costs = self._loads / max(abs(primal), 1e-6), 1.0 / self._unit
+        costs = self._loads / max(abs(primal), NUMBERS.least_value), 1.0 / self._unit
         missing = max(missing, largest(rx) * costs[0])
         outside = -self.cones.margin(slack)
         violation = (largest(ry) + max(outside, 0.0)) * costs[1]
@@ -295,7 +302,7 @@ class InteriorPoint:
 
     @staticmethod
     def _is_stuck(found: _Measure, scores: list[float], worst: float) -> bool:
-        is_late = worst < NUMBERS.solved or found.gap < 1e-10
+        is_late = worst < NUMBERS.solved or found.gap < NUMBERS.late
         p = NUMBERS.patience
         return is_late and len(scores) > p and scores[-1] > 0.5 * scores[-1 - p]
 
@@ -313,7 +320,7 @@ class InteriorPoint:
             moved = at.moved(primal, dual, change)
             if self.cones.margin(moved.s) > 0.0 and self.cones.margin(moved.z) > 0.0:
                 return moved
-            primal, dual = 0.8 * primal, 0.8 * dual
+            primal, dual = NUMBERS.retreat * primal, NUMBERS.retreat * dual
         return None
 
 
@@ -377,7 +384,7 @@ class _Newton:
         squares = cones.product(lam, lam)
         best = self.direction(-squares)
         ahead = float((lam + best.primal * best.ds) @ (lam + best.dual * best.dz)) / cones.degree
-        goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, 1e-8) * mu
+        goal = max(min(1.0, max(ahead / mu, 0.0)) ** 3, NUMBERS.nearest) * mu
         aim = goal * cones.identity - squares - cones.product(best.ds, best.dz)
         best = self.direction(aim)
         for _ in range(NUMBERS.correctors):

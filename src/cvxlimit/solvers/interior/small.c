@@ -16,28 +16,20 @@
 #define LARGEST 8  /* and of a cone */
 #define MOST_EQUATIONS 1500
 #define ROOMS 96
+#define MOST_PATIENCE 16 /* iterations that are remembered */
 #define MOST_KEPT (64 << 20) /* bytes */
 
-/* The numbers of iteration.py. */
-#define REACH 0.99
-#define CORRECTORS 2
-#define WIDEN 0.3
-#define BAND 0.03
-#define GAIN 0.1
-#define LONG_STEP 0.9
-#define PATIENCE 5
-#define SHORTEST 1e-6
-#define SOLVED 1e-8
-#define ALMOST 1e-4
-#define BALANCE 1e-5
-#define NO_ANSWER 1e-9
-#define THIN 50.0
-#define LIGHT 1e-3
-#define AHEAD 0.1
-#define MIDDLE 5e-2
-#define SHIFT 0.2
-#define ROUNDS 3          /* refinements of a direction */
-#define REGULARISED 1e-14 /* least pivot of a block, over its largest entry */
+/* Those of iteration.py and blocks.py, which are handed over by name: numbers() says which. */
+#define EACH_NUMBER(X) \
+    X(reach) X(correctors) X(widen) X(band) X(gain) X(long_step) X(patience) X(shortest) X(retreat) X(solved) \
+    X(almost) X(late) X(balance) X(no_answer) X(middle) X(floor) X(light) X(ahead) X(thin) X(shift) X(nearest) \
+    X(least_value) X(rounds) X(regularisation)
+#define FIELD(name) double name;
+#define WORD(name) #name " "
+
+typedef struct {
+    EACH_NUMBER(FIELD)
+} Numbers;
 
 typedef enum { UNSUITED, IS_SOLVED, IS_ALMOST, STALLED, INFEASIBLE, UNBOUNDED } Status;
 
@@ -52,6 +44,7 @@ typedef struct {
 } Block;
 
 typedef struct {
+    Numbers by;
     Py_ssize_t n, p, m, lines, cones, bound, degree; /* ``bound`` columns are in blocks, others the border */
     Py_ssize_t blocks;
     int are_triples;               /* all cones have three rows */
@@ -331,7 +324,7 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
     for (Py_ssize_t j = 0; j < c; j++) {
         double *own = H + j * c, pivot = own[j], given = diagonal[j];
         if (!(pivot > -1e-3 * largest)) return 0; /* NaN, too */
-        double inverse = reciprocal[j] = 1.0 / larger(pivot, REGULARISED * larger(given, REGULARISED * largest));
+        double inverse = reciprocal[j] = 1.0 / larger(pivot, g->by.regularisation * larger(given, g->by.regularisation * largest));
         for (Py_ssize_t i = j + 1; i < c; i++) {
             double share = own[i] * inverse, *to = H + i * c;
             for (Py_ssize_t l = i; l < c; l++) to[l] -= share * own[l];
@@ -398,7 +391,7 @@ static int factorised(const Program *g) {
     for (Py_ssize_t i = 0; i < g->blocks; i++)
         if (!eliminated_block(g, g->block + i)) return 0;
     for (Py_ssize_t i = 0; i < p; i++) {
-        double own = g->schur[i * p + i] * (1.0 + REGULARISED);
+        double own = g->schur[i * p + i] * (1.0 + g->by.regularisation);
         g->schur[i * p + i] = own > 0.0 ? own : 1.0;
     }
     if (!eliminated_equations(g)) return 0;
@@ -509,7 +502,7 @@ static Measure measured(const Program *g, const Point *at, Work *w, double toler
         w->a[i] = g->h[i] - w->a[i];
         w->rz[i] = w->a[i] - at->s[i];
     }
-    double both = long_dot(at->s, at->z, g->m), primal = long_dot(g->c, at->x, g->n), size = larger(fabs(primal), 1e-6);
+    double both = long_dot(at->s, at->z, g->m), primal = long_dot(g->c, at->x, g->n), size = larger(fabs(primal), g->by.least_value);
     double in_x = most_of(w->rx, g->n), in_y = most_of(w->ry, g->p), in_z = most_of(w->rz, g->m);
     double missing = in_x / larger(1.0, larger(most_of(at->z, g->m), most_of(at->y, g->p)));
     r.dual = -long_dot(g->f, at->y, g->p) - long_dot(g->h, at->z, g->m);
@@ -518,14 +511,14 @@ static Measure measured(const Program *g, const Point *at, Work *w, double toler
     r.infeasibility = larger(larger(in_y, in_z) / larger(1.0, most_of(at->x, g->n)), missing);
     /* what the certificate may lose: iteration.py says why */
     double cost = g->loads / size, outside = -margin(g, w->a);
-    r.score = r.gap + larger(missing, in_x * cost) + THIN * (in_y + larger(outside, 0.0)) / g->unit;
-    double share = LIGHT * larger(AHEAD * smaller(r.gap, 1.0), tolerance);
+    r.score = r.gap + larger(missing, in_x * cost) + g->by.thin * (in_y + larger(outside, 0.0)) / g->unit;
+    double share = g->by.light * larger(g->by.ahead * smaller(r.gap, 1.0), tolerance);
     r.allowed_x = share / cost, r.allowed_y = share * g->unit;
     return r;
 }
 
-static int is_within(const Measure *r, double tolerance) {
-    return r->gap < tolerance && r->infeasibility < larger(SOLVED, BALANCE * tolerance);
+static int is_within(const Program *g, const Measure *r, double tolerance) {
+    return r->gap < tolerance && r->infeasibility < larger(g->by.solved, g->by.balance * tolerance);
 }
 
 /* A proof that there is no optimum; ``at`` becomes it. */
@@ -533,7 +526,7 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
     if (r->dual > 0.0) {
         double most = 0.0;
         for (Py_ssize_t j = 0; j < g->n; j++) most = larger(most, fabs(w->rx[j] + g->c[j]));
-        if (most < NO_ANSWER * r->dual) {
+        if (most < g->by.no_answer * r->dual) {
             for (Py_ssize_t i = 0; i < g->p; i++) at->y[i] /= r->dual;
             for (Py_ssize_t i = 0; i < g->m; i++) at->z[i] /= r->dual;
             return INFEASIBLE;
@@ -543,14 +536,14 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
     if (primal < 0.0) {
         for (Py_ssize_t i = 0; i < g->p; i++) most = larger(most, fabs(g->f[i] - w->ry[i]));
         for (Py_ssize_t i = 0; i < g->m; i++) most = larger(most, fabs(g->h[i] - w->rz[i]));
-        if (most < -NO_ANSWER * primal) return UNBOUNDED;
+        if (most < -g->by.no_answer * primal) return UNBOUNDED;
     }
     return UNSUITED;
 }
 
 static void lengths(const Program *g, Direction *d) {
-    d->primal = smaller(1.0, REACH * step(g, d->ds));
-    d->dual = smaller(1.0, REACH * step(g, d->dz));
+    d->primal = smaller(1.0, g->by.reach * step(g, d->ds));
+    d->dual = smaller(1.0, g->by.reach * step(g, d->dz));
 }
 
 static void directed(const Program *g, Work *w, Direction *d) { /* towards w->aim */
@@ -581,27 +574,27 @@ static void aimed(const Program *g, Work *w, const Measure *r) {
     double ahead = 0.0;
     for (Py_ssize_t i = 0; i < g->m; i++)
         ahead += (g->lam[i] + d->primal * d->ds[i]) * (g->lam[i] + d->dual * d->dz[i]);
-    double share = clip(ahead / g->degree / r->mu, 0.0, 1.0), goal = larger(share * share * share, 1e-8) * r->mu;
+    double share = clip(ahead / g->degree / r->mu, 0.0, 1.0), goal = larger(share * share * share, g->by.nearest) * r->mu;
     product(g, d->ds, d->dz, w->a);
     for (Py_ssize_t i = 0; i < g->m; i++) w->aim[i] = -w->v[i] - w->a[i];
     for (Py_ssize_t i = 0; i < g->lines; i++) w->aim[i] += goal;
     for (Py_ssize_t k = 0; k < g->cones; k++) w->aim[g->place[k]] += goal;
     directed(g, w, d);
-    for (int i = 0; i < CORRECTORS && shorter(d) <= LONG_STEP; i++) {
-        double before = shorter(d), wider = smaller(1.0, before + WIDEN);
+    for (int i = 0; i < (int)g->by.correctors && shorter(d) <= g->by.long_step; i++) {
+        double before = shorter(d), wider = smaller(1.0, before + g->by.widen);
         for (Py_ssize_t j = 0; j < g->m; j++) {
             w->a[j] = g->lam[j] + wider * d->ds[j];
             w->b[j] = g->lam[j] + wider * d->dz[j];
         }
         product(g, w->a, w->b, w->v);
-        towards(g, w->v, BAND * goal, goal / BAND, w->aim);
+        towards(g, w->v, g->by.band * goal, goal / g->by.band, w->aim);
         directed(g, w, &w->tried);
         double now = shorter(&w->tried);
         if (now > before) {
             Direction other = w->found;
             w->found = w->tried, w->tried = other;
         }
-        if (!(now >= before + GAIN * WIDEN)) break;
+        if (!(now >= before + g->by.gain * g->by.widen)) break;
     }
 }
 
@@ -619,7 +612,7 @@ static void refined(const Program *g, Work *w, const Measure *r, Point *change) 
         equations_of(g, d->x, w->v);
         for (Py_ssize_t i = 0; i < g->p; i++) w->v[i] = w->ry[i] - w->v[i];
         double error = larger(most_of(w->rhs, g->n) / r->allowed_x, most_of(w->v, g->p) / r->allowed_y);
-        if (round == ROUNDS || !(error > 1.0) || !(error < 0.5 * before)) break;
+        if (round == (int)g->by.rounds || !(error > 1.0) || !(error < 0.5 * before)) break;
         before = error;
         halved(g, w->rhs, w->v, w->tried.x, w->tried.y);
         by_rows(g, w->tried.x, w->a);
@@ -642,7 +635,7 @@ static void copied(const Program *g, const Point *from, Point *to) {
 /* The point further along the change, strictly inside; 0 where rounding ends the iteration. */
 static int moved(const Program *g, const Work *w, Point *at, const Point *change, Point *to) {
     double primal = w->found.primal, dual = w->found.dual;
-    while (larger(primal, dual) > SHORTEST) {
+    while (larger(primal, dual) > g->by.shortest) {
         for (Py_ssize_t i = 0; i < g->m; i++) {
             to->z[i] = at->z[i] + dual * change->z[i];
             to->s[i] = at->s[i] + primal * change->s[i];
@@ -654,7 +647,7 @@ static int moved(const Program *g, const Work *w, Point *at, const Point *change
             *at = *to, *to = other;
             return 1;
         }
-        primal *= 0.8, dual *= 0.8;
+        primal *= g->by.retreat, dual *= g->by.retreat;
     }
     return 0;
 }
@@ -666,7 +659,7 @@ static double mean_size(const double *v, Py_ssize_t n) {
 }
 
 static void moved_inside(const Program *g, double *v, const double *beside, Py_ssize_t count) {
-    double least = margin(g, v), size = larger(mean_size(v, g->m), 0.1 * mean_size(beside, count));
+    double least = margin(g, v), size = larger(mean_size(v, g->m), g->by.floor * mean_size(beside, count));
     if (!(size > 0.0)) size = 1.0;
     if (least > size) return;
     double more = larger(-2.0 * least, size);
@@ -697,7 +690,7 @@ static int cold(const Program *g, const Work *w, Point *at) {
 static int warm(const Program *g, Point *at) {
     double *sides[] = {at->z, at->s};
     for (int i = 0; i < 2; i++) {
-        double more = SHIFT * mean_size(sides[i], g->m);
+        double more = g->by.shift * mean_size(sides[i], g->m);
         for (Py_ssize_t j = 0; j < g->lines; j++) sides[i][j] += more;
         for (Py_ssize_t k = 0; k < g->cones; k++) sides[i][g->place[k]] += more;
         if (!(margin(g, sides[i]) > 0.0)) return 0;
@@ -710,20 +703,21 @@ static int warm(const Program *g, Point *at) {
 static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Point *change, Point *best,
                         Point *middle, double tolerance, double enough, int starts, Py_ssize_t most,
                         Py_ssize_t *count) {
-    double scores[PATIENCE + 1], worst = INFINITY, rank = INFINITY, least = INFINITY;
+    double scores[MOST_PATIENCE], worst = INFINITY, rank = INFINITY, least = INFINITY;
     int is_solved = 0, has_middle = 0;
+    const Py_ssize_t patience = (Py_ssize_t)g->by.patience;
     if (!(starts && warm(g, at)) && !cold(g, w, at)) return UNSUITED;
     copied(g, at, best), copied(g, at, middle);
     for (*count = 0;; ++*count) {
         Measure r = measured(g, at, w, tolerance);
-        int is_enough = is_within(&r, larger(SOLVED, tolerance));
+        int is_enough = is_within(g, &r, larger(g->by.solved, tolerance));
         if (is_enough > is_solved || (is_enough == is_solved && r.score < rank)) {
             copied(g, at, best);
             is_solved = is_enough, rank = r.score;
         }
         least = smaller(least, r.score);
         worst = smaller(worst, larger(r.gap, r.infeasibility));
-        if (!has_middle && worst < MIDDLE) {
+        if (!has_middle && worst < g->by.middle) {
             copied(g, at, middle);
             has_middle = 1;
         }
@@ -732,11 +726,11 @@ static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Poin
             copied(g, at, best);
             return none;
         }
-        int is_late = worst < SOLVED || r.gap < 1e-10;
-        double before = *count >= PATIENCE ? scores[*count % PATIENCE] : INFINITY;
-        scores[*count % PATIENCE] = least;
-        if (is_within(&r, tolerance) || (is_late && least > 0.5 * before && *count >= PATIENCE)) break;
-        if (r.dual >= enough && most_of(w->rx, g->n) * g->loads <= LIGHT * fabs(r.dual - enough)) {
+        int is_late = worst < g->by.solved || r.gap < g->by.late;
+        double before = *count >= patience ? scores[*count % patience] : INFINITY;
+        scores[*count % patience] = least;
+        if (is_within(g, &r, tolerance) || (is_late && least > 0.5 * before && *count >= patience)) break;
+        if (r.dual >= enough && most_of(w->rx, g->n) * g->loads <= g->by.light * fabs(r.dual - enough)) {
             copied(g, at, best);
             return IS_SOLVED;
         }
@@ -747,7 +741,7 @@ static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Poin
                       is_finite(change->s, g->m);
         if (!is_good || !moved(g, w, at, change, spare)) break;
     }
-    return is_solved ? IS_SOLVED : worst < ALMOST ? IS_ALMOST : STALLED;
+    return is_solved ? IS_SOLVED : worst < g->by.almost ? IS_ALMOST : STALLED;
 }
 
 /* ---- programs ---- */
@@ -1037,9 +1031,9 @@ static void handed(const Program *g, const Point *at, double *to) {
 }
 
 /* minimise(c, indptr, indices, data, b, zero, orthant, soc, tolerance, max_iter, enough, starts, point,
- * middle): status and iterations. ``point`` holds a start, if it ``starts``, and then the answer. */
+ * middle, numbers): status and iterations. ``point`` holds a start, if it ``starts``, and then the answer. */
 static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t given) {
-    BEGIN(14);
+    BEGIN(15);
     Program program = {0}, *g = &program;
     DOUBLES(c, 0, -1);
     g->n = a.views[a.count - 1].len / 8;
@@ -1067,6 +1061,12 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
     }
     RESULT(point, 12, g->n + g->p + 2 * g->m);
     RESULT(halfway, 13, g->n + g->p + 2 * g->m);
+    DOUBLES(by, 14, sizeof(Numbers) / sizeof(double));
+    memcpy(&g->by, by, sizeof(Numbers));
+    if (!(g->by.patience >= 1.0 && g->by.patience < MOST_PATIENCE)) {
+        PyErr_SetString(PyExc_ValueError, "patience is too long");
+        goto fail;
+    }
     Status status = UNSUITED;
     Work work;
     Point at, spare, change, best, middle;
@@ -1092,6 +1092,10 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
     END(Py_BuildValue("(in)", (int)status, count));
 }
 
-static PyMethodDef functions[] = {FUNCTION(minimise), NO_FUNCTION};
+static PyObject *numbers(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    return PyUnicode_FromString(EACH_NUMBER(WORD));
+}
+
+static PyMethodDef functions[] = {FUNCTION(minimise), FUNCTION(numbers), NO_FUNCTION};
 
 MODULE(_small, functions)

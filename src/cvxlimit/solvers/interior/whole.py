@@ -11,9 +11,11 @@ import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.solvers.extensions import SMALL
+from cvxlimit.solvers.interior.blocks import LIMITS
 from cvxlimit.solvers.interior.iteration import (
     ALMOST,
     INFEASIBLE,
+    NUMBERS,
     SOLVED,
     STALLED,
     UNBOUNDED,
@@ -22,6 +24,14 @@ from cvxlimit.solvers.interior.iteration import (
 )
 
 _STATUS = ("", SOLVED, ALMOST, STALLED, INFEASIBLE, UNBOUNDED)
+
+HANDED_OVER = np.array(
+    [
+        float(getattr(NUMBERS if hasattr(NUMBERS, name) else LIMITS, name))
+        for name in ([] if SMALL is None else SMALL.numbers().split())
+    ]
+)
+"""The numbers of the iteration and of refinement, in the order in which ``small.c`` names them."""
 
 _MOST_EQUATIONS = 600
 """Beyond, sparse factorisation takes less time."""
@@ -51,7 +61,9 @@ def small_program(
     point, middle = (own, np.empty_like(own)) if starts else np.zeros((2, n + zero + 2 * m))
     indptr, indices = (part.astype(np.int32, copy=False) for part in (A.indptr, A.indices))
     given = c, indptr, indices, A.data, b, zero, orthant, np.array(soc, dtype=np.int64)
-    code, count = SMALL.minimise(*given, tolerance, max_iter, enough, starts, point, middle)
+    code, count = SMALL.minimise(
+        *given, tolerance, max_iter, enough, starts, point, middle, HANDED_OVER
+    )
     status = _STATUS[code]
     if starts and status in ("", ALMOST, STALLED):
         return small_program(c, A, b, cones, tolerance, max_iter, enough)
