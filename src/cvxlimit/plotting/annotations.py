@@ -57,12 +57,14 @@ class Decal:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force as drawn: from ``tail`` to ``tip`` (3,), of a load case, and what it is in words."""
+    """A force as drawn: from ``tail`` to ``tip`` (3,), of a load case, and what it is in words;
+    whether it is the ``total`` of what acts on all blocks."""
 
     tail: tuple[float, ...]
     tip: tuple[float, ...]
     case: str
     text: str
+    total: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,10 +124,11 @@ def _arrows(scene: Scene) -> Iterator[Arrow]:
                 continue
             length = max(SHORTEST, LONGEST * size / largest) * free_size(scene)
             ends = (at - length * force / size, at)
-            if text.startswith("resultant"):
+            total = text.startswith("resultant")
+            if total:
                 ends = (at, at + length * force / size)
             words = f"{case} load, {text}: {size:.4g} {scene.units.force}"
-            yield Arrow(tuple(ends[0].tolist()), tuple(ends[1].tolist()), case, words)
+            yield Arrow(tuple(ends[0].tolist()), tuple(ends[1].tolist()), case, words, total)
 
 
 def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, str]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from importlib.resources import files
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,12 @@ from cvxlimit.errors import InputError
 from cvxlimit.plotting.look import printable, saved
 from cvxlimit.plotting.notebook import card
 from cvxlimit.plotting.registry import figures
-from cvxlimit.plotting.webpage import PLACE, Page, as_script_data
+from cvxlimit.plotting.webpage import Page, framed
 
 _COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
+
+_ALIKE = 0.2
+"""Natural units of two loads that differ by less than this share have one scale."""
 
 
 def draw_domain(
@@ -79,7 +81,7 @@ def _drawn(domains: Sequence[Any], **options: Any) -> Any:
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
         ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
-        if np.ptp(first.units) <= 0.2 * first.units.max():
+        if np.ptp(first.units) <= _ALIKE * first.units.max():
             ax.set_aspect("equal")
     chart.write(_title(domains))
     chart.write_legend()
@@ -144,8 +146,12 @@ def _alike(faces: Sequence[Sequence[int]]) -> IntArray:
 
 def domain_page(domains: Sequence[Any]) -> Page:
     """The domains as a page to turn, in one file; two loads lie in a plane of it."""
+    first = domains[0]
     data: dict[str, Any] = {
-        "title": _title(domains), "names": list(domains[0].names), "bodies": [],
+        "title": _title(domains), "names": list(first.names), "bodies": [],
+        "advice": "What lies inside is carried; what lies beyond the dashed lines is ruled out."
+        if first.inner is not None else "Points are proved one by one; nothing holds between them.",
+        "equal": bool(np.ptp(first.units) <= _ALIKE * first.units.max()),
     }  # fmt: skip
     low, high = (np.array([d.shapes()[2][i] for d in domains]) for i in (0, 1))
     box = np.stack([low.min(axis=0), high.max(axis=0)])
@@ -159,9 +165,7 @@ def domain_page(domains: Sequence[Any]) -> Page:
             })  # fmt: skip
         points = domain.points[np.abs(domain.points / domain.units).max(axis=1) < 50.0]
         data["bodies"][-2]["points"] = points.tolist()
-    template = files("cvxlimit.plotting").joinpath("domain.html").read_text(encoding="utf-8")
-    before, after = template.split(PLACE)
-    return Page(before + as_script_data(data) + after)
+    return framed("domain.html", data)
 
 
 def domain_html(domain: Any) -> str:

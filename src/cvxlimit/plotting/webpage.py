@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+from functools import reduce
 from importlib.resources import files
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 import cvxlimit.plotting.look as look
 from cvxlimit.arrays import FloatArray
+from cvxlimit.bracket import rounded_down, rounded_up
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
@@ -23,15 +25,11 @@ from cvxlimit.plotting.pictures.forces import thrust_of_blocks
 from cvxlimit.plotting.pictures.utilisation import used_shares
 from cvxlimit.plotting.strength import least_used_state
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
+from cvxlimit.solution import Solution, Status
 
 DIGITS = 7
 """Significant digits of numbers in the page; coordinates have as many relative to the structure's
 size, however far away the origin is: finer than a pixel at any useful zoom."""
-
-PLACE = "/*DATA*/"
-"""Where the template takes the data."""
-
 
 _MOST_SOLVED = 400
 """Contacts up to which a page shows the state that uses joints least; finding it takes a second."""
@@ -73,7 +71,6 @@ def page(scene: Scene, solution: Solution) -> Page:
     }
     if forces is not None:
         data |= _strength_data(scene, solution, forces)
-    said = f"{solution.standing}: {solution.status.advice}", solution.note
     data |= {
         "shapes": [
             {
@@ -86,10 +83,25 @@ def page(scene: Scene, solution: Solution) -> Page:
             for shape in shapes_of(scene, solution, moving)
         ],
         "title": look.title(solution),
-        "advice": "; ".join(filter(None, said)),
+        "advice": _said(solution),
         "speedText": look.SPEED_TEXT,
     }
-    return _filled(data)
+    return framed("viewer.html", data)
+
+
+def _said(solution: Solution) -> str:
+    """What the number is worth, first in one short sentence."""
+    note = solution.note
+    if solution.status is Status.CERTIFIED:
+        lower = rounded_down(solution.lower, look.DIGITS)
+        upper = rounded_up(solution.upper, look.DIGITS)
+        how = "proved" if solution.is_proved else "recomputed"
+        first = f"{solution.standing}: between {lower} and {upper}, {how} outside the solver"
+        if solution.is_proved:
+            note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
+    else:
+        first = f"{solution.standing}: {solution.status.advice}"
+    return " ".join(f"{said[0].upper()}{said[1:]}." for said in (first, note) if said)
 
 
 def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict[str, Any]:
@@ -128,15 +140,30 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
     advice = f"refused: {reason}" if reason else counts + weight
     data |= {"title": look.scene_title(scene), "advice": advice, "refused": reason is not None}
-    return _filled(data)
+    return framed("viewer.html", data)
 
 
-def _filled(data: dict[str, Any]) -> Page:
-    template = files("cvxlimit.plotting").joinpath("viewer.html").read_text(encoding="utf-8")
-    return Page(template.replace(PLACE, as_script_data(data)))
+def asset(name: str) -> str:
+    """A part of pages, as it lies beside this module."""
+    return files("cvxlimit.plotting").joinpath(name).read_text(encoding="utf-8")
 
 
-def as_script_data(data: dict[str, Any]) -> str:
+def framed(name: str, data: dict[str, Any]) -> Page:
+    """A page of the frame that all share, and of what ``name`` has: controls, and a script that
+    finds ``data`` by its name."""
+    frame, ticks, part = map(asset, ("frame.html", "ticks.js", name))
+    controls, script = part.split("<script>\n")
+    parts = {
+        "<!--ASIDE-->\n": controls,
+        "/*TICKS*/\n": ticks,
+        "/*SCRIPT*/\n": script.removesuffix("</script>\n"),
+    }
+    whole = reduce(lambda text, place: text.replace(place, parts[place]), parts, frame)
+    before, after = whole.split("/*DATA*/")
+    return Page(before + _as_script_data(data) + after)
+
+
+def _as_script_data(data: dict[str, Any]) -> str:
     """JSON that cannot end the script element it stands in, whatever the texts are."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     for character in "<>&":
@@ -183,6 +210,7 @@ def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
                 "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),
                 "case": arrow.case,
                 "text": arrow.text,
+                "total": arrow.total,
                 "colour": look.CASE_COLOURS[arrow.case],
             }
             for arrow in notes.arrows

@@ -267,10 +267,10 @@ class LoadDomain:
     def _vector(self, value: ArrayLike, what: str) -> FloatArray:
         return np.asarray(finite_vector(value, len(self.units), f"{what} of the load domain"))
 
-    def shapes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def shapes(self, frame: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What to draw: corners (n, k) of the hull and (m, k) of what half-spaces leave, and a box
-        (2, k) around all points, by which both are cut off. Corners without order; none of a hull
-        where nothing holds between points.
+        (2, k) by which both are cut off: ``frame``, or one around all points. Corners without
+        order; none of a hull where nothing holds between points.
         """
         points = self.points / self.units
         far = 0.5 * WINDOW if len(self.rays) else WINDOW  # in between it is hardly more than a ray
@@ -278,7 +278,7 @@ class LoadDomain:
         low, high = near.min(axis=0), near.max(axis=0)
         size = np.where(high - low > LEAST, high - low, (high - low).max() or 1.0)
         spare = (0.6 if len(self.rays) else 0.12) * size
-        box = np.stack([low - spare, high + spare])
+        box = np.stack([low - spare, high + spare]) if frame is None else frame / self.units
         inner = self.inner
         plane = inner or Inner.of(
             np.vstack([self.centre, np.eye(len(size))]), np.zeros((0, len(size))), WINDOW

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterator, Mapping
-from importlib.resources import files
 from inspect import Parameter, signature
 from itertools import count
 from typing import Any
@@ -21,11 +20,16 @@ from cvxlimit.methods.solving import solve
 from cvxlimit.plotting.domains import around
 from cvxlimit.plotting.look import DIGITS
 from cvxlimit.plotting.notebook import card, falling
+from cvxlimit.plotting.webpage import asset
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies.domains.search import load_domain, named_loads
 from cvxlimit.studies.variations import varied
+
+REACH = 3.0
+"""Of the frame over the load point as it stands first: a domain may go on for tens of times as far
+along a load that holds joints together, and what falls would be a dot in it."""
 
 
 class Explorer:
@@ -59,9 +63,11 @@ class Explorer:
         if len(self.loads) != 2:
             raise InputError(f"two loads can be explored, got {len(self.loads)}")
         self.domain = self._enclosed()
-        reach = self.domain.load_factor(self.domain.units * (1.0, 0.5))
-        far = reach.upper if np.isfinite(reach.upper) and reach.upper > 0.0 else 1.0
+        most = self.domain.load_factor(self.domain.units * (1.0, 0.5)).upper
+        far = most if np.isfinite(most) and most > 0.0 else 1.0
         self.point = 0.8 * min(far, 1.0) * self.domain.units * (1.0, 0.5)
+        reach = REACH * np.abs(self.point / self.domain.units).max() * self.domain.units
+        self.frame = np.stack([-reach, reach])
         self.state = self._under_point()
 
     def _made(self) -> Scene:
@@ -115,7 +121,7 @@ class Explorer:
     def _state(
         self, bracket: Bracket, solution: Solution | None, said: str, is_last: bool = True
     ) -> dict[str, Any]:
-        inside, outside, box = self.domain.shapes()
+        inside, outside, box = self.domain.shapes(self.frame)
         names = self.domain.names
         at = ", ".join(f"{name} {x:.4g}" for name, x in zip(names, self.point, strict=True))
         return {
@@ -199,7 +205,7 @@ def explore(
 def widget(explorer: Explorer) -> Any:
     anywidget, traits = (needed(m, "notebook", "widgets") for m in ("anywidget", "traitlets"))
     made = type("Exploring", (anywidget.AnyWidget,), {
-        "_esm": files("cvxlimit.plotting").joinpath("explore.js").read_text(encoding="utf-8"),
+        "_esm": asset("ticks.js") + asset("explore.js"),
         "__module__": __name__,
         **{name: kind().tag(sync=True) for name, kind in (
             ("point", traits.List), ("values", traits.Dict), ("state", traits.Dict),
