@@ -16,12 +16,11 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import detect
-from cvxlimit.geometry.mesh import triangulated
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, triangulated
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import (
     area_and_centroid,
 )
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 from cvxlimit.masonry import BUILTIN, arch, builtin_scene, panel, running_bond, wall
 from cvxlimit.scene import Scene
 from exhaustive import mostly_slow

@@ -7,7 +7,8 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from broken_meshes import text_stl
+from cells import cells
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import triangulated
+from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies
 from cvxlimit.io.geometry.bodies import Body, separated
+from exhaustive import mostly_slow
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -222,15 +226,24 @@ def test_a_density_of_no_stone_is_told(
 CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1))
 
 
-def soup(*shifts: tuple[float, float, float], flip: bool = False) -> Body:
-    """Unit cubes with one list of vertices, equal ones shared."""
+def soup(*shifts: Sequence[float], turned: str = "none", seed: int | None = None) -> Body:
+    """Unit cubes with one list of vertices; with a ``seed`` of triangles, cut and listed anyhow."""
+    rng = np.random.default_rng(seed)
     points: dict[tuple[float, ...], int] = {}
-    faces = []
+    faces: list[list[int]] = []
     for shift in shifts:
         corners = [tuple(p) for p in (CUBE.vertices + np.array(shift)).tolist()]
-        own = [points.setdefault(p, len(points)) for p in corners]
-        faces += [[own[i] for i in (f[::-1] if flip else f)] for f in CUBE.faces]
-    return Body("soup", np.array(list(points)), faces)
+        number = [points.setdefault(p, len(points)) for p in corners]
+        own = [[number[i] for i in face] for face in CUBE.faces]
+        if seed is not None:
+            around = [
+                face[k:] + face[:k] for face, k in zip(own, rng.integers(4, size=6), strict=True)
+            ]
+            own = [[a, *two] for a, b, c, d in around for two in ((b, c), (c, d))]
+        share = {"none": 0.0, "all": 1.0, "bodies": float(rng.random() < 0.5), "some": 0.5}[turned]
+        faces += [face[::-1] if rng.random() < share else face for face in own]
+    order = range(len(faces)) if seed is None else rng.permutation(len(faces))
+    return Body("soup", np.array(list(points)), [faces[i] for i in order])
 
 
 def volumes(bodies: list[Body]) -> list[float]:
@@ -249,16 +262,101 @@ def volumes(bodies: list[Body]) -> list[float]:
     ],
     ids=["one", "apart", "face shared", "edge shared", "corner shared", "a pile"],
 )
-def test_bodies_of_one_mesh_are_told_apart(shifts: list[tuple[float, float, float]]) -> None:
-    """Cubes that share vertices, edges or whole faces: each comes out whole."""
-    assert volumes(separated(soup(*shifts))) == pytest.approx([1.0] * len(shifts))
+@pytest.mark.parametrize("turned", ["none", "all", "bodies", "some"])
+def test_bodies_of_one_mesh_are_told_apart(
+    shifts: list[tuple[float, float, float]], turned: str
+) -> None:
+    """Cubes that share vertices, edges or whole faces: each comes out whole, however the faces of
+    each are turned."""
+    for seed in (None, 1, 2):
+        found = separated(soup(*shifts, turned=turned, seed=seed))
+        assert volumes(found) == pytest.approx([1.0] * len(shifts))
 
 
-def test_a_cavity_stays_with_its_body() -> None:
+@pytest.mark.parametrize("seed", mostly_slow(range(200), range(6)))
+def test_bodies_around_hollows_are_told_apart(seed: int) -> None:
+    """Cubes in most places of a grid: hollows between them are not taken for bodies."""
+    rng = np.random.default_rng(seed)
+    places = np.argwhere(rng.random((3, 3, 3)) < rng.choice([0.4, 0.8, 1.0])).tolist()
+    for turned in ("none", "all", "bodies", "some"):
+        blocks = [
+            Block.polyhedron(b.name, b.vertices, b.faces)
+            for b in separated(soup(*places, turned=turned, seed=seed))
+        ]
+        assert [b.volume for b in blocks] == pytest.approx([1.0] * len(places))
+        found = sorted((b.centroid - 0.5).round(6).tolist() for b in blocks)
+        assert found == places
+
+
+@pytest.mark.parametrize("turned", ["none", "all", "bodies", "some"])
+@pytest.mark.parametrize("kind", ["text", "binary"])
+def test_stl_of_three_cubes_turned_inwards(tmp_path: Path, kind: str, turned: str) -> None:
+    """A mirrored export: two stand exactly on each other, the third 0.3 aside."""
+    body = soup((0, 0, 0), (0, 0, 1), (0.3, 0, 2), turned=turned, seed=4)
+    path = tmp_path / "cubes.stl"
+    mesh = trimesh.Trimesh(body.vertices, body.faces, process=False)
+    path.write_bytes(mesh.export(file_type="stl" if kind == "binary" else "stl_ascii").encode()
+                     if kind == "text" else mesh.export(file_type="stl"))  # fmt: skip
+    found = import_geometry(path, length_unit="m", up="z", density=20, friction=0.35,
+                            supports="lowest", live=(1, 0, 0))  # fmt: skip
+    assert len(found.scene.blocks) == 3
+    assert solve(found.scene).load_factor == pytest.approx(0.35, rel=1e-6)
+
+
+def test_faces_listed_from_both_sides_are_no_second_body() -> None:
+    """Programs that draw faces from one side only write each twice."""
+    once = soup((0, 0, 0), (0, 0, 1))
+    both = replace(once, faces=[*once.faces, *(face[::-1] for face in once.faces)])
+    assert volumes_mended(separated(both)) == pytest.approx([1.0, 1.0])
+
+
+def test_the_same_body_twice_is_refused_naming_both(tmp_path: Path) -> None:
+    """As two objects, or in one soup of triangles."""
+    again = CUBE.vertices[::-1]
+    turned = [[7 - i for i in face] for face in CUBE.faces]
+    objects = [("a", CUBE.vertices, CUBE.faces), ("b", again, turned)]
+    path, begin, lines = tmp_path / "twice.obj", 1, ["o ground"]
+    for name, points, faces in [("ground", CUBE.vertices - (0, 0, 1), CUBE.faces), *objects]:
+        lines += [f"o {name}", *("v {} {} {}".format(*p) for p in points.tolist())]
+        lines += ["f " + " ".join(str(begin + i) for i in face) for face in faces]
+        begin += 8
+    path.write_text("\n".join(lines))
+    asked: dict[str, Any] = {
+        "length_unit": "m", "up": "z", "density": 1, "friction": 0.5, "supports": "lowest",
+        "live": (1, 0, 0),
+    }  # fmt: skip
+    with pytest.raises(InputError, match=r"'a' and 'b' are the same body twice.*remove one"):
+        _ = import_geometry(path, **asked).scene.contacts
+    body = soup((0, 0, -1), (0, 0, 0), (0, 0, 0), seed=1)
+    path = tmp_path / "twice.stl"
+    path.write_bytes(
+        trimesh.Trimesh(body.vertices, body.faces, process=False).export(file_type="stl")
+    )
+    with pytest.raises(InputError, match=r"'b\d' and 'b\d' are the same body twice"):
+        _ = import_geometry(path, **asked).scene.contacts
+
+
+def volumes_mended(bodies: list[Body]) -> list[float]:
+    return [solid(b.name, b.vertices, b.faces).volume for b in bodies]
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_cavity_stays_with_its_body(mirrored: bool) -> None:
     inner = 0.5 * CUBE.vertices + 0.25
     faces = [list(f) for f in CUBE.faces] + [[8 + i for i in f[::-1]] for f in CUBE.faces]
-    hollow = Body("hollow", np.vstack([CUBE.vertices, inner]), faces)
+    hollow = Body("hollow", np.vstack([CUBE.vertices, inner]), [f[::-1] for f in faces]
+                  if mirrored else faces)  # fmt: skip
     assert [len(b.faces) for b in separated(hollow)] == [12]
+
+
+def test_a_stone_in_a_notch_is_no_cavity_however_it_is_turned() -> None:
+    """Within the box around a stool, not within its stone."""
+    parts = [(0, 0, 2), (1, 0, 2), (2, 0, 2), (0, 0, 1), (2, 0, 1)]
+    stool = solid("stool", *cells(parts))
+    small = 0.5 * CUBE.vertices + (1.25, 0.25, 1.25)
+    faces = [*stool.faces, *([len(stool.vertices) + i for i in f[::-1]] for f in CUBE.faces)]
+    body = Body("", np.vstack([stool.vertices, small]), faces)
+    assert volumes_mended(separated(body)) == pytest.approx([5.0, 0.125])
 
 
 def test_open_shells_stay_together_for_a_repair() -> None:

@@ -16,8 +16,8 @@ from cvxlimit.arrays import FloatArray, ReadOnlyArrays
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets, planes
-from cvxlimit.geometry.mesh import Faces, surface
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE, Body
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces, surface
+from cvxlimit.geometry.polyhedra import Body
 
 BOX_FACES: Faces = (
     (0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 4, 7, 3), (1, 2, 6, 5),

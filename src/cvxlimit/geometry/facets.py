@@ -18,8 +18,7 @@ from scipy.spatial import cKDTree
 
 import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.geometry.mesh import Faces
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 
 _SAME_WAY = 0.9
 """Cosine below which faces are not one facet, however small they are (26 degrees): a fillet

@@ -14,10 +14,9 @@ from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import NEAR, FacetTable, Reach
-from cvxlimit.geometry.mesh import fan, polygon_vectors, unit
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan, polygon_vectors, unit
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.polygons import Outlines, outlines
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 _STEEPEST = 0.1
 """Sine of the angle between two facets in contact, at most: beyond, a normal force could not be

@@ -15,9 +15,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.errors import GeometryError
 
 Faces = tuple[tuple[int, ...], ...]
+
+RELATIVE_TOLERANCE = 1e-6
+"""Exact shapes are told from inexact ones at this fraction of a block's size.
+
+A body that is flat-faced and convex to six digits is taken as such; vertices nearer to each other
+than this are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,97 +136,8 @@ def volume_and_centroid(
     return volume, origin + (volumes[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
 
 
-def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
-    """The faces turned so that all normals point out, and how many were turned; refused if the
-    surface is open, has one side only, or encloses several bodies."""
-    table = EdgeTable.of(faces)
-    check_manifold(id, points, table)
-    count = len(faces)
-    one, other = table.twins()
-    differ = (table.start[one] == table.start[other]).astype(np.int64)
-    f, g = table.face[one], table.face[other]
-    # Every face stands twice, as it is and turned; neighbours are linked where they agree.
-    rows = np.concatenate([f, f + count])
-    columns = np.concatenate([g + count * differ, g + count * (1 - differ)])
-    as_is, reverse = linked(2 * count, rows, columns).reshape(2, count)
-    if (as_is == reverse).any():
-        bad = points[list(faces[int(np.argmax(as_is == reverse))])]
-        raise GeometryError(
-            f"block {id!r} has a surface with one side only, like a Moebius strip, near "
-            f"{place(bad.mean(axis=0))}: mend the mesh",
-            points=bad,
-            blocks=(id,),
-        )
-    sheet = np.minimum(as_is, reverse)
-    turned = as_is != sheet
-    shell = np.unique(sheet, return_inverse=True)[1]
-    # A shell may be walked either way: count what differs from the input.
-    turned ^= _outside_out(id, points, flipped(faces, turned), shell)
-    return flipped(faces, turned), int(turned.sum())
-
-
 def flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
     return tuple(f[::-1] if turns else f for f, turns in zip(faces, which.tolist(), strict=True))
-
-
-def check_manifold(id: str, points: FloatArray, table: EdgeTable) -> None:
-    wrong = np.flatnonzero(table.uses != 2)
-    if not len(wrong):
-        return
-    uses = table.uses[wrong]
-    side = int(np.flatnonzero(table.key == wrong[int(np.argmax(uses))])[0])
-    ends = points[[table.start[side], table.end[side]]]
-    most = int(uses.max())
-    sides = np.flatnonzero(np.isin(table.key, wrong))
-    fault = (
-        f"block {id!r} is not closed: the edge between vertices {table.start[side]} and "
-        f"{table.end[side]}, from {place(ends[0])} to {place(ends[1])}, "
-    )
-    shared = f"does not belong to exactly two faces but to {most}"
-    fault += "has no face on its other side" if most == 1 else shared
-    more = f", and {len(wrong) - 1} more edges are at fault" if len(wrong) > 1 else ""
-    raise GeometryError(
-        f"{fault}{more}; mend the mesh so that every edge belongs to two faces",
-        points=points[np.stack([table.start[sides], table.end[sides]], axis=1)].reshape(-1, 3),
-        blocks=(id,),
-    )
-
-
-def _outside_out(id: str, points: FloatArray, faces: Faces, shell: IntArray) -> NDArray[np.bool_]:
-    triangles, face = fan(points, faces)
-    centred = triangles - points.mean(axis=0)
-    volumes = np.zeros(int(shell.max()) + 1)
-    np.add.at(volumes, shell[face], np.linalg.det(centred) / 6.0)
-    if len(volumes) == 1:
-        return np.full(len(faces), volumes[0] < 0.0)
-    witness = [points[faces[int(np.flatnonzero(shell == s)[0])][0]] for s in range(len(volumes))]
-    inside = np.array([
-        [s != t and abs(winding(witness[s], triangles[shell[face] == t])) > 0.5
-         for t in range(len(volumes))]
-        for s in range(len(volumes))
-    ])  # fmt: skip
-    depth = inside.sum(axis=1)
-    if (depth == 0).sum() > 1 or depth.max() > 1:
-        second = witness[int(np.flatnonzero(depth != 1)[1])]
-        raise GeometryError(
-            f"block {id!r} consists of {int((depth % 2 == 0).sum())} separate bodies, one of them "
-            f"at {place(second)}: make a block of each",
-            points=np.array(witness),
-            blocks=(id,),
-        )
-    return np.asarray((volumes < 0.0)[shell] ^ (depth == 1)[shell])
-
-
-def winding(point: FloatArray, triangles: FloatArray) -> float:
-    """How often a closed surface of ``triangles`` (t, 3, 3) goes round ``point``, 0 outside: solid
-    angles (van Oosterom and Strackee 1983) over 4 pi."""
-    a, b, c = np.moveaxis(triangles - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    top = np.einsum("tk,tk->t", a, np.cross(b, c))
-    bottom = la * lb * lc
-    for u, v, length in ((a, b, lc), (b, c, la), (c, a, lb)):
-        bottom = bottom + np.einsum("tk,tk->t", u, v) * length
-    return float(np.arctan2(top, bottom).sum() / (2.0 * np.pi))
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:

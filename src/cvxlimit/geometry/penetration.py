@@ -15,6 +15,7 @@ from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.nearmisses import NearMiss
+from cvxlimit.geometry.shells import unpinched
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +28,10 @@ class Body:
 
     @classmethod
     def of(cls, block: Block, origin: FloatArray) -> Body:
-        corners, _ = mesh.triangulated(block.vertices, block.faces)
-        shell = manifold3d.Mesh64(block.vertices - origin, corners.astype(np.uint64))
-        return cls(block.vertices[corners], origin, manifold3d.Manifold(shell))
+        points, faces = unpinched(block.vertices, block.faces)
+        corners, _ = mesh.triangulated(points, faces)
+        shell = manifold3d.Mesh64(points - origin, corners.astype(np.uint64))
+        return cls(points[corners], origin, manifold3d.Manifold(shell))
 
 
 def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:

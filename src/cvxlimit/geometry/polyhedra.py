@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 import cvxlimit.geometry.mesh as mesh
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.mesh import Faces
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 from cvxlimit.geometry.nearby import nearby_pairs
+from cvxlimit.geometry.shells import outward
 
 
 def check_faces(
@@ -101,12 +102,6 @@ def _pierced(
             return int(rows[inside[0]]), where[inside[0]]
     return None
 
-
-RELATIVE_TOLERANCE = 1e-6
-"""Exact shapes are told from inexact ones at this fraction of a block's size.
-
-A body that is flat-faced and convex to six digits is taken as such; vertices nearer to each other
-than this are one."""
 
 JOINT_TOLERANCE = 0.01
 """Default joint tolerance over a block's mean thickness, 2 volume / surface.
@@ -221,7 +216,7 @@ def closed_body(
             points=points[min(unused)],
             blocks=(id,),
         )
-    return body_inside(id, points, mesh.outward(id, points, faces)[0], joint_tolerance)
+    return body_inside(id, points, outward(id, points, faces)[0], joint_tolerance)
 
 
 def body_inside(

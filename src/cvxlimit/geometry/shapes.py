@@ -19,8 +19,8 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import Facets
 from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.joints import Joints
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.polygons import members_of
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
 
 _AGREE = 0.25
 """Both sides agree on a shape where the angles between their faces are less than this share of the

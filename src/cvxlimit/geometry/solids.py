@@ -16,6 +16,7 @@ from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block, Repair
 from cvxlimit.geometry.mesh import Faces
+from cvxlimit.geometry.shells import outward
 
 
 def solid(
@@ -55,16 +56,16 @@ def solid(
     if exact is not None and exact.faces == loops:  # nothing to mend: a fifth of the time
         return Block.of_body(id, points, exact, density)
     raw = _Mesh(id, points, loops)
-    raw.weld(polyhedra.RELATIVE_TOLERANCE * raw.size)
+    raw.weld(mesh.RELATIVE_TOLERANCE * raw.size)
     raw.drop_degenerate()
     raw.drop_doubled()
     raw.close_seams(polyhedra.JOINT_TOLERANCE * raw.rough_thickness if allowed is None else allowed)
     raw.drop_unused()
-    raw.faces, turned = mesh.outward(id, raw.points, raw.faces)
+    raw.faces, turned = outward(id, raw.points, raw.faces)
     whole = " (the whole shell was inside out)" if turned == len(raw.faces) else ""
     raw.report("turned", turned, f"faces whose normals pointed in{whole}")
     raw.split_warped(allowed)
-    polyhedra.check_faces(id, raw.points, raw.faces, polyhedra.RELATIVE_TOLERANCE * raw.size)
+    polyhedra.check_faces(id, raw.points, raw.faces, mesh.RELATIVE_TOLERANCE * raw.size)
     body = polyhedra.body_inside(id, raw.points, raw.faces, allowed)
     return Block.of_body(id, raw.points, body, density, tuple(raw.repairs))
 
@@ -114,7 +115,7 @@ class _Mesh:
             )
         if real:
             areas = np.linalg.norm(mesh.area_vectors(self.points, real), axis=1)
-            least = (polyhedra.RELATIVE_TOLERANCE * self.size) ** 2
+            least = (mesh.RELATIVE_TOLERANCE * self.size) ** 2
             real = [f for f, area in zip(real, areas.tolist(), strict=True) if area > least]
         self.report("degenerate", len(self.faces) - len(real), "faces without area")
         if len(real) < 4:
@@ -142,7 +143,7 @@ class _Mesh:
         self.faces = kept
 
     def close_seams(self, distance: float) -> None:
-        self._join(polyhedra.RELATIVE_TOLERANCE * self.size)
+        self._join(mesh.RELATIVE_TOLERANCE * self.size)
         _, sides, ends = self._open_sides()
         if len(sides):
             self.weld(distance, ends)

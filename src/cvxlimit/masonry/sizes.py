@@ -12,7 +12,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.polyhedra import RELATIVE_TOLERANCE
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.scene import Load, Scene
 
 Size = tuple[float, float, float]

@@ -7,16 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.geometry.mesh import EdgeTable, area_vectors, volume_and_centroid
-
-SAME_ANGLE = 1e-6
-"""Radians within which two faces at an edge count as one behind the other: between what double
-precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
+from cvxlimit.geometry.mesh import EdgeTable, Faces, flipped
+from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,29 +60,23 @@ def with_faces(
 def separated(body: Body) -> list[Body]:
     """The bodies that ``body`` is made of, each with its own vertices; itself if it is one.
 
-    Faces belong together when they bound the same material: at an edge of two faces always, at an
-    edge of four (two bricks that share it) those on either side of a wedge of stone. A shell that
-    is turned inside out within another is its cavity and stays with it. Shells that are not closed
-    stay together, for a repair to try.
+    Faces belong together when they bound the same material, however they are turned: at an edge of
+    two faces always, at an edge of four (two bricks that share it) those on either side of a wedge
+    of stone. A shell within another is its cavity and stays with it, if their faces go round in
+    opposite ways. Shells that are not closed stay together, for a repair to try.
     """
     if body.is_box or not len(body.faces) or _is_one_shell(body.faces):
         return [body]
     if min(map(len, body.faces)) < 3 or not np.isfinite(body.vertices).all():
         return [body]  # whoever builds the block says what is wrong
-    _, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
+    points, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
     place = np.asarray(place).reshape(-1)
     try:
-        edges = EdgeTable.of([place[list(face)].tolist() for face in body.faces])
+        faces = tuple(tuple(place[list(face)].tolist()) for face in body.faces)
     except IndexError:
         return [body]
-    label = _shells(body, edges)
-    if not label.any():
-        return [body]
-    sides = np.stack([label[edges.face], edges.key])
-    (of_shell, _), uses = np.unique(sides, axis=1, return_counts=True)
-    is_open = np.isin(label, of_shell[uses % 2 == 1])
-    label[is_open] = label[is_open].min(initial=len(label))
-    label = _with_cavities_joined(body, label)
+    found = Shells.of(points, faces, EdgeTable.of(faces))
+    label = _with_cavities_joined(points, faces, found)
     numbers, first = np.unique(label, return_index=True)
     if len(numbers) == 1:
         return [body]
@@ -119,63 +107,22 @@ def _part(body: Body, faces: IntArray, name: str) -> Body:
     return replace(body, name=name, vertices=vertices, faces=own)
 
 
-def _shells(body: Body, edges: EdgeTable) -> IntArray:
-    pairs = [edges.face[np.stack(edges.twins(), axis=1)]]
-    several = np.flatnonzero(edges.uses > 2)
-    if len(several):
-        normals = area_vectors(body.vertices, body.faces)
-        order, end = np.argsort(edges.key, kind="stable"), np.cumsum(edges.uses)
-        forward = edges.start < edges.end
-        corners = np.concatenate([np.asarray(face) for face in body.faces])  # as sides begin
-        following = np.concatenate([np.roll(face, -1) for face in body.faces])
-        for group in several:
-            sides = order[end[group] - edges.uses[group] : end[group]]
-            along = body.vertices[following[sides[0]]] - body.vertices[corners[sides[0]]]
-            axis = along if forward[sides[0]] else -along
-            face = edges.face[sides]
-            pairs.append(_around(axis, normals[face], forward[sides], face))
-    joined = np.concatenate(pairs)
-    graph = coo_array((np.ones(len(joined)), joined.T), shape=(len(body.faces),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _around(
-    axis: FloatArray, normals: FloatArray, forward: NDArray[np.bool_], face: IntArray
-) -> IntArray:
-    """Pairs of faces (p, 2) that bound one wedge of material at an edge of several faces.
-
-    Turning about the axis, material begins at a face that runs against it and ends at the next
-    one that runs along it. Where they do not alternate, all are one shell.
-    """
-    _, first = np.unique(np.column_stack([face, forward]), axis=0, return_index=True)
-    normals, forward, face = normals[first], forward[first], face[first]
-    into = np.cross(normals, axis) * np.where(forward, 1.0, -1.0)[:, None]
-    across = into[int(np.flatnonzero(~forward)[0])] if (~forward).any() else into[0]
-    side = np.cross(axis, across) / max(float(np.linalg.norm(axis)), 1e-300)
-    angle = np.mod(np.arctan2(into @ side, into @ across), 2.0 * np.pi)
-    angle[forward & (angle < SAME_ANGLE)] = 2.0 * np.pi
-    angle[~forward & (angle > 2.0 * np.pi - SAME_ANGLE)] = 0.0
-    turn = np.lexsort((~forward, np.round(angle / SAME_ANGLE)))
-    if (forward[turn] == (np.arange(len(turn)) % 2 == 1)).all() and len(turn) % 2 == 0:
-        result: IntArray = face[turn].reshape(-1, 2)
-        return result
-    return np.stack([face[:-1], face[1:]], axis=1)
-
-
-def _with_cavities_joined(body: Body, label: IntArray) -> IntArray:
-    shells = []
-    for number in np.unique(label).tolist():
-        members = [body.faces[i] for i in np.flatnonzero(label == number).tolist()]
-        points = body.vertices[np.unique(np.concatenate(members))]
-        volume = volume_and_centroid(body.vertices, members)[0]
-        shells.append((number, volume, points.min(axis=0), points.max(axis=0)))
-    result = label.copy()
-    for number, volume, low, high in shells:
-        around = [
-            (other_volume, other)
-            for other, other_volume, other_low, other_high in shells
-            if other_volume > -volume and (other_low < low).all() and (high < other_high).all()
-        ]
-        if volume < 0.0 and around:
-            result[label == number] = min(around)[1]
-    return result
+def _with_cavities_joined(points: FloatArray, faces: Faces, found: Shells) -> IntArray:
+    """Shells by number, cavities as what they lie in, and the two sides of faces that a program
+    wrote once from either side as one: that is no second body."""
+    shell, outwards = found.shell, flipped(faces, found.turned)
+    result = np.arange(int(shell.max()) + 1)
+    given, size = volumes(points, faces, shell) < 0.0, volumes(points, outwards, shell)
+    closed = np.isin(result, shell[found.closed])
+    if not given[closed].any() or given[closed].all():
+        return shell
+    first: dict[frozenset[frozenset[int]], int] = {}
+    for number, own in enumerate(by_shell(faces, shell)):
+        twin = first.setdefault(frozenset(map(frozenset, own)), number)
+        if given[twin] != given[number]:
+            result[number] = twin
+    pairs = nested(points, outwards, shell, given)
+    for inner, outer in sorted(pairs, key=lambda pair: -size[pair[1]]):  # the smallest comes last
+        if closed[inner] and closed[outer] and result[inner] != result[outer]:
+            result[inner] = result[outer]
+    return np.asarray(result[shell])
