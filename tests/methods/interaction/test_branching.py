@@ -236,7 +236,7 @@ def test_what_it_bought_is_told() -> None:
     solution = solve(bridge(), interaction=rule)
     assert solution.status is Status.CERTIFIED
     found = re.search(
-        r"(\d+) nodes? with (\d+) problems in [\d.]+ s: from .* to (.*) %", solution.note
+        r"(\d+) nodes? with (\d+) problems in [\d.]+ s: from .* to (\S*) %", solution.note
     )
     assert found is not None
     assert 0 < int(found[1]) <= int(found[2])

@@ -430,17 +430,16 @@ class TestIteration:
 
     def test_a_huge_epsilon_takes_bending_out(self) -> None:
         """Then all contacts count as pressed at their centres, in every iterate; in block weights,
-        whatever the unit of force. Iterates on the way are solved to 1e-4."""
+        whatever the unit of force: six iterates change by little five times."""
         scene = random_wall(2)
         plain = solve(scene).load_factor
         for other in (scene, _heavier(scene, 1e3)):
             run = solve(
-                other, interaction=FixedPoint(max_iterations=4, epsilon=1e9), moments="paper"
+                other, interaction=FixedPoint(max_iterations=6, epsilon=1e9), moments="paper"
             )
             assert run.status is Status.CONVERGED
             factors = [h.load_factor for h in run.history]
-            assert factors == pytest.approx([plain] * len(factors), rel=1e-4)
-            assert factors[-2:] == pytest.approx([plain] * 2, rel=1e-5)
+            assert factors == pytest.approx([plain] * len(factors), rel=1e-5)
         with pytest.raises(InputError, match="epsilon must be finite and not negative"):
             FixedPoint(epsilon=-1.0)
 
