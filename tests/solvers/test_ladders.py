@@ -24,10 +24,12 @@ from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,
     Blockwise,
+    Shape,
     SolverSettings,
     default_ladder,
     installed,
     ladder_of,
+    limit_ladder,
     settings_for,
 )
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
@@ -529,3 +531,17 @@ class TestOneSolver:
     def test_refusals(self, options: dict[str, Any], said: str) -> None:
         with pytest.raises(ModelError, match=said):
             solve(builtin_scene("tuff-wall"), **options)
+
+
+@pytest.mark.parametrize(("has_qoco", "first"), [(True, "QOCO"), (False, "BLOCKWISE")])
+def test_where_nothing_is_compiled_the_best_installed_solver_leads(
+    has_qoco: bool, first: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the 888 contacts of S12, whose numbers these are; Clarabel on 374, 16,000 by NumPy."""
+    here = frozenset({"CLARABEL", *(["QOCO"] if has_qoco else [])})
+    monkeypatch.setattr("cvxlimit.solvers.ladders.BATCH", None)
+    monkeypatch.setattr("cvxlimit.solvers.ladders.installed", lambda: here)
+    assert limit_ladder(Shape(7105, 1884, 888, 5328))[0].name == first
+    few = "QOCO" if has_qoco else "CLARABEL"
+    assert limit_ladder(Shape(2993, 876, 374, 2244))[0].name == few
+    assert limit_ladder(Shape(128_000, 40_000, 16_000, 96_000))[0].name == "BLOCKWISE"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.extensions import BATCH, SMALL
@@ -51,9 +52,19 @@ class LadderNumbers:
 
 NUMBERS = LadderNumbers()
 
-BLOCKWISE_FROM = {"conic": (100, 4_000), "facets": (500, 1_300), "lean": (1_000, 2_500)}
+BLOCKWISE_FROM = {
+    "conic": (100, 4_000, 12_000),
+    "facets": (500, 1_300, 2_800),
+    "lean": (1_000, 2_500, 2_500),
+}
 """From how many variables on the blockwise solver comes first, by the kind of problem: compiled,
-and by NumPy."""
+by NumPy where Clarabel is beside it, and by NumPy where QOCO is."""
+
+
+def blockwise_from(kind: str) -> int:
+    """The number that holds here."""
+    way = 0 if BATCH is not None else 2 if "QOCO" in installed() else 1
+    return BLOCKWISE_FROM[kind][way]
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -95,7 +106,9 @@ def ladder_of(
             check_installed(settings := settings_for(rung.upper()))
             ladder.append(settings)
         elif isinstance(rung, type) and issubclass(rung, ConicSolver):
-            ladder.append(SolverSettings(str(rung().name()), plug_in=rung))
+            name = str(rung().name())
+            is_known = type(SOLVER_MAP_CONIC.get(name)) is rung
+            ladder.append(settings_for(name) if is_known else SolverSettings(name, plug_in=rung))
         elif isinstance(rung, SolverSettings):
             ladder.append(rung)
         else:
@@ -232,9 +245,9 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     own, kind = settings_for("BLOCKWISE", backend=backends()[0]), shape.kind
     # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
     asked, tight = NUMBERS.enough * tolerance, replace(own, label="BLOCKWISE tight")
-    if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind][BATCH is None]):
+    if shape.variables >= max(NUMBERS.few, blockwise_from(kind)):
         return (settings_for("BLOCKWISE", asked), tight, first, *others)
-    if shape.variables >= BLOCKWISE_FROM[kind][BATCH is None]:
+    if shape.variables >= blockwise_from(kind):
         digits = settings_for("BLOCKWISE", min(asked, NUMBERS.few_gap))
         return (digits, first, tight, *others)
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)):

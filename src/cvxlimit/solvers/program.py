@@ -1,14 +1,15 @@
 """Conic programs given as arrays: for thousands of small problems of one scene.
 
 Everything else is written in CVXPY, whose compiling takes 20 to 50 ms however small a problem is,
-where solvers need 5 to 10. Here CVXPY's interfaces to the solvers get their matrices directly.
+where solvers need 5 to 10. Here CVXPY's interfaces to the solvers get their matrices directly,
+those that need no more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,8 +24,10 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.solvers.own import Blockwise
-from cvxlimit.solvers.running import Outcome, attempted
+from cvxlimit.solvers.running import Outcome, attempted, run
 from cvxlimit.solvers.table import SolverSettings
+
+_NO_DUALS = "failed: returned no duals"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +94,13 @@ class ConeProgram:
         there, which is that of any program of this pattern, and start from its ``"start"``, if
         there is one.
 
-        Never raises for what the solver does; see :func:`cvxlimit.solvers.running.run`.
+        Solvers whose interfaces need more than these matrices get them through CVXPY, all of them
+        the same problem. Never raises for what the solver does; see
+        :func:`cvxlimit.solvers.running.run`.
         """
         row, options = settings.row, dict(settings.options)
+        if not row.takes_matrices:
+            return self._solve_through_cvxpy(settings)
 
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
@@ -107,10 +114,38 @@ class ConeProgram:
         if found is None or not outcome.has_values:
             return outcome, None, None
         if not found.dual_vars:
-            return replace(outcome, status="failed: returned no duals"), None, None
+            return replace(outcome, status=_NO_DUALS), None, None
         (x,) = found.primal_vars.values()
         (y,) = found.dual_vars.values()
         return outcome, np.asarray(x), np.asarray(y).ravel()
+
+    def _solve_through_cvxpy(
+        self, settings: SolverSettings
+    ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
+        problem, x, equations = self._stated
+        outcome = run(problem, settings)
+        if not outcome.has_values or x.value is None:
+            return outcome, None, None
+        y = np.zeros(0) if equations is None else equations.dual_value
+        if y is None:
+            return replace(outcome, status=_NO_DUALS), None, None
+        return outcome, np.asarray(x.value, dtype=float), np.asarray(y, dtype=float)
+
+    @cached_property
+    def _stated(self) -> tuple[cp.Problem, cp.Variable, cp.Constraint | None]:
+        """The program in CVXPY's words, its variable and its equations."""
+        x, rows, at = cp.Variable(len(self.cost)), self.matrix.tocsr(), self.zero
+        linear = slice(at, at + self.nonneg)
+        equations = rows[:at] @ x == self.right[:at] if at else None
+        stated = [] if equations is None else [equations]
+        if self.nonneg:
+            stated.append(rows[linear] @ x <= self.right[linear])
+        starts = linear.stop + np.cumsum([0, *self.cones[:-1]])
+        for size in sorted(set(self.cones)):
+            first = starts[: len(self.cones)][np.array(self.cones) == size]
+            own = [self.right[first + i] - rows[first + i] @ x for i in range(size)]
+            stated.append(cp.SOC(own[0], cp.vstack(own[1:]), axis=0) if size > 1 else own[0] >= 0)
+        return cp.Problem(cp.Minimize(self.cost @ x), stated), x, equations
 
     def _data(self, is_split: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         p = self.zero

@@ -39,6 +39,8 @@ class Solver:
         True if it is on the default ladder, below Clarabel, where it is installed.
     starts_warm : bool
         True if a problem solved again starts from the answer before.
+    takes_matrices : bool
+        True if CVXPY's interface to it needs nothing of a problem but its matrices and cones.
     splits_equations : bool
         True if CVXPY's interface to it takes equations and cones apart.
     distribution : str
@@ -60,6 +62,7 @@ class Solver:
     has_cones: bool = True
     is_tried: bool = False
     starts_warm: bool = False
+    takes_matrices: bool = False
     splits_equations: bool = False
     distribution: str = ""
     pace: tuple[float, float] = (3.2e-7, 1.6)
@@ -75,31 +78,32 @@ _OWN_LDL = {"direct_solve_method": "qdldl", "max_iter": 200}
 _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
     # tolerances save little and cost the bracket (docs/evidence/solvers.md).
-    Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL),
+    Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL, takes_matrices=True),
     Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(9.4e-7, 1.3),
-           starts_warm=True, plug_in=Blockwise),
+           starts_warm=True, takes_matrices=True, plug_in=Blockwise),
     Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
-           plug_in=Rescaled),
+           takes_matrices=True, plug_in=Rescaled),
     # At tolerances below 1e-8 its brackets are no narrower.
     Solver("QOCO", "BSD-3-Clause", _FAST, ("abstol", "reltol"), 1e-8, iterations="max_iters",
-           splits_equations=True, pace=(1.8e-7, 1.6)),
+           takes_matrices=True, splits_equations=True, pace=(1.8e-7, 1.6)),
     Solver("MOSEK", "commercial", _ALONE, ("eps",), is_tried=True),
     Solver("GUROBI", "commercial", _ALONE, ("BarConvTol", "BarQCPConvTol"), is_tried=True,
            distribution="gurobipy"),
     Solver("ECOS", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), 1e-10, {"max_iters": 300},
-           "max_iters", is_tried=True, splits_equations=True),
+           "max_iters", is_tried=True, takes_matrices=True, splits_equations=True),
     Solver("HIGHS", "MIT", _CORE, ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
            1e-9, {"time_limit": 60.0}, has_cones=False, is_tried=True, distribution="highspy"),
     # Iterations alone are no budget: 100,000 take more than eight minutes on 1,906 contacts with
     # interaction, and an answer this late has not been seen to be of use.
     Solver("SCS", "MIT", _CORE, ("eps_abs", "eps_rel"), 1e-9,
-           {"max_iters": 100_000, "time_limit_secs": 60.0}, "max_iters", is_tried=True),
+           {"max_iters": 100_000, "time_limit_secs": 60.0}, "max_iters", is_tried=True,
+           takes_matrices=True),
     Solver("MOREAU", "Apache-2.0", _ALONE),
     Solver("COPT", "commercial", _ALONE, distribution="coptpy"),
     Solver("XPRESS", "commercial", _ALONE),
     Solver("CUCLARABEL", "Apache-2.0", _ALONE),
     Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",)),  # of cones CVXPY gets no duals
-    Solver("CVXOPT", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), splits_equations=True),
+    Solver("CVXOPT", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol")),
     Solver("GLPK", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
     Solver("GLPK_MI", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
     Solver("GLOP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
@@ -209,5 +213,5 @@ def versions(solvers: Iterable[str]) -> dict[str, str]:
 
 @cache
 def installed() -> frozenset[str]:
-    """Names of the solvers that CVXPY finds."""
-    return frozenset(cp.installed_solvers())
+    """Names of the solvers that CVXPY finds, of those for convex problems."""
+    return frozenset(cp.installed_solvers()) & {*SOLVER_MAP_CONIC, *SOLVER_MAP_QP}
