@@ -352,3 +352,47 @@ class TestInterpenetration:
                        Block.box("base", (-1, -1, -2), (4, 4, -1)),
                        Block.box("prop", (0, 0, -1), (0.5, 0.5, 0))])  # fmt: skip
         assert set(free.contacts.names) == {"nut-prop", "thin-base", "base-prop"}
+
+
+class TestLeaning:
+    """Faces that meet along an edge and open beyond the reach of near misses are told."""
+
+    GROUND = Block.box("ground", (-3, -3, -1), (3, 3, 0))
+
+    def leaning(self, degrees: float) -> list[Block]:
+        """A cube on one of its edges, opened by an angle, and another one on top of it."""
+        turn = Rotation.from_euler("y", -degrees, degrees=True).as_matrix()
+        cubes = [Block.box(n, (0, 0, z), (1, 1, z + 1), 1.0) for n, z in (("low", 0), ("top", 1))]
+        return [b.moved(turn) for b in cubes]
+
+    @pytest.mark.parametrize("degrees", [0.3, 1.0, 3.0, 5.5])
+    def test_neighbour_distance_angle_and_the_tolerance_that_joins(self, degrees: float) -> None:
+        blocks = [self.GROUND, *self.leaning(degrees)]
+        with pytest.raises(GeometryError, match=r"'ground'.*touches no other block.*give a larger"):
+            detect(blocks, ["ground"])
+        stool = Block.box("stool", (-2, 0, 0), (-1, 1, 1), density=1.0)
+        (miss,) = detect([*blocks, stool], ["ground"]).near_misses
+        far = np.sin(np.radians(degrees))
+        assert (miss.a, miss.b, miss.kind) == ("ground", "low", "angle")
+        assert miss.gaps == pytest.approx((0.0, far), rel=2e-3, abs=1e-9)
+        assert np.degrees(miss.angle) == pytest.approx(degrees)
+        assert f"an angle of {degrees:.3g} degrees, 0 m apart at one end" in miss.sentence("m")
+        tolerance = float(miss.sentence().split("a joint tolerance of ")[1].split()[0])
+        assert tolerance == pytest.approx(far, rel=0.01)
+        found = detect([*blocks, stool], ["ground"], joint_tolerance=tolerance)
+        assert {"ground-low", "low-top", "ground-stool"} <= {*found.contacts.names}
+
+    @pytest.mark.parametrize("degrees", [7.0, 20.0])
+    def test_too_steep_for_any_tolerance(self, degrees: float) -> None:
+        with pytest.raises(GeometryError, match=r"no joint tolerance joins .*\): move") as refusal:
+            detect([self.GROUND, self.leaning(degrees)[0]], ["ground"])
+        assert "give a larger" not in str(refusal.value)
+
+    def test_blocks_that_are_joined_elsewhere_are_not_told(self) -> None:
+        """A chamfer opens from the joint beside it."""
+        outline = np.array([[0, 0], [1, 0], [1.4, 0.15], [1.4, 1], [0, 1]])
+        points = [[x, y, z] for x, z in outline for y in (0.0, 1.0)]
+        stone = Block.hull("stone", points, density=1.0)
+        found = detect([self.GROUND, stone], ["ground"])
+        assert found.contacts.names == ("ground-stone",)
+        assert not found.near_misses

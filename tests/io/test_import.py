@@ -303,10 +303,11 @@ def test_stl_of_three_cubes_turned_inwards(tmp_path: Path, kind: str, turned: st
     assert solve(found.scene).load_factor == pytest.approx(0.35, rel=1e-6)
 
 
-def test_faces_listed_from_both_sides_are_no_second_body() -> None:
+@pytest.mark.parametrize("step", [1, -1], ids=["alike", "from both sides"])
+def test_faces_listed_twice_are_no_second_body(step: int) -> None:
     """Programs that draw faces from one side only write each twice."""
     once = soup((0, 0, 0), (0, 0, 1))
-    both = replace(once, faces=[*once.faces, *(face[::-1] for face in once.faces)])
+    both = replace(once, faces=[*once.faces, *(face[::step] for face in once.faces)])
     assert volumes_mended(separated(both)) == pytest.approx([1.0, 1.0])
 
 

@@ -90,8 +90,9 @@ def _check_every_block_is_held(
         return
     lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
     nearly = [miss for miss in misses if lonely.id in (miss.a, miss.b)]
-    hint = f" ({min(nearly, key=lambda miss: miss.factor).sentence()})" if nearly else ""
-    cure = ", give a larger joint_tolerance" if nearly else ""
+    nearest = min(nearly, key=lambda miss: miss.factor, default=None)
+    hint = f" ({nearest.sentence()})" if nearest else ""
+    cure = ", give a larger joint_tolerance" if nearest and nearest.can_be_joined else ""
     raise GeometryError(
         f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
         f"block{hint}: move it so that a face meets another block's face{cure}, tie it to one, or "

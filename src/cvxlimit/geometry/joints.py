@@ -177,7 +177,7 @@ class Joints:
     def near_misses(self, blocks: Sequence[Block]) -> Iterator[NearMiss]:
         close = self.is_close
         ends = np.append(self.found.start, len(self.found.corners))
-        for j in np.flatnonzero(self.missed).tolist():
+        for j in np.flatnonzero(self.missed | self._is_leaning).tolist():
             low, high = self.gaps[j].tolist()
             size, allowed = max(high, -low), float(self.allowed[j])
             kind: Kind = "gap" if high > allowed else "overlap"
@@ -196,7 +196,21 @@ class Joints:
                 allowed=allowed,
                 place=self.origin[j],
                 outline=self.origin[j] + corners @ self.axes[j, :2],
+                gaps=(low, high),
+                angle=float(np.arcsin(min(self.sine[j], 1.0))),
+                cure=size - float(self.warped[j]) if self.sine[j] <= _STEEPEST else np.inf,
             )
+
+    @property
+    def _is_leaning(self) -> BoolArray:
+        """Facets that meet, or nearly so, at one end, and are beyond all reach at the other, of
+        blocks that are not joined otherwise."""
+        low, high = self.gaps.T
+        meets = (low >= -self.allowed) & (low <= self.near) & (high > self.near)
+        wide = self.found.width > self.allowed
+        count = int(self.b.max(initial=0)) + 1
+        pair = self.a * count + self.b
+        return np.asarray(meets & wide & ~np.isin(pair, pair[self.joined | self.missed]))
 
 
 _SLIVERS = 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +13,8 @@ Kind = Literal["gap", "angle", "overlap", "sliver"]
 
 _WORDS = {
     "gap": "a gap of {size:.3g}{unit}, joined up to {allowed:.3g}",
-    "angle": "faces at an angle, {size:.3g}{unit} off at the far end, joined up to {allowed:.3g}",
+    "angle": "faces at an angle of {degrees:.3g} degrees, {nearest:.3g}{unit} apart at one end and "
+    "{farthest:.3g}{unit} at the other, joined up to {allowed:.3g}{cure}",
     "overlap": "an overlap of {size:.3g}{unit}, joined up to {allowed:.3g}",
     "sliver": "a joint {size:.3g}{unit} wide, kept from {allowed:.3g}",
 }
@@ -25,7 +27,9 @@ class NearMiss:
     ``kind``: ``"gap"``, they are apart; ``"angle"``, they open by more than the tolerance;
     ``"overlap"``, in each other, less than what is refused; ``"sliver"``, on a width within the
     tolerance. ``size`` (gap, depth or width) was held against ``allowed``; ``place`` (3,) is the
-    middle of the joint that is not there, ``outline`` (k, 3) its corners.
+    middle of the joint that is not there, ``outline`` (k, 3) its corners. Of faces at an angle
+    ``gaps`` are the distances at the near and at the far end, ``angle`` is that between them
+    (radians), and ``cure`` the joint tolerance that joins them; infinite where none does.
     """
 
     a: str
@@ -35,6 +39,9 @@ class NearMiss:
     allowed: float
     place: FloatArray
     outline: FloatArray
+    gaps: tuple[float, float] = (0.0, 0.0)
+    angle: float = 0.0
+    cure: float = math.inf
 
     @property
     def factor(self) -> float:
@@ -42,11 +49,32 @@ class NearMiss:
         share = self.size / self.allowed
         return 2.0 - share if self.kind == "sliver" else share
 
+    @property
+    def can_be_joined(self) -> bool:
+        """False where faces are too steep to each other for any joint tolerance."""
+        return self.kind != "angle" or self.cure < math.inf
+
     def sentence(self, unit: str = "") -> str:
+        cure = "; no joint tolerance joins faces that are so steep to each other"
+        if self.cure < math.inf:
+            cure = f"; a joint tolerance of {_rounded_up(self.cure)} joins them"
+        near, far = self.gaps
         words = _WORDS[self.kind].format(
-            size=self.size, allowed=self.allowed, unit=f" {unit}" if unit else ""
+            size=self.size,
+            allowed=self.allowed,
+            degrees=math.degrees(self.angle),
+            nearest=near if abs(near) > 1e-9 * abs(far) else 0.0,  # rounding
+            farthest=far,
+            cure=cure,
+            unit=f" {unit}" if unit else "",
         )
         return f"{self.a}-{self.b}: {words}"
+
+
+def _rounded_up(length: float) -> str:
+    """Three digits, of which the last is rounded up."""
+    step = 10.0 ** (math.floor(math.log10(length)) - 2)
+    return f"{math.ceil(length / step) * step:.3g}"
 
 
 def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:

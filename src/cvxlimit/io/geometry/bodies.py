@@ -108,19 +108,17 @@ def _part(body: Body, faces: IntArray, name: str) -> Body:
 
 
 def _with_cavities_joined(points: FloatArray, faces: Faces, found: Shells) -> IntArray:
-    """Shells by number, cavities as what they lie in, and the two sides of faces that a program
-    wrote once from either side as one: that is no second body."""
+    """Shells by number, cavities as what they lie in. Faces that a program listed twice, or once
+    from either side, are no second body."""
     shell, outwards = found.shell, flipped(faces, found.turned)
     result = np.arange(int(shell.max()) + 1)
     given, size = volumes(points, faces, shell) < 0.0, volumes(points, outwards, shell)
     closed = np.isin(result, shell[found.closed])
-    if not given[closed].any() or given[closed].all():
-        return shell
     first: dict[frozenset[frozenset[int]], int] = {}
     for number, own in enumerate(by_shell(faces, shell)):
-        twin = first.setdefault(frozenset(map(frozenset, own)), number)
-        if given[twin] != given[number]:
-            result[number] = twin
+        result[number] = first.setdefault(frozenset(map(frozenset, own)), number)
+    if not given[closed].any() or given[closed].all():
+        return np.asarray(result[shell])
     pairs = nested(points, outwards, shell, given)
     for inner, outer in sorted(pairs, key=lambda pair: -size[pair[1]]):  # the smallest comes last
         if closed[inner] and closed[outer] and result[inner] != result[outer]:
