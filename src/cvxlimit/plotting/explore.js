@@ -64,12 +64,12 @@ function render({ model, el }) {
     line([zero[0], TOP], [zero[0], foot]);
     line([LEFT, foot], [SIZE - RIGHT, foot]);
     line([LEFT, TOP], [LEFT, foot]);
-    for (const [x, words] of ticksOf(low[0], high[0], tickStep(high[0] - low[0], wide / 60))) {
+    for (const [x, words] of ticksOf(low[0], high[0], tickStep(high[0] - low[0], wide / 36))) {
       const at = out([x, 0])[0];
       line([at, foot], [at, foot + 5]);
       word(at, foot + 18, words);
     }
-    for (const [y, words] of ticksOf(low[1], high[1], tickStep(high[1] - low[1], tall / 60))) {
+    for (const [y, words] of ticksOf(low[1], high[1], tickStep(high[1] - low[1], tall / 36))) {
       const at = out([0, y])[1];
       line([LEFT - 5, at], [LEFT, at]);
       word(LEFT - 8, at + 4, words, { style: "text-anchor: end" });

@@ -1,0 +1,529 @@
+"""The interactive pages as they are used: in a real browser, on a phone and on a laptop, in the
+light and in the dark. ``.venv/bin/pytest -m browser`` runs these."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from tests.kit.browser import HEIGHTS, Browser, browser
+
+from cvxlimit import Block, Load, PointForce, Scene, builtin_scene, plotting, solve
+from cvxlimit.plotting.domains import domain_page
+from cvxlimit.studies import load_domain
+
+pytestmark = pytest.mark.browser
+
+SCHEMES = ("light", "dark")
+SPACE = [Load(acceleration=a) for a in np.eye(3)]
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Browser]:
+    with browser() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    block, stack = builtin_scene("single-block"), builtin_scene("stack")
+    made = {
+        "viewer": solve(builtin_scene("tuff-wall")).plot("page"),
+        "refused": plotting.scene_page(Scene((GROUND, LEFT, CROWDED), ("ground",), PUSH)),
+        "scene": plotting.scene_page(builtin_scene("arch")),
+        "flat": domain_page([load_domain(block, progress=False)]),
+        "nested": domain_page([load_domain(stack, surface=surface, progress=False)
+                               for surface in ("conic", "octagon")]),
+        "solid": domain_page([load_domain(stack, SPACE, 0.1, progress=False)]),
+    }  # fmt: skip
+    folder = tmp_path_factory.mktemp("pages")
+    for name, page in made.items():
+        (folder / f"{name}.html").write_text(page, "utf-8")
+    return {name: folder / f"{name}.html" for name in made}
+
+
+PUSH = Load(acceleration=(1, 0, 0))
+GROUND = Block.box("ground", (-1, -1, -1), (3, 2, 0), density=20.0)
+LEFT = Block.box("left", (0, 0, 0), (1, 1, 2), density=20.0)
+CROWDED = Block.box("crowded", (0.9, 0, 0), (1.9, 1, 2), density=20.0)
+
+PAGES = ("viewer", "scene", "refused", "flat", "nested", "solid")
+VIEWS = [(width, scheme) for width in HEIGHTS for scheme in SCHEMES]
+
+
+def tip(tab: Browser) -> str:
+    """What is told beside the pointer, empty if nothing is."""
+    return str(tab.run("const t = document.getElementById('tip');"
+                       "return t.style.display === 'block' ? t.textContent : ''"))  # fmt: skip
+
+
+# --- what holds of every page --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("width", "scheme"), VIEWS)
+@pytest.mark.parametrize("name", PAGES)
+class TestEveryPage:
+    def test_it_fits_and_nothing_is_complained_of(self, name, width, scheme, tab, pages) -> None:
+        tab.opened(pages[name], width, scheme)
+        assert tab.complaints == []
+        assert tab.overflow() == []
+        assert min(tab.letters()) >= 12.0
+        assert len(tab.text("#title")) > 5
+        assert len(tab.text("#advice")) > 20
+
+    def test_it_is_light_or_dark_and_words_stand_out(self, name, width, scheme, tab, pages) -> None:
+        tab.opened(pages[name], width, scheme)
+        names = ("paper", "ink", "soft", "axis", "wrong")
+        colours = {colour: tab.run("return theme(arguments[0])", colour) for colour in names}
+        paper = luminance(colours.pop("paper"))
+        assert (paper > 0.5) == (scheme == "light")
+        for colour, code in colours.items():
+            light, dark = sorted((paper, luminance(code)), reverse=True)
+            assert (light + 0.05) / (dark + 0.05) >= 4.5, colour  # WCAG 2.2, AA
+        corner = pixels(tab, "scene")[2, 2] / 255.0
+        assert (corner.mean() > 0.5) == (scheme == "light")
+
+    def test_numbers_at_the_axes_are_on_the_page_and_apart(
+        self, name, width, scheme, tab, pages
+    ) -> None:
+        tab.opened(pages[name], width, scheme)
+        words = canvas_words(tab)
+        numbers = [text for text, _ in words if re.fullmatch(r"-?[\d.]+(e-?\d+)?", text)]
+        assert len(numbers) >= 4
+        wide, high = tab.run("return [stage.clientWidth, stage.clientHeight]")
+        for text, (left, top, right, bottom) in words:
+            assert left >= -1, text
+            assert right <= wide + 1, text
+            assert top >= -1, text
+            assert bottom <= high + 1, text
+        for i, (one, a) in enumerate(words):
+            for other, b in words[:i]:
+                apart = a[2] < b[0] or b[2] < a[0] or a[3] < b[1] or b[3] < a[1]
+                assert apart, (one, other)
+
+    def test_keys_change_the_picture_and_reset_it(self, name, width, scheme, tab, pages) -> None:
+        tab.opened(pages[name], width, scheme)
+        first = whole(tab)
+        for key in ("+", "\N{LATIN SMALL LETTER N}" if name in DOMAINS else RIGHT):
+            before = whole(tab)
+            tab.press(key)
+            assert whole(tab) != before, key
+        tab.press("0")
+        assert whole(tab) == first
+        tab.press(UP)
+        assert whole(tab) != first
+        assert tab.complaints == []
+
+    def test_the_picture_is_saved(self, name, width, scheme, tab, pages) -> None:
+        tab.opened(pages[name], width, scheme)
+        tab.run("document.getElementById('save').scrollIntoView()")
+        tab.click("#save")
+        image = Image.open(io.BytesIO(tab.saved()))
+        wide, high = tab.run("return [stage.clientWidth, stage.clientHeight]")
+        assert image.size == (wide, high + 34)  # a line for the title
+        assert len(image.convert("RGB").getcolors(2**24)) > 20
+        assert tab.complaints == []
+
+
+DOMAINS = ("flat", "nested", "solid")
+RIGHT, UP = "\ue014", "\ue013"
+"""Arrow keys, as WebDriver calls them."""
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance, as WCAG has it."""
+    parts = np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def whole(tab: Browser) -> tuple[str, str]:
+    return tab.ink("#scene"), tab.ink("#overlay")
+
+
+def pixels(tab: Browser, canvas: str) -> np.ndarray[Any, Any]:
+    """A canvas as it is (height, width, 4)."""
+    import base64
+
+    data = tab.ink(f"#{canvas}").split(",")[1]
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGBA")).astype(float)
+
+
+WORDS = """
+const words = [], own = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  const wide = this.measureText(text).width, tall = 10, ratio = window.devicePixelRatio || 1;
+  const left = { left: 0, center: 0.5, right: 1 }[this.textAlign] || 0;
+  const above = { top: 0, middle: 0.5, bottom: 1 }[this.textBaseline];
+  const corners = [0, 1].flatMap((i) => [0, 1].map((j) => this.getTransform().transformPoint(
+    { x: x + (i - left) * wide, y: y + (j - (above === undefined ? 1 : above)) * tall })));
+  const [u, v] = ["x", "y"].map((k) => corners.map((c) => c[k] / ratio));
+  if (text) words.push([text, [Math.min(...u), Math.min(...v), Math.max(...u), Math.max(...v)]]);
+  own.apply(this, arguments);
+};
+(typeof render === "function" ? render : draw)();
+CanvasRenderingContext2D.prototype.fillText = own;
+return words;
+"""
+
+
+def canvas_words(tab: Browser) -> list[tuple[str, list[float]]]:
+    """Words that are written on the canvases, and where: left, top, right, bottom."""
+    return [(text, box) for text, box in tab.run(WORDS)]
+
+
+# --- the viewer ----------------------------------------------------------------------------------
+
+
+class TestViewer:
+    def test_it_says_in_one_short_sentence_what_the_number_is_worth(self, tab, pages) -> None:
+        said = tab.opened(pages["viewer"], 1280, "light").text("#advice")
+        assert said.startswith("Certified: between 0.42305 and 0.42306, proved outside the solver.")
+
+    @pytest.mark.parametrize("width", HEIGHTS)
+    def test_a_block_is_read_where_it_is(self, width: int, tab, pages) -> None:
+        """Blocks are found under the pointer by their names, wherever they are drawn."""
+        tab.opened(pages["viewer"], width, "light")
+        tab.point("#overlay", (0.5, 0.5))
+        seen = tip(tab)
+        name = seen.split("\n")[0]
+        assert name in tab.run("return [...blocks.id, ...contacts.name, 'dead load']") or (
+            "load" in name
+        )
+        tab.point("#overlay", (0.01, 0.01))
+        assert tip(tab) == ""
+
+    def test_a_tap_reads_too(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 390, "light")
+        tab.point("#overlay", (0.5, 0.4), press=True)
+        assert tip(tab) != ""
+
+    def test_dragging_turns_it(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 1280, "light")
+        before = tab.run("return camera.azimuth")
+        tab.point("#overlay", (0.5, 0.5), (0.6, 0.5), press=True)
+        turned = tab.run("return camera.azimuth") - before
+        wide = tab.run("return stage.clientWidth")
+        assert turned == pytest.approx(-0.008 * 0.1 * wide, abs=0.02)
+
+    def test_views_are_chosen_by_buttons(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 1280, "light")
+        shown = {whole(tab)}
+        for view in "123":
+            tab.click(f"[data-view='{view}']")
+            shown.add(whole(tab))
+        assert len(shown) == 4
+
+    @pytest.mark.parametrize(("width", "scheme"), VIEWS)
+    def test_it_moves_and_stops(self, width: int, scheme: str, tab, pages) -> None:
+        tab.opened(pages["viewer"], width, scheme)
+        still = whole(tab)
+        tab.click("#play")
+        assert tab.text("#play") == "Stop"
+        seen = {tab.run("return factor") for _ in range(6) if tab.settled() is None}
+        assert len(seen) == 6
+        assert all(0.0 <= factor <= 1.0 for factor in seen)
+        tab.click("#play")
+        assert tab.text("#play") == "Animate"
+        assert whole(tab) == still
+        assert tab.complaints == []
+
+    def test_the_slider_states_the_displacement(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 1280, "light")
+        sizes = []
+        for share in (0.5, 1.0, 2.0):
+            tab.run("const a = document.getElementById('amount'); a.value = arguments[0];"
+                    "a.dispatchEvent(new Event('input'))", share)  # fmt: skip
+            tab.settled()
+            sizes.append(float(re.findall(r"drawn ([\d.]+) m", tab.text("#factor"))[0]))
+        assert sizes[1] == pytest.approx(2 * sizes[0], rel=1e-3)
+        assert sizes[2] == pytest.approx(2 * sizes[1], rel=1e-3)
+
+    def test_every_entry_of_the_legend_hides_and_shows(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 1280, "light")
+        labels = tab.driver.find_elements("css selector", "#legend label")
+        switches = [row for row in labels if row.find_elements("css selector", "input")]
+        assert len(switches) >= 8
+        by_text = {row.text: row for row in switches}
+        first = whole(tab)
+        for text in ("arrows of loads", "undeformed", "thrust lines", "look inside: contacts only"):
+            by_text[text].click()
+            tab.settled()
+            assert whole(tab) != first, text
+            by_text[text].click()
+            tab.settled()
+            assert whole(tab) == first, text
+
+    def test_arrows_behind_blocks_are_faint(self, tab, tmp_path: Path) -> None:
+        """A force on the far side of a wide block: seen from there it is plain."""
+        wide = Block.box("wide", (0, 0, 0), (3, 1, 3), density=20.0)
+        force = PointForce("wide", (1.5, 1.0, 1.5), (0.0, -1.0, 0.0))
+        scene = Scene((Block.box("ground", (-1, -1, -1), (4, 2, 0)), wide), ("ground",),
+                      Load(points=[force]))  # fmt: skip
+        page = tmp_path / "wide.html"
+        page.write_text(plotting.scene_page(scene), "utf-8")
+        tab.opened(page, 1280, "light")
+        plain = []
+        for viewer in ((0.3, -0.9, 0.3), (0.3, 0.9, 0.3)):
+            tab.run("data.viewer = arguments[0]; resetCamera(0); render()", viewer)
+            over = pixels(tab, "overlay")
+            is_live = np.abs(over[..., :3] - [0xC2, 0x18, 0x5B]).max(axis=2) < 30.0
+            plain.append(int((is_live & (over[..., 3] > 240.0)).sum()))
+        assert plain[0] == 0
+        assert plain[1] > 100
+
+    def test_texts_of_a_scene_are_never_markup(self, tab, tmp_path: Path) -> None:
+        nasty = '</script><img src=x onerror="document.title=1">'
+        block = Block.box(nasty, (0, 0, 0), (1, 1, 2), density=20.0)
+        scene = Scene((GROUND, block), ("ground",), PUSH, name=nasty)
+        page = tmp_path / "nasty.html"
+        page.write_text(solve(scene).plot("page"), "utf-8")
+        tab.opened(page, 1280, "light")
+        assert tab.complaints == []
+        assert tab.run("return document.images.length") == 0
+        assert nasty in tab.run("return document.title")
+
+
+# --- load domains --------------------------------------------------------------------------------
+
+
+class TestDomain:
+    @pytest.mark.parametrize("width", HEIGHTS)
+    def test_places_are_read_by_keys(self, width: int, tab, pages) -> None:
+        """A block rocks at 0.4: so far along x it is carried, and ruled out beyond."""
+        tab.opened(pages["flat"], width, "light")
+        carried, beyond = 0.0, np.inf
+        for _ in range(25):
+            tab.run("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}))")
+            said = tip(tab)
+            x = float(re.findall(r"a_x\s+(-?[\d.]+)", said)[0])
+            if said.endswith("ruled out"):
+                beyond = x
+                break
+            carried = x
+        assert carried < 0.4 < beyond
+        assert beyond - carried < 0.05
+        assert tab.complaints == []
+
+    def test_places_are_read_under_the_pointer(self, tab, pages) -> None:
+        """Where the axes' numbers say they are."""
+        tab.opened(pages["flat"], 1280, "light")
+        left, _, right, _ = next(box for text, box in canvas_words(tab) if text == "0.2")
+        across = 0.5 * (left + right) / tab.run("return stage.clientWidth")
+        tab.point("#overlay", (across, 0.45))
+        assert tip(tab).endswith("carried")
+        assert float(re.findall(r"a_x\s+(-?[\d.]+)", tip(tab))[0]) == pytest.approx(0.2, abs=0.01)
+        tab.point("#overlay", (across, 0.03))
+        assert float(re.findall(r"a_y\s+(-?[\d.]+)", tip(tab))[0]) > 0.4
+        assert tip(tab).endswith("ruled out")
+
+    @pytest.mark.parametrize("name", ["flat", "solid"])
+    def test_proved_points_are_stepped_through(self, name: str, tab, pages) -> None:
+        tab.opened(pages[name], 1280, "light")
+        known = np.array(tab.run("return solved.map((s) => s.at)"))
+        read = []
+        for _ in range(len(known)):
+            tab.run("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'n'}))")
+            said = tip(tab)
+            assert said.endswith("carried: proved at this point")
+            read.append([float(line.split()[-1]) for line in said.split("\n")[:-1]])
+        np.testing.assert_allclose(read, known, rtol=1e-3, atol=1e-9)
+
+    def test_zooming_in_gives_finer_numbers(self, tab, pages) -> None:
+        tab.opened(pages["flat"], 1280, "light")
+        steps = []
+        for _ in range(2):
+            numbers = sorted({float(text) for text, _ in canvas_words(tab) if text[-1].isdigit()})
+            steps.append(np.diff(numbers).min())
+            tab.press(*"++++++++++")
+        assert steps[1] < 0.5 * steps[0]
+
+    def test_several_domains_are_told_apart(self, tab, pages) -> None:
+        tab.opened(pages["nested"], 1280, "light")
+        tab.press(RIGHT)
+        lines = tip(tab).split("\n")
+        assert lines[2:] == ["conic: carried", "octagon: carried"]
+
+    def test_a_solid_is_turned(self, tab, pages) -> None:
+        tab.opened(pages["solid"], 390, "dark")
+        shown = {whole(tab)}
+        for view in "123":
+            tab.press(view)
+            shown.add(whole(tab))
+        tab.point("#overlay", (0.4, 0.4), (0.7, 0.6), press=True)
+        shown.add(whole(tab))
+        assert len(shown) == 5
+
+
+# --- exploring -----------------------------------------------------------------------------------
+
+HOST = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>host</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"></head>
+<body style="margin: 0"><div id="cell"></div>
+<script id="given" type="application/json">GIVEN</script>
+<script>
+const given = JSON.parse(document.getElementById("given").textContent);
+const asked = [], listeners = [];
+const model = {
+  get: (name) => given.traits[name],
+  set: (name, value) => { given.traits[name] = value; asked.push([name, value]); },
+  save_changes: () => {},
+  on: (event, call) => listeners.push([event, call]),
+};
+const answer = (name, value) => {
+  given.traits[name] = value;
+  for (const [event, call] of listeners) if (event === `change:${name}`) call();
+};
+const source = URL.createObjectURL(new Blob([given.esm], { type: "text/javascript" }));
+import(source).then((module) => {
+  module.default.render({ model, el: document.getElementById("cell") });
+});
+</script></body></html>
+"""
+"""What Jupyter gives a widget: its module, an element, and a model to get, set and listen to."""
+
+
+class Notebook:
+    """A widget and the page that shows it; :meth:`asked` carries over what the page has set."""
+
+    def __init__(self, widget: Any, tab: Browser, folder: Path) -> None:
+        self.widget, self.tab, self.folder = widget, tab, folder
+        widget.observe(lambda change: self._tell(change["new"]), "state")
+        self.is_open = False
+
+    def opened(self, width: int, scheme: str) -> Notebook:
+        names = ("point", "values", "state", "sliders")
+        traits = {name: getattr(self.widget, name) for name in names}
+        given = json.dumps({"esm": self.widget._esm, "traits": traits}).replace("<", "\\u003c")
+        page = self.folder / "host.html"
+        page.write_text(HOST.replace("GIVEN", given), "utf-8")
+        self.tab.opened(page, width, scheme)
+        self.tab.until(lambda: self.tab.run("return document.querySelector('svg polygon')"))
+        self.is_open = True
+        return self
+
+    def _tell(self, state: dict[str, Any]) -> None:
+        if self.is_open:
+            self.tab.run("answer('state', arguments[0])", state)
+
+    def asked(self) -> int:
+        """Questions of the page are answered until it has none; how many there were."""
+        number = 0
+        while asked := self.tab.run("return asked.splice(0)"):
+            for name, value in asked:
+                setattr(self.widget, name, value)
+                number += 1
+        self.tab.settled()
+        return number
+
+    def ring(self, kind: str) -> np.ndarray[Any, Any]:
+        text = self.tab.run(f"return document.querySelector('.{kind}').getAttribute('points')")
+        return np.array([list(map(float, corner.split(","))) for corner in text.split()])
+
+    def numbers(self) -> list[str]:
+        words = self.tab.run(
+            "return [...document.querySelectorAll('svg text')].map((t) => t.textContent)"
+        )
+        return [word for word in words if re.fullmatch(r"-?[\d.]+", word)]
+
+    def slide(self, share: float) -> None:
+        self.tab.run("""const s = document.querySelector("input[type=range]");
+            s.value = +s.min + arguments[0] * (s.max - s.min);
+            s.dispatchEvent(new Event("input"))""", share)  # fmt: skip
+
+
+@pytest.fixture
+def notebook(tab: Browser, tmp_path: Path) -> Notebook:
+    pytest.importorskip("anywidget")
+    return Notebook(builtin_scene("stack").explore(friction=(0.1, 0.9)), tab, tmp_path)
+
+
+class TestExplore:
+    @pytest.mark.parametrize(("width", "scheme"), VIEWS)
+    def test_it_fits_and_has_numbers(self, width: int, scheme: str, notebook: Notebook) -> None:
+        notebook.opened(width, scheme)
+        assert notebook.tab.complaints == []
+        assert notebook.tab.overflow() == []
+        assert min(notebook.tab.letters()) >= 11.0
+        assert len(notebook.numbers()) >= 8
+        paper = notebook.tab.run(
+            "return getComputedStyle(document.querySelector('.cvxlimit')).backgroundColor"
+        )
+        assert (sum(map(int, re.findall(r"\d+", paper))) > 380) == (scheme == "light")
+
+    def test_the_frame_is_three_times_the_load_point(self, notebook: Notebook) -> None:
+        """And the domain's corners are where the numbers at the axes say."""
+        notebook.opened(1280, "light")
+        (low, high), point = notebook.widget.state["box"], notebook.widget.point
+        assert max(high) == pytest.approx(3.0 * max(point))
+        assert low == [-x for x in high]
+        assert np.abs(np.array(notebook.widget.state["inside"])).max() == pytest.approx(
+            0.4, rel=0.03
+        )
+        numbers = {float(n) for n in notebook.numbers()}
+        assert max(numbers) <= max(high) < max(numbers) + np.diff(sorted(numbers)).max()
+
+    def test_a_long_domain_is_cut_off_where_it_says_nothing(self, tab, tmp_path: Path) -> None:
+        """Pressed together the tuff wall carries tens of times as much as it does otherwise."""
+        widget = builtin_scene("tuff-wall").explore(friction=(0.3, 0.9), tolerance=0.1)
+        shown = Notebook(widget, tab, tmp_path).opened(1280, "light")
+        ring = shown.ring("inside")
+        size = tab.run("return document.querySelector('svg').viewBox.baseVal.width")
+        assert (np.ptp(ring, axis=0) > 0.1 * size).all()
+        assert (ring >= 0.0).all()
+        assert (ring <= size).all()
+
+    def test_dragging_asks_for_the_point_under_the_pointer(self, notebook: Notebook) -> None:
+        notebook.opened(1280, "light")
+        before = notebook.tab.text(".cvxlimit p")
+        notebook.tab.point("svg", (0.6, 0.5), (0.75, 0.3), press=True)
+        assert notebook.asked() >= 1
+        (low, high), at = notebook.widget.state["box"], notebook.widget.point
+        left, right, top, foot = 52 / 360, 350 / 360, 10 / 360, 320 / 360
+        wanted = [low[0] + (0.75 - left) / (right - left) * (high[0] - low[0]),
+                  high[1] - (0.3 - top) / (foot - top) * (high[1] - low[1])]  # fmt: skip
+        np.testing.assert_allclose(at, wanted, atol=0.01 * high[0])
+        after = notebook.tab.text(".cvxlimit p")
+        assert after != before
+        assert f"a_x {at[0]:.4g}, a_y {at[1]:.4g}" in after
+        assert notebook.tab.complaints == []
+
+    def test_keys_move_the_point(self, notebook: Notebook) -> None:
+        notebook.opened(390, "dark")
+        (low, high), before = notebook.widget.state["box"], list(notebook.widget.point)
+        notebook.tab.run("document.querySelector('svg').focus()")
+        for key in (RIGHT, RIGHT, UP):
+            notebook.tab.press(key)
+            assert notebook.asked() == 1
+        step = [(b - a) / 50 for a, b in zip(low, high, strict=True)]
+        np.testing.assert_allclose(
+            notebook.widget.point, [before[0] + 2 * step[0], before[1] + step[1]], rtol=1e-9
+        )
+
+    def test_the_frame_stands_still_while_a_slider_moves(self, notebook: Notebook) -> None:
+        notebook.opened(1280, "light")
+        numbers, ring = notebook.numbers(), notebook.ring("inside")
+        for share in (0.0, 0.02, 1.0):
+            notebook.slide(share)
+            assert notebook.asked() >= 1
+            assert notebook.numbers() == numbers
+        assert notebook.widget.values["friction"] == pytest.approx(0.9)
+        notebook.slide(0.05)
+        notebook.asked()
+        assert np.ptp(notebook.ring("inside"), axis=0).max() < 0.8 * np.ptp(ring, axis=0).max()
+        assert notebook.tab.complaints == []
+
+    def test_the_last_question_asked_meanwhile_comes_next(self, notebook: Notebook) -> None:
+        notebook.opened(1280, "light")
+        for share in (0.2, 0.4, 0.6):  # the first is sent, the last waits for its answer
+            notebook.slide(share)
+        assert notebook.asked() == 2
+        assert notebook.widget.values["friction"] == pytest.approx(0.1 + 0.6 * 0.8)
