@@ -15,7 +15,7 @@ import cvxlimit.geometry.polyhedra as polyhedra
 from cvxlimit.arrays import FloatArray, ReadOnlyArrays
 from cvxlimit.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.geometry.facets import Facets, facets, planes
+from cvxlimit.geometry.facets import Facets, facets
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces, surface
 from cvxlimit.geometry.polyhedra import Body
 
@@ -237,11 +237,6 @@ class Block(ReadOnlyArrays):
             polyhedra.check_flat(self.id, self.vertices, self.faces, tolerance)
             found[tolerance] = facets(self.vertices, self.faces, tolerance)
         return found[tolerance]
-
-    @cached_property
-    def planes(self) -> Facets:
-        """Faces grouped where they lie in one plane to six digits: the block as it is."""
-        return planes(self.vertices, self.faces)
 
     @property
     def size(self) -> float:

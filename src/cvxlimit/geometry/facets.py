@@ -11,7 +11,7 @@ the faces as they are, for joints whose two sides agree on a shape (:mod:`.shape
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -67,11 +67,15 @@ def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
     return _facets(_Surface(points, faces, tolerance, _SAME_WAY, narrow=tolerance), faces)
 
 
-def planes(points: FloatArray, faces: Faces) -> Facets:
-    """Faces are one facet when they are flat and parallel to six digits, in one plane."""
+def planes(points: FloatArray, faces: Faces, among: IntArray) -> Facets:
+    """Faces, of those ``among`` all (k,), are one facet when they are flat and parallel to six
+    digits, in one plane."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     parallel = 1.0 - 0.5 * RELATIVE_TOLERANCE**2
-    return _facets(_Surface(points, faces, RELATIVE_TOLERANCE * size, parallel, narrow=0.0), faces)
+    some = tuple(faces[i] for i in among.tolist())
+    surface = _Surface(points, some, RELATIVE_TOLERANCE * size, parallel, narrow=0.0)
+    found = _facets(surface, some)
+    return replace(found, faces=tuple(tuple(among[list(g)].tolist()) for g in found.faces))
 
 
 def _facets(surface: _Surface, faces: Faces) -> Facets:
@@ -141,9 +145,11 @@ class _Surface:
 
 
 def _joined_across_edges(surface: _Surface) -> tuple[IntArray, IntArray]:
-    """The sheet and, of those that are no plane as a whole, the patch of every face."""
+    """Of every face, the faces that go over into it without a sharp edge, as a label, and the
+    patch; faces that are too narrow to look anywhere are of a patch, and lead nowhere else."""
     f, g = surface.neighbours
     same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > surface.way
+    sheet = mesh.linked(len(surface.area), f[same], g[same])
     same |= np.minimum(surface.narrowness[f], surface.narrowness[g]) <= surface.narrow
     f, g = f[same], g[same]
     label = mesh.linked(len(surface.area), f, g)
@@ -153,7 +159,7 @@ def _joined_across_edges(surface: _Surface) -> tuple[IntArray, IntArray]:
         if not surface.fits(group, *surface.plane(group)).all():
             for patch in _patches(surface, group, f, g):
                 result[patch] = result.max() + 1
-    return label, result
+    return sheet, result
 
 
 def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> Iterable[IntArray]:

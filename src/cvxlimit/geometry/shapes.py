@@ -16,11 +16,10 @@ import numpy as np
 
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.facets import Facets
+from cvxlimit.geometry.facets import Facets, planes
 from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs
 from cvxlimit.geometry.joints import Joints
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
-from cvxlimit.geometry.polygons import members_of
 
 _AGREE = 0.25
 """Both sides agree on a shape where the angles between their faces are less than this share of the
@@ -39,7 +38,6 @@ class Shapes:
 
     def __init__(self, blocks: Sequence[Block], table: FacetTable, reach: Reach) -> None:
         self.blocks, self.table, self.reach = blocks, table, reach
-        self._begin = np.flatnonzero(np.diff(table.block, prepend=-1))
 
     def told(self, joints: Joints) -> Joints:
         """The joints, with pairs of faces in place of pairs of patches where both sides agree."""
@@ -67,36 +65,27 @@ class Shapes:
         return kept.with_rows(faces)
 
     def _faces(self, joints: Joints, asked: IntArray) -> Joints:
-        """Overlaps of the faces of blocks with such sheets."""
-        sheets = np.unique(asked)
-        rows = np.flatnonzero(np.isin(self.table.sheet, sheets))
-        which = np.unique(self.table.block[rows])
+        """Overlaps of the faces in such sheets, as they are."""
+        there = np.flatnonzero(np.isin(self.table.sheet, asked))
+        which = np.unique(self.table.block[there])
         blocks = [self.blocks[i] for i in which.tolist()]
+        row: list[IntArray] = []  # of the table of patches, of every face of each block
         shapes: dict[Facets, list[int]] = defaultdict(list)
         for i, block in enumerate(blocks):
-            shapes[block.planes].append(i)
-        fine = self._placed(facet_table(blocks, shapes), which)
-        fine = fine.take(np.flatnonzero(np.isin(fine.sheet, sheets)))
+            row.append(np.full(len(block.faces), -1))
+            for k in there[self.table.block[there] == which[i]].tolist():
+                row[i][list(self.table.faces[k])] = k
+            own = planes(block.vertices, block.faces, np.flatnonzero(row[i] >= 0))
+            shapes[own].append(i)
+        fine = facet_table(blocks, shapes)
+        owner = [row[i][group[0]] for i, group in zip(fine.block, fine.faces, strict=True)]
+        fine = replace(fine, sheet=self.table.sheet[owner], patch=self.table.patch[owner])
         tolerance = self.reach.tolerance[which]
         reach = Reach(self.reach.size[which], tolerance, 3.0 * tolerance)  # both may be warped
         pairs = np.unique(np.stack([joints.a, joints.b], axis=1), axis=0)
-        pairs = pairs[np.isin(pairs, which).all(axis=1)]
-        first, second = np.searchsorted(which, pairs).T
+        first, second = np.searchsorted(which, pairs[np.isin(pairs, which).all(axis=1)]).T
         found = Joints.of(fine, *facing_pairs(fine, first, second, reach), reach)
         return replace(found, a=which[found.a], b=which[found.b])
-
-    def _placed(self, fine: FacetTable, which: IntArray) -> FacetTable:
-        """With the sheets and patches that the faces belong to in the table of patches."""
-        sheet, patch = np.empty_like(fine.sheet), np.empty_like(fine.patch)
-        for i, block in enumerate(which.tolist()):
-            owner = np.empty(len(self.blocks[block].faces), dtype=np.int64)
-            _, rows = members_of(self._begin, len(self.table.block), np.array([block]))
-            for row in rows.tolist():
-                owner[list(self.table.faces[row])] = row
-            own = np.flatnonzero(fine.block == i)
-            of = owner[[group[0] for group in fine.faces[own]]]
-            sheet[own], patch[own] = self.table.sheet[of], self.table.patch[of]
-        return replace(fine, sheet=sheet, patch=patch)
 
 
 def _numbered(asked: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
