@@ -8,6 +8,7 @@ Coulomb friction; nothing of the package but blocks and scenes is used.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linprog
@@ -73,8 +74,8 @@ def overlaps(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Ends (k, 2, 2) and normals (k, 2) of the overlaps of all pairs of facets of two profiles, on
     the middle line between both."""
     ends, normals = [], []
-    for a, b in zip(lower[:-1], lower[1:], strict=True):
-        for c, d in zip(upper[:-1], upper[1:], strict=True):
+    for a, b in pairwise(lower):
+        for c, d in pairwise(upper):
             if min(b[0], d[0]) - max(a[0], c[0]) <= 1e-9 * (upper[-1, 0] - upper[0, 0]):
                 continue
             along = (b - a) / np.linalg.norm(b - a) + (d - c) / np.linalg.norm(d - c)
