@@ -110,7 +110,7 @@ def _compared(assemblage: Assemblage, true, surfaces, what: str) -> None:  # typ
 def _solved(assemblage: Assemblage, surfaces: Sequence[YieldSurface]) -> LimitState:
     """The first solver with forces; solvers fail on some of the problems without torsion."""
     problem = LimitProblem(assemblage, [Rocking(), *surfaces])
-    states = (problem.solve(settings) for settings in problem.ladder())
+    states = (problem.run(settings) for settings in problem.ladder())
     return next(state for state in states if state.forces is not None)
 
 

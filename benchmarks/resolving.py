@@ -193,9 +193,9 @@ def timed(run):
     return run(), process_time() - start
 problem = LimitProblem(scene)
 rung = problem.ladder()[0]
-problem.solve(rung)
+problem.run(rung)
 def first():
-    start, state = process_time(), problem.solve(rung)
+    start, state = process_time(), problem.run(rung)
     return process_time() - start - state.outcome.compile_seconds
 def iterated():
     return solve(scene, interaction="fixed-point", moments=moments)
@@ -240,7 +240,7 @@ def _frozen(run: Run, *, is_kept: bool) -> Solve:
     """The paper's problem, frozen where the relaxation presses."""
     problem = FrozenProblem(run.assemblage, Conic(), run.moments)
     problem.ignore_dpp = not is_kept
-    plain = LimitProblem(run.assemblage).solve()
+    plain = LimitProblem(run.assemblage).run()
     assert plain.forces is not None
     centres = Pressure.of(plain.forces, run.contacts)
     return lambda settings: problem.solve(centres, settings)

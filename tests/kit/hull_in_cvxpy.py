@@ -15,9 +15,8 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LargestFactor, StaticProblem, Terms
-from cvxlimit.model.variables import ForceVariables
-from cvxlimit.solvers import LimitState, SolverSettings
+from cvxlimit.model.statics import DOF
+from cvxlimit.solvers import LimitState, SolverSettings, run
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,33 +25,36 @@ IntArray = NDArray[np.int64]
 def hull_solved(
     assemblage: Assemblage, copies: Copies, settings: SolverSettings, price: float | None = None
 ) -> LimitState:
-    """The limit problem over copies, compiled by CVXPY."""
-    forces = copy_forces(copies, assemblage.scaled.contacts)
-    goal = LargestFactor() if price is None else Relieved(price)
-    return StaticProblem(assemblage, forces, (), goal).solve(settings)
+    """The limit problem over copies, compiled by CVXPY; any share of the dead load may be taken off
+    at a ``price`` in load factors."""
+    scaling, scaled = assemblage.scaling, assemblage.scaled
+    forces, limits = copy_forces(copies, scaled.contacts)
+    alpha, relief = cp.Variable(), cp.Variable(nonneg=True)
+    balance = scaled.matrix @ forces + (1.0 - relief) * scaled.dead + alpha * scaled.live == 0
+    cost = 0.0 if price is None else price / scaling.load_factor(1.0)
+    most = relief <= (0.0 if price is None else 1.0)
+    problem = cp.Problem(cp.Maximize(alpha - cost * relief), [balance, most, *limits])
+    outcome = run(problem, settings)
+    if not outcome.has_values:
+        return LimitState(outcome, None, None, None)
+    return LimitState(
+        outcome,
+        scaling.load_factor(float(alpha.value)),
+        scaling.forces(np.asarray(forces.value).reshape(-1, len(COMPONENTS))),
+        scaling.mechanism(np.asarray(balance.dual_value).reshape(-1, DOF)),
+    )
 
 
-class Relieved:
-    """The load factor, with any share of the dead load taken off at a price in load factors."""
-
-    def __init__(self, price: float) -> None:
-        self.price = price
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        scaled, unit = assemblage.scaled, assemblage.scaling.load_factor(1.0)
-        relief = cp.Variable(name="relief", nonneg=True)
-        goal = alpha - self.price / unit * relief
-        dead = scaled.dead - relief * scaled.dead
-        return Terms(goal, dead, alpha * scaled.live, [relief <= 1.0])
-
-
-def copy_forces(copies: Copies, contacts: Contacts) -> ForceVariables:
-    """Variables and constraints of all copies; contact forces are sums over them."""
-    return _CopyForces(copies, contacts).model()
+def copy_forces(
+    copies: Copies, contacts: Contacts
+) -> tuple[cp.Expression, list[cp.Constraint]]:
+    """Forces of all contacts (6 n,) as sums over copies, and what bounds them."""
+    maps, limits = _CopyForces(copies, contacts).model()
+    return sum(matrix @ cp.vec(v, order="F") for v, matrix in maps), limits
 
 
 class _CopyForces:
-    """Builds the model of :func:`copy_forces`, variable by variable."""
+    """Variables and constraints of all copies; contact forces are sums over them."""
 
     def __init__(self, copies: Copies, contacts: Contacts) -> None:
         self.copies, self.contacts = copies, contacts
@@ -66,13 +68,13 @@ class _CopyForces:
         self.maps: list[tuple[cp.Variable, sp.csr_array]] = []
         self.constraints: list[cp.Constraint] = []
 
-    def model(self) -> ForceVariables:
-        """The forces of all contacts as sums over their copies."""
+    def model(self) -> tuple[list[tuple[cp.Variable, sp.csr_array]], list[cp.Constraint]]:
+        """Variables with what they give to the forces of all contacts, and their constraints."""
         self._add_compression()
         for axis, moment in enumerate(("M2", "M1")):
             self._add_spread(axis, moment)
         self._add_tangential()
-        return ForceVariables(self.maps, {}, self.constraints)
+        return self.maps, self.constraints
 
     def _add_compression(self) -> None:
         k = np.arange(len(self.copies))

@@ -8,6 +8,7 @@ from functools import partial
 import cvxpy as cp
 import numpy as np
 import pytest
+from cvxlimit.model.direct import DirectProblem
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
@@ -19,7 +20,6 @@ from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import own_unknowns
 from cvxlimit.model.problem import LeastForces
 from cvxlimit.plotting.look import title

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
 from cvxlimit.model.flow import FlowRule, corner_openings
 from cvxlimit.model.formulations import resultants
+from cvxlimit.model.sinks import Constraints
 from cvxlimit.model.statics import Statics
-from cvxlimit.model.variables import ForceVariables
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
 from cvxlimit.surfaces.base import admissible, stated
 from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations
@@ -39,13 +39,14 @@ def contacts_of(sides: int) -> Contacts:
 
 def least_power(surfaces: Sequence[YieldSurface], contacts: Contacts, rates: np.ndarray) -> float:
     """The least power of admissible forces with N = 1 on ``rates``: primal side, by CVXPY."""
-    force = ForceVariables.of(resultants(contacts), 1.0, 1.0).components
-    constraints = [force["N"] == 1.0]
+    into = Constraints()
+    force, _ = resultants(contacts).unknowns(into)
+    into.zero(force["N"] - 1.0)
     for surface in (Rocking(), *surfaces):
         for condition in stated(surface, contacts):
-            constraints += admissible(condition, force, surface.cone)
+            admissible(into, condition, force, surface.cone)
     power = sum(rates[0, k] * force[c][0] for k, c in enumerate(COMPONENTS))
-    problem = cp.Problem(cp.Minimize(power), constraints)
+    problem = cp.Problem(cp.Minimize(power), into.all)
     problem.solve(solver=cp.CLARABEL)
     return float(problem.value)
 

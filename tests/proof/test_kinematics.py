@@ -25,7 +25,7 @@ AGREE = 1e-6
 def test_static_is_kinematic_on_builtin_scenes(name: str, surface: str) -> None:
     scene = builtin_scene(name)
     surfaces, _ = surfaces_of(surface)
-    static = LimitProblem(scene, surfaces).solve(default_ladder()[0])
+    static = LimitProblem(scene, surfaces).run(default_ladder()[0])
     kinematic = KinematicProblem(scene, surfaces).solve()
     assert kinematic.forces is None
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
@@ -61,7 +61,7 @@ def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) ->
     scene = scene.moved(turn, (0.3, -4.0, 1.0))
     for surface in ("conic", "octagon", "5-gon-inscribed"):
         surfaces, _ = surfaces_of(surface)
-        static = LimitProblem(scene, surfaces).solve(default_ladder()[0])
+        static = LimitProblem(scene, surfaces).run(default_ladder()[0])
         assume(static.outcome.status == "optimal")
         kinematic = _sure(KinematicProblem(scene, surfaces))
         assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE, abs=1e-8)
@@ -71,7 +71,8 @@ def test_surfaces_that_are_not_a_sum() -> None:
     scene = builtin_scene("tuff-wall")
     surfaces = [Rocking(), Sliding(), Torsion()]
     rung = default_ladder()[0]
-    static, kinematic = (P(scene, surfaces).solve(rung) for P in (LimitProblem, KinematicProblem))
+    static = LimitProblem(scene, surfaces).run(rung)
+    kinematic = KinematicProblem(scene, surfaces).solve(rung)
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
 
 
@@ -83,7 +84,7 @@ def test_mechanisms_of_both_are_admissible(name: str) -> None:
     """
     scene = builtin_scene(name)
     factor = solve(scene).load_factor
-    for state in (LimitProblem(scene).solve(), KinematicProblem(scene).solve()):
+    for state in (LimitProblem(scene).run(), KinematicProblem(scene).solve()):
         u = state.mechanism
         assert u is not None
         assert (u * scene.live_forces).sum() == pytest.approx(1.0, rel=1e-7)

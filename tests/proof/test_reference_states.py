@@ -13,7 +13,7 @@ from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.gluing import with_contacts
-from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem
+from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
 from cvxlimit.solvers import SolverSettings, default_ladder
@@ -37,10 +37,11 @@ def wedged(friction: float) -> Scene:
 
 def self_stress(scene: Scene) -> tuple[float, np.ndarray]:
     """Largest sum of compressions, none above 1, and the duals as rates (free, 6)."""
-    problem = LimitProblem(scene, objective=LargestSelfStress())
-    state = problem.solve()
+    problem = LimitProblem(scene, goal=largest_self_stress)
+    state = problem.run()
     assert state.mechanism is not None
-    return float(problem.problem.value), state.mechanism * problem.scaling.live
+    value = float(state.forces[:, 2].sum()) / problem.scaling.force
+    return value, state.mechanism * problem.scaling.live
 
 
 class TestSelfStress:
@@ -170,7 +171,7 @@ class TestOffers:
     def resting(scene: Scene) -> np.ndarray:
         """Forces that carry the dead load alone, from a solver."""
         alone = scene.with_live(scene.dead).with_dead(Load())
-        state = LimitProblem(alone, objective=LargestFactor(most=1.0)).solve()
+        state = LimitProblem(alone, goal=LargestFactor(most=1.0)).run()
         assert state.forces is not None
         assert state.load_factor is not None
         return state.forces / state.load_factor
@@ -276,7 +277,7 @@ class TestAssumptions:
     @pytest.mark.parametrize("factor", [1e160, 1e200, 1e300])
     def test_forces_that_overflow_prove_nothing(self, factor: float) -> None:
         scene = builtin_scene("tuff-wall")
-        state = LimitProblem(scene).solve()
+        state = LimitProblem(scene).run()
         assert state.forces is not None
         certifier = Certifier(scene, SURFACES)
         c = certifier.certificate(factor * state.forces, 5.0, None)

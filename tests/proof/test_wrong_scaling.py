@@ -45,7 +45,7 @@ def state(share: float) -> LimitState:
     usual = Scaling.of(scene())
     unit = share / len(scene().free)
     scaling = replace(usual, force=usual.force * unit, live=usual.live * unit)
-    return LimitProblem(Assemblage.of(scene(), scaling)).solve(CLARABEL)
+    return LimitProblem(Assemblage.of(scene(), scaling)).run(CLARABEL)
 
 
 @pytest.mark.parametrize(("share", "least_error"), [(1.0, 1e-3), (0.1, 0.05)])

@@ -16,7 +16,6 @@ from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result, write_result
 from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.gluing import with_contacts
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
@@ -362,8 +361,8 @@ def test_a_structure_that_is_shared_changes_no_answer(rung: str) -> None:
         for changes in ({"friction": 0.4, "direction": 20.0}, {"density": 3.0, "direction": 40.0}):
             assemblage = mechanics.like(varied(mechanics.scene, **changes))
             full = Reduction.none(assemblage.statics)
-            problem = DirectProblem(assemblage, surfaces_of("conic")[0], full, repeats=shared)
-            found.append(problem.solve(settings_for(rung, 1e-6)))
+            problem = LimitProblem(assemblage, reduction=full, repeats=shared)
+            found.append(problem.run(settings_for(rung, 1e-6)))
     for i, state in enumerate(found):
         assert state.load_factor == found[i % 2].load_factor
         np.testing.assert_array_equal(state.forces, found[i % 2].forces)
@@ -387,14 +386,14 @@ def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
     for changes in (*OTHERS, *OTHERS[::-1]):
         scene = varied(alone.scene, **changes)
         own, shared = (
-            DirectProblem(given, surfaces, Reduction.none(given.statics), repeats=given.repeats)
+            LimitProblem(given, surfaces, repeats=given.repeats)
             for given in (alone.like(scene), among.like(scene))
         )
         assert own.program is not None
         assert shared.program is not None
         assert abs(own.program.matrix - shared.program.matrix).max() == 0.0
         np.testing.assert_array_equal(own.program.right, shared.program.right)
-        state = own.solve(settings_for("BLOCKWISE", 1e-6))
+        state = own.run(settings_for("BLOCKWISE", 1e-6))
         bounds, same = (Certifier(p.assemblage, surfaces).of(state) for p in (own, shared))
         assert (bounds.lower, bounds.upper) == pytest.approx((same.lower, same.upper), rel=1e-12)
         assert bounds.upper - bounds.lower <= 1e-5 * bounds.upper

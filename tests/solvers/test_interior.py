@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import SolverError
 from cvxlimit.masonry import panel, running_bond, wall
-from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import resultants
 from cvxlimit.model.problem import LargestFactor, LimitProblem
 from cvxlimit.proof.certificate import Certifier
@@ -340,7 +339,7 @@ class TestAnswers:
         assert problem.solve(solver=Blockwise(), backend=backend) == pytest.approx(value, rel=1e-8)
 
     def test_other_formulation(self) -> None:
-        state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).solve(OWN)
+        state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).run(OWN)
         assert state.load_factor == pytest.approx(0.423056, rel=1e-5)
 
 
@@ -418,7 +417,7 @@ class TestWarmStarts:
         """Inside all cones, and so near to equilibrium that the state still is inside all surfaces
         once it is put there: its bound loses nothing."""
         assemblage = Assemblage.of(builtin_scene("tuff-wall"))
-        problem = DirectProblem(assemblage, DEFAULT_SURFACES, Reduction.none(assemblage.statics))
+        problem = LimitProblem(assemblage)
         given = problem.program
         assert given is not None
         matrix, cones = sp.csr_array(given.matrix), list(given.cones)
@@ -627,21 +626,19 @@ class TestSmall:
 class TestNoAnswer:
     def test_live_load_that_only_helps(self) -> None:
         scene = builtin_scene("single-block").with_live(Load(gravity=(0.0, 0.0, -1.0)))
-        state = LimitProblem(scene).solve(OWN)
+        state = LimitProblem(scene).run(OWN)
         assert state.outcome.status == "unbounded"
         assert solve(scene, ladder=[OWN]).status is Status.LIVE_LOAD_HARMLESS
 
     def test_dead_load_that_lifts(self) -> None:
         scene = builtin_scene("tuff-wall").with_dead(Load(gravity=(0.0, 0.0, 1.0)))
-        state = LimitProblem(scene).solve(OWN)
+        state = LimitProblem(scene).run(OWN)
         assert state.outcome.status == "infeasible"
         assert solve(scene, ladder=[OWN]).status is Status.DEAD_LOAD_UNSTABLE
 
     def test_bounded_load_factor(self) -> None:
         """`most` gives the load factor a cone of its own: 0.2 of the possible 0.423."""
-        state = LimitProblem(builtin_scene("tuff-wall"), objective=LargestFactor(most=0.2)).solve(
-            OWN
-        )
+        state = LimitProblem(builtin_scene("tuff-wall"), goal=LargestFactor(most=0.2)).run(OWN)
         assert state.load_factor == pytest.approx(0.2, rel=1e-8)
 
 

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
-from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,
@@ -32,7 +32,6 @@ from cvxlimit.solvers import (
     limit_ladder,
     settings_for,
 )
-from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from falling import FALLING, GOOD, STOPPED, UNKNOWN, assert_falls, incline
 from helpers import (
     assert_certified,
@@ -182,8 +181,8 @@ class TestLadder:
         rotation = Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix()
         assemblage = Assemblage.of(builtin_scene("dome").moved(rotation))
         statics = assemblage.statics
-        problem = DirectProblem(assemblage, DEFAULT_SURFACES, Reduction.none(statics))
-        state = problem.solve(problem.ladder()[0])
+        problem = LimitProblem(assemblage)
+        state = problem.run(problem.ladder()[0])
         assert state.forces is not None
         assert state.load_factor is not None
         lacking = statics.residual(state.forces, state.load_factor)

@@ -98,7 +98,7 @@ def test_answers_are_those_in_force_components(
     for own in (True, False):
         if not own:
             monkeypatch.setattr(kind, "unknowns", lambda *_: None)
-        state = LimitProblem(scene, (Rocking(), surface)).solve(settings_for("CLARABEL", 1e-9))
+        state = LimitProblem(scene, (Rocking(), surface)).run(settings_for("CLARABEL", 1e-9))
         found.append(state.load_factor)
         for excess in surface.excess(state.forces, scene.contacts):
             assert excess.max() <= 1e-6 * np.abs(scene.dead_forces).sum()

@@ -19,6 +19,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.model.formulations import corner_compressions, resultants
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.sinks import Constraints
 from cvxlimit.surfaces import (
     Condition,
     Cone,
@@ -139,8 +140,9 @@ class TestFacets:
         cone = facets(k, circumscribed)
         bound = cp.Variable(20)
         rows = [cp.Constant(row) for row in v]
-        limits = (cone.polar_epigraph if polar else cone.epigraph)(bound, rows)
-        cp.Problem(cp.Minimize(cp.sum(bound)), limits).solve(solver=cp.CLARABEL)
+        into = Constraints()
+        (cone.polar_epigraph if polar else cone.epigraph)(into, bound, rows)
+        cp.Problem(cp.Minimize(cp.sum(bound)), into.all).solve(solver=cp.CLARABEL)
         expected = (cone.polar_gauge if polar else cone.gauge)(v)
         np.testing.assert_allclose(bound.value, expected, atol=1e-7)
 
@@ -371,7 +373,10 @@ class TestRowsWritten:
         yielding = 2 * n + k * n  # |MT| <= bound, K facets of V <= the rest
         lean = LimitProblem(scene, surfaces)
         assert scalar_rows(lean) == 6 * f + yielding
-        assert scalar_rows(LimitProblem(scene, surfaces, resultants)) == 6 * f + yielding + m
+        assert (
+            scalar_rows(LimitProblem(scene, surfaces, formulation=resultants))
+            == 6 * f + yielding + m
+        )
 
     def test_without_the_sum_both_are(self) -> None:
         scene = builtin_scene("tuff-wall")
@@ -508,13 +513,13 @@ class TestOwnSurfaces:
         assert sorted(ways) == pytest.approx([0.1, 0.5], rel=1e-6)
 
     @pytest.mark.parametrize("formulation", [corner_compressions, resultants])
-    @pytest.mark.parametrize("ignore_dpp", [False, True])
-    def test_parameters_change_between_solves(self, formulation: Any, ignore_dpp: bool) -> None:
+    @pytest.mark.parametrize("has_rows", [False, True])
+    def test_parameters_change_between_solves(self, formulation: Any, has_rows: bool) -> None:
         """A slab slides at mu: one compiled problem, several frictions, no other answer."""
         scene = single_block((1.0, 1.0, 0.2))
         surface = Cushion(0.3, 1)
-        problem = LimitProblem(scene, [Rocking(), surface, Torsion()], formulation)
+        problem = LimitProblem(scene, [Rocking(), surface, Torsion()], formulation=formulation)
         for mu in (0.3, 0.6, 0.1):
             surface.mu.value = np.array([mu])
-            state = problem.solve(ignore_dpp=ignore_dpp)
+            state = problem.run(has_rows=has_rows)
             assert state.load_factor == pytest.approx(mu, rel=1e-7)

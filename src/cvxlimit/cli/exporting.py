@@ -77,9 +77,8 @@ def problem_of(
     """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
-    limit = DirectProblem(found.assemblage, surfaces, found.best())
-    program = limit.program or ConeProgram.of(limit.modelled.problem)
-    unit = found.assemblage.scaling.load_factor(1.0)
+    limit = LimitProblem(found.assemblage, surfaces, reduction=found.best())
+    unit = limit.scaling.load_factor(1.0)
     solution = solve(scene, surface, model=model)
     lower, upper = known(solution.lower), known(solution.upper)
     if lower is None or upper is None:
@@ -91,4 +90,4 @@ def problem_of(
         f"{counted(len(scene.contacts), 'contact')}",
         f"{proved}; load factor = {-unit:.12g} x objective ({solution.status})",
     )
-    return program, remarks
+    return limit.program, remarks

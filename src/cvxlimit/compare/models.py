@@ -237,8 +237,8 @@ class Model(Method):
         with clock.phase("detect"):
             len(scene.contacts)
         with clock.phase("compile"):
-            problem = LimitProblem(scene, surfaces_of(self.surface)[0], self.formulation)
-            state = problem.solve(settings)
+            problem = LimitProblem(scene, self.surface, formulation=self.formulation)
+            state = problem.run(settings)
             clock.seconds["solve"] += state.outcome.solve_seconds
         with clock.phase("certify"):
             bounds = Certifier(scene, problem.surfaces, self.formulation).of(state)

@@ -204,7 +204,7 @@ class _Proof:
             return False
         with run.clock.phase("compile"):
             problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.best())
-        state, settings = run.try_solvers(problem.solve, run.ladder or problem.ladder())
+        state, settings = run.try_solvers(problem.run, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
             return False
         outer.offer(state.mechanism)

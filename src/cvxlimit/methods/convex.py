@@ -16,9 +16,8 @@ from cvxlimit.checks import not_negative, ratio
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.direct import DirectProblem
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LargestSelfStress, LimitProblem
+from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
@@ -142,8 +141,8 @@ class Inquiry:
         with run.clock.phase("compile"):
             reduction = found.best(dead_state)
             run.reductions = reduction.names
-            self.problem = DirectProblem(
-                found.assemblage, run.surfaces, reduction, repeats=run.repeats
+            self.problem = LimitProblem(
+                found.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
             )
 
     @property
@@ -156,10 +155,10 @@ class Inquiry:
         False if none can: the first solver starts nowhere, or gets its matrices from CVXPY."""
         self._leave_out_what_stands()
         first = self.ladder[0]
-        if first.name != "BLOCKWISE" or self.problem.program is None:
+        if first.name != "BLOCKWISE":
             return False
         options = {**first.options, "tolerance": _AHEAD, "residual": _AHEAD}
-        self.run.solve(self.problem.solve, replace(first, options=options))
+        self.run.solve(self.problem.run, replace(first, options=options))
         return True
 
     def _leave_out_what_stands(self) -> None:
@@ -225,7 +224,7 @@ class Inquiry:
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
         run = self.run
-        state = run.solve(self.problem.solve, settings)
+        state = run.solve(self.problem.run, settings)
         if state.forces is not None and state.mechanism is None:
             self.without_duals.append(settings.name)
         found = self._certificate(state)
@@ -302,7 +301,7 @@ class Inquiry:
             problem = self.problem
             if problem.reduction.still is not None:  # forces that carry some of it already
                 whole = self.reductions.best()
-                problem = DirectProblem(self.reductions.assemblage, run.surfaces, whole)
+                problem = LimitProblem(self.reductions.assemblage, run.surfaces, reduction=whole)
             problem = problem.dead_alone()
         for state, certificate in self._shares(problem, what, run.formulation):
             forces = self.certifier.given(state)
@@ -319,10 +318,10 @@ class Inquiry:
         run, found = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
-            goal, whole = LargestSelfStress(), found.best()
-            problem = LimitProblem(found.assemblage, self.surfaces, objective=goal, reduction=whole)
+            goal, whole = largest_self_stress, found.best()
+            problem = LimitProblem(found.assemblage, self.surfaces, goal=goal, reduction=whole)
         for settings in problem.ladder()[: _N.rungs_aside]:
-            state = run.solve(problem.solve, settings)
+            state = run.solve(partial(problem.run, has_rows=False), settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
                 return
@@ -341,8 +340,9 @@ class Inquiry:
                 reduction = Reduction.none(alone.statics, formulation)
             # Where a load grazes, forces are inside by 1e-8, and the order of rows decides whether
             # solvers find such: CVXPY's did on 295 of 295 scenes, the other on 293.
-            problem = DirectProblem(alone, surfaces, reduction, most=1.0).modelled
-        for state, certificate in self._shares(problem, "live load alone", formulation):
+            goal = LargestFactor(most=1.0)
+            problem = LimitProblem(alone, surfaces, reduction=reduction, goal=goal)
+        for state, certificate in self._shares(problem, "live load alone", formulation, False):
             given = self.certifier.given(state)
             if given is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
@@ -356,7 +356,7 @@ class Inquiry:
         return False
 
     def _shares(
-        self, problem: DirectProblem | LimitProblem, what: str, formulation: Formulation
+        self, problem: LimitProblem, what: str, formulation: Formulation, has_rows: bool = True
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Which share <= 1 of a load alone is carried, by the first rungs, and its certificate."""
         run = self.run
@@ -371,6 +371,6 @@ class Inquiry:
             others = (rung for rung in rungs if rung.name != "BLOCKWISE")
             rungs = (settings_for("BLOCKWISE", _N.aside), *others)
         for settings in rungs[: _N.rungs_aside]:
-            state = run.solve(problem.solve, settings)
+            state = run.solve(partial(problem.run, has_rows=has_rows), settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
             yield state, partial(certificate, state)

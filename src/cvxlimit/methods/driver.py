@@ -36,7 +36,7 @@ from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
 Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
-"""One run of one solver on a problem: ``LimitProblem(scene).solve``, for example."""
+"""One run of one solver on a problem: ``LimitProblem(scene).run``, for example."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Run:
     >>> from cvxlimit import builtin_scene
     >>> from cvxlimit.model.problem import LimitProblem
     >>> run = Run(builtin_scene("single-block"))
-    >>> state = run.solve(LimitProblem(run.assemblage).solve, SolverSettings("CLARABEL"))
+    >>> state = run.solve(LimitProblem(run.assemblage).run, SolverSettings("CLARABEL"))
     >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0
     (0.4, True)
     """

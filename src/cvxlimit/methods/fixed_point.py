@@ -2,42 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
-import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps, cycles
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.direct import DirectProblem
-from cvxlimit.model.formulations import own_unknowns
-from cvxlimit.model.problem import LeastForces, LimitProblem, Objective
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.formulations import FORCES
+from cvxlimit.model.problem import LARGEST_FACTOR, Goal, LimitProblem, Stated
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
-from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.base import number as number_of
-from cvxlimit.surfaces.cones import Cone, Conic, Facets
+from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
 from cvxlimit.surfaces.frozen import TorsionShearBending
-
-DPP_LIMIT = 3_000
-"""Parameter entries (three per contact) up to which the compiled problem is kept for re-solves. The
-first compile with them grows with their square; beyond, every solve is compiled afresh."""
 
 
 FORGOTTEN = 20
@@ -48,106 +38,53 @@ SMALL = 5
 """Small changes in a row that count as converged: wandering iterations had three by chance."""
 
 
-class FrozenProblem:
-    """The limit problem with eccentricities frozen, solved again as they change.
-
-    CVXPY has them as Parameters. The solver of our own, which starts from the solve before, gets
-    the same matrices with the entries changed that depend on them.
+@dataclass(frozen=True)
+class LeastForces:
+    """The load factor, less ``weight`` times the squared norm of all forces: one state is the best,
+    where a solver's choice depends on rounding. V1, V2 and N count in units of the total load,
+    moments over the unit of length besides, so the norm does not depend on the contacts' axes.
     """
 
+    weight: float
+
+    def __call__(self, stated: Stated) -> Any:
+        n, length = len(stated.assemblage.contacts), stated.assemblage.scaling.length
+        units = {c: 1.0 if c in FORCES else length for c in COMPONENTS}
+        sizes = [stated.forces[c] / unit for c, unit in units.items()]
+        # squares are at most typical forces, 1 / n, times what the cones bound
+        square, typical = stated.into.new(n), 1.0 / n
+        stated.into.cone(square + typical, [*(2.0 * size for size in sizes), square - typical])
+        return stated.factor - self.weight * typical * (np.ones(n) @ square)
+
+
+class FrozenProblem:
+    """The limit problem with eccentricities frozen in Parameters, solved again as they change:
+    ``problem`` is that problem, its ``parameters`` the coefficients of its surface by name."""
+
     def __init__(
-        self,
-        scene: Scene | Assemblage,
-        cone: Cone,
-        moments: Moments,
-        objective: Objective | None = None,
+        self, scene: Scene | Assemblage, cone: Cone, moments: Moments, goal: Goal = LARGEST_FACTOR
     ) -> None:
-        self.assemblage, self.objective = Assemblage.of(scene), objective
         self.contacts, self.cone, self.moments = scene.contacts, cone, moments
-        self.ignore_dpp = 3 * len(self.contacts) > DPP_LIMIT
-        self.kept: dict[str, Any] = {}
+        nothing = np.zeros((len(self.contacts), len(COLUMN)))
+        surface = self._surface(Pressure.of(nothing, self.contacts))
+        self.parameters = {
+            name: cp.Parameter(len(self.contacts), name=name) for name in surface.shares
+        }
+        surface.shares = {**self.parameters}
+        self.problem = LimitProblem(scene, (Rocking(), surface), goal=goal)
 
     def solve(self, pressure: Pressure, settings: SolverSettings) -> LimitState:
         """One run of one solver; never raises for what the solver does."""
-        surface = self._surface(pressure)
-        entries = self._entries if settings.row.starts_warm else None
-        if entries is not None:
-            problem, program = entries.at(surface)
-            return problem.state(*program.solve(settings, self.kept))
-        for name, value in surface.shares.items():
+        for name, value in self._surface(pressure).shares.items():
             self.parameters[name].value = value
-        return self.problem.solve(settings, ignore_dpp=self.ignore_dpp)
+        return self.problem.run(settings)
 
     def surfaces(self, pressure: Pressure) -> tuple[YieldSurface, ...]:
         """Those of the problem, for certificates."""
         return Rocking(), self._surface(pressure)
 
-    @cached_property
-    def parameters(self) -> dict[str, cp.Parameter]:
-        """Coefficients of the surface, by name."""
-        count = len(self.contacts)
-        return {name: cp.Parameter(count) for name in self._centred.shares}
-
-    @cached_property
-    def problem(self) -> LimitProblem:
-        """In CVXPY."""
-        surface = self._centred
-        surface.shares = {**self.parameters}
-        return LimitProblem(self.assemblage, (Rocking(), surface), objective=self.objective)
-
-    @cached_property
-    def _entries(self) -> _Entries | None:
-        is_known = self.objective is None and isinstance(self.cone, (Conic, Facets))
-        return _Entries(self.assemblage, self._centred) if is_known else None
-
-    @property
-    def _centred(self) -> TorsionShearBending:
-        nothing = np.zeros((len(self.contacts), len(COLUMN)))
-        return self._surface(Pressure.of(nothing, self.contacts))
-
     def _surface(self, pressure: Pressure) -> TorsionShearBending:
         return self.moments.frozen(self.moments.eccentricity(pressure, self.contacts), self.cone)
-
-
-class _Entries:
-    """The frozen problem's matrix as a function of its coefficients, in which it is affine: each
-    entry depends on those of one contact, that of its column."""
-
-    def __init__(self, assemblage: Assemblage, surface: TorsionShearBending) -> None:
-        self.assemblage, self._kind = assemblage, surface
-        rng, count = np.random.default_rng(0), len(assemblage.contacts)
-        names = list(surface.shares)
-        self.middle = {name: rng.uniform(0.25, 0.5, count) for name in names}  # no entry vanishes
-        self.problem, self.program = self._written(self.middle)
-        pointer = self.program.matrix.indptr
-        columns = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
-        contact = self.problem.model.contact  # of the first columns; others never change
-        self.slopes = {}
-        for name in names:
-            moved = self._written(self.middle | {name: self.middle[name] + 0.25})[1]
-            change = 4.0 * (moved.matrix.data - self.program.matrix.data)
-            at = np.flatnonzero(change)
-            self.slopes[name] = at, contact[columns[at]], change[at]
-
-    def _written(self, shares: Mapping[str, FloatArray]) -> tuple[DirectProblem, ConeProgram]:
-        surface = copy(self._kind)
-        surface.shares = {**shares}
-        reduction = Reduction.none(self.assemblage.statics, partial(own_unknowns, surface))
-        problem = DirectProblem(self.assemblage, (Rocking(), surface), reduction)
-        assert problem.program is not None
-        return problem, problem.program
-
-    def at(self, surface: TorsionShearBending) -> tuple[DirectProblem, ConeProgram]:
-        """The problem with other coefficients."""
-        entries = self.program.matrix.data.copy()
-        for name, (at, contact, slope) in self.slopes.items():
-            value = np.asarray(number_of(surface.shares[name]))
-            entries[at] += slope * (value - self.middle[name])[contact]
-        matrix = self.program.matrix
-        other = sp.csc_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
-        problem = copy(self.problem)
-        problem.model = own_unknowns(surface, self.assemblage.contacts)
-        return problem, replace(self.program, matrix=other)
 
 
 @dataclass(frozen=True)
@@ -216,13 +153,13 @@ class FixedPoint(Method):
         cautions += [moments.caution] if moments.caution else []
         run.remarks = cautions
         with run.clock.phase("compile"):
-            objective = LeastForces(self.regularisation) if self.regularisation else None
-            frozen = FrozenProblem(run.assemblage, run.cone, moments, objective)
+            goal = LeastForces(self.regularisation) if self.regularisation else LARGEST_FACTOR
+            frozen = FrozenProblem(run.assemblage, run.cone, moments, goal)
         if moments.has_eq_24 and dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
-        ladder = run.ladder or iterate_ladder(objective is None)
+        ladder = run.ladder or iterate_ladder()
         small = 0  # small changes in a row
         for number in range(self.max_iterations):
             # Eq. 31 and 41: a convex problem with the eccentricities of the forces so far

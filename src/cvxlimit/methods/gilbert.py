@@ -105,7 +105,7 @@ class Gilbert(Method):
             return Status.DEAD_LOAD_UNSTABLE
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
-            state, rung = run.try_solvers(problem.solve, run.ladder or _LADDER)
+            state, rung = run.try_solvers(problem.run, run.ladder or _LADDER)
             change = run.change(state)
             run.note(state, rung, change=change)
             if state.forces is None or state.load_factor is None:

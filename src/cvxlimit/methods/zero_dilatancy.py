@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -22,15 +23,14 @@ from cvxlimit.methods.central_path import followed
 from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import FlowRule, corner_openings
-from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.model.problem import LimitProblem, Stated
 from cvxlimit.model.statics import DOF
-from cvxlimit.model.variables import ForceVariables
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
 from cvxlimit.solvers import run as run_solver
+from cvxlimit.surfaces.base import times
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class _Search:
         with run.clock.phase("compile"):
             shape = (len(run.contacts), len(COMPONENTS))
             self.priced = PricedForces(cp.Parameter(), cp.Parameter(shape))
-            self.problem = LimitProblem(run.assemblage, run.surfaces, objective=self.priced)
+            self.problem = LimitProblem(run.assemblage, run.surfaces, goal=self.priced)
             self.verifier = Verifier(run)
             is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
             self.system = FrictionSystem(run.assemblage) if is_known else None
@@ -165,7 +165,7 @@ class _Search:
         cost = self.run.scaling.live * price
         cost[:, COLUMN["N"]] += chance
         self.priced.sign.value, self.priced.price.value = sign, cost
-        return self.run.try_solvers(self.problem.solve, self.ladder)
+        return self.run.try_solvers(self.problem.run, self.ladder)
 
     def _iterated(self, start: int, prices: FloatArray) -> Generator[None, None, Found | None]:
         w, label = self.rule.damping, f"random {start}" if start else "associated"
@@ -305,10 +305,11 @@ class PricedForces:
     sign: cp.Parameter
     price: cp.Parameter
 
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        dead, live = assemblage.scaled.dead, alpha * assemblage.scaled.live
-        cost = sum(self.price[:, k] @ forces.components[name] for name, k in COLUMN.items())
-        return Terms(self.sign * alpha - cost, dead, live)
+    def __call__(self, stated: Stated) -> Any:
+        n, goal = len(stated.assemblage.contacts), times(self.sign, stated.factor)
+        for name, k in COLUMN.items():
+            goal = goal - np.ones(n) @ times(self.price[:, k], stated.forces[name])
+        return goal
 
 
 class Verifier:

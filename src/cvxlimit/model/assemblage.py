@@ -153,20 +153,46 @@ class Balance:
         return forces
 
 
-def kept_rows(matrix: sp.csr_array, loads: FloatArray) -> IntArray:
-    """Rows of equilibrium with forces or loads."""
-    size = np.asarray(abs(matrix).sum(axis=1)).ravel()
-    return np.flatnonzero((size > _NOTHING * size.max()) | (loads != 0.0))
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Scaled equilibrium ``matrix @ s + load = 0`` of unknown forces s, along the ways in which
+    blocks may move, of which ``rows`` have forces or loads; ``rates`` (ways, 6 free blocks) are
+    these ways, None all."""
 
+    matrix: sp.csr_array
+    rows: IntArray
+    ways: int
+    scaling: Scaling
+    rates: sp.csr_array | None = None
 
-def mechanism_of(
-    duals: FloatArray, assemblage: Assemblage, rows: IntArray, along: sp.csr_array | None
-) -> FloatArray:
-    """Block rates (free, 6) from the duals of those rows of equilibrium that were kept."""
-    rates = np.zeros(len(assemblage.statics.dead) if along is None else along.shape[0])
-    rates[rows] = duals
-    full = rates if along is None else np.asarray(along.T @ rates)
-    return assemblage.scaling.mechanism(full.reshape(-1, DOF))
+    @classmethod
+    def of(
+        cls, matrix: sp.csr_array, loads: FloatArray, scaling: Scaling,
+        rates: sp.csr_array | None = None,
+    ) -> Equilibrium:  # fmt: skip
+        """Of a scaled matrix along all ways; ``loads`` (k, 6 free blocks) say which rows may have
+        some."""
+        size = np.abs(loads).sum(axis=0)
+        if rates is not None:
+            matrix, size = (rates @ matrix).tocsr(), abs(rates) @ size
+            matrix.eliminate_zeros()
+        each = np.asarray(abs(matrix).sum(axis=1)).ravel()
+        rows = np.flatnonzero((each > _NOTHING * each.max(initial=0.0)) | (size != 0.0))
+        if len(rows) < len(size):
+            matrix = matrix[rows]
+        return cls(matrix, rows, len(size), scaling, rates)
+
+    def of_load(self, load: Any) -> Any:
+        """A scaled load (6 free blocks,), numbers or a form, on the rows."""
+        along = load if self.rates is None else self.rates @ load
+        return along if len(self.rows) == self.ways else along[self.rows]
+
+    def mechanism(self, duals: FloatArray) -> FloatArray:
+        """Block rates (free, 6) from the duals of the rows."""
+        rates = np.zeros(self.ways)
+        rates[self.rows] = duals
+        full = rates if self.rates is None else np.asarray(self.rates.T @ rates)
+        return self.scaling.mechanism(full.reshape(-1, DOF))
 
 
 @dataclass(frozen=True, eq=False)

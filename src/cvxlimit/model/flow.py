@@ -31,8 +31,9 @@ from scipy.sparse.linalg import splu
 from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import clarabel_at, run
-from cvxlimit.surfaces.base import LinearForm, YieldSurface
+from cvxlimit.surfaces.base import LinearForm, YieldSurface, express, number
 from cvxlimit.surfaces.cones import Cone
 
 _TIGHT = 1e-11
@@ -64,22 +65,20 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
     return result + y * rates[j, COLUMN["M1"]] - x * rates[j, COLUMN["M2"]]
 
 
-class _Rows:
+class _Forms:
     """Linear forms as rows on the internal forces, one below the other: ``places`` says where."""
 
     def __init__(self, model: ForceModel, forms: list[tuple[LinearForm, IntArray | None]]) -> None:
-        every, self.places, self.size = np.arange(len(model.contacts)), list[slice](), 0
-        found, contacts = [model.entries({}, every[:0])], [every[:0]]
-        for form, contact in forms:
-            row, column, value, constant = model.entries(form, contact)
-            found.append((self.size + row, column, value, constant))
-            contacts.append(every if contact is None else contact)
-            self.places.append(slice(self.size, self.size + len(constant)))
-            self.size += len(constant)
-        row, column, value, self.constant = map(np.concatenate, zip(*found, strict=True))
-        shape = self.size, model.meaning.shape[1]
-        self.matrix = sp.csr_array((value, (row, column)), shape=shape)
-        self.contact = np.concatenate(contacts)
+        into, every = Rows(), np.arange(len(model.contacts))
+        forces, _ = model.unknowns(into)
+        at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
+        found = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
+        ends = np.cumsum([0, *(form.size for form in found)]).tolist()
+        self.places, self.size = list(map(slice, ends, ends[1:])), ends[-1]
+        whole = stacked(found or [forces["N"][every[:0]]])
+        self.matrix, self.constant = whole.matrix(into.width), whole.constant
+        contacts = [every if at is None else at for _, at in forms]
+        self.contact = np.concatenate([every[:0], *contacts])
 
     @cached_property
     def transposed(self) -> sp.csc_array:
@@ -97,7 +96,7 @@ class StrengthRows:
             resistances.append((condition.resistance, condition.contact))
             for norm in condition.norms:
                 norms += zip(norm.weighted_rows, repeat(condition.contact))
-        self._resistance, self._norms = _Rows(model, resistances), _Rows(model, norms)
+        self._resistance, self._norms = _Forms(model, resistances), _Forms(model, norms)
         self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
         places = iter(self._norms.places)
         for (_, condition, cone), where in zip(stated, self._resistance.places, strict=True):
@@ -179,17 +178,15 @@ class FlowRule(StrengthRows):
             per = 1.0 if unit is None else unit[rows.contact]
             lost = lost + sign * (rows.constant / per) @ sides[-1]
         multipliers, flows = sides
-        limits = [
-            limit
-            for cone, where, norms in self._conditions
-            for norm in norms
-            for limit in cone.polar_epigraph(multipliers[where], [flows[row] for row in norm])
-        ]
+        into = Constraints()
+        for cone, where, norms in self._conditions:
+            for norm in norms:
+                cone.polar_epigraph(into, multipliers[where], [flows[row] for row in norm])
         if len(self._free):
-            limits.append(rest[self._free] == 0)
+            into.zero(rest[self._free])
         if len(self._pressed):
-            limits.append(rest[self._pressed] >= 0)
-        return SymbolicFlow(limits, lost, multipliers, flows)
+            into.nonneg(rest[self._pressed])
+        return SymbolicFlow(into.all, lost, multipliers, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Of relative rates (n, 6), with as little dissipation as the missing opening allows: exact

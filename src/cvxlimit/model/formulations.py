@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.points import Placing, at_centroids
+from cvxlimit.model.sinks import gathered
 from cvxlimit.surfaces.base import (
     CONSTANT,
     Coefficient,
@@ -28,10 +30,11 @@ from cvxlimit.surfaces.base import (
     Norm,
     YieldSurface,
     check_condition,
-    number,
+    express,
     stated,
+    times,
 )
-from cvxlimit.surfaces.cones import Cone, Conic
+from cvxlimit.surfaces.cones import Cone, Conic, Sink
 
 FORCES = ("V1", "V2", "N")
 
@@ -181,32 +184,36 @@ class ForceModel:
                     )
         return written
 
-    def entries(
-        self, form: LinearForm, contact: IntArray | None
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """A linear form as k rows on s: where its entries are, what they are, constants (k,)."""
-        size = len(self.contacts if contact is None else contact)
-        constant, found = np.zeros(size), [(np.zeros((2, 0), np.int64), np.zeros(0))]
-        for name, coefficient in form.items():
-            factor = np.broadcast_to(np.asarray(number(coefficient), dtype=float), (size,))
-            if name == CONSTANT:
-                constant = constant + factor
-            elif name in COLUMN:
-                for part in (part for part in self.parts if name in part.gives):
-                    row, column = part.contact, np.arange(len(part.contact))
-                    value = np.broadcast_to(part.gives[name], (len(row),))
-                    if contact is not None:
-                        unit = sp.csr_array((value, (row, column)), (len(self.contacts), len(row)))
-                        given = unit[contact].tocoo()
-                        row, column = (np.asarray(index, np.int64) for index in given.coords)
-                        value = given.data
-                    at = np.stack([row, self.start[part.name].start + column])
-                    found.append((at, factor[row] * value))
+    def unknowns(
+        self,
+        into: Sink,
+        force: float = 1.0,
+        length: float = 1.0,
+        gives: Mapping[str, LinearForm] = MappingProxyType({}),
+    ) -> tuple[dict[str, Any], list[Any]]:
+        """The forces as new unknowns of a sink: components and parts, all over the unit of
+        ``force``; and the parts once more, in order, moments over ``length`` besides. For parts
+        that other unknowns give, forms in these and in parts before, the others are made here."""
+        forces: dict[str, Any] = {CONSTANT: 1.0 / force}
+        internal = []
+        for part in self.parts:
+            unit, size = length if part.is_moment else 1.0, len(part.contact)
+            form = gives.get(part.name, {})
+            for name in [name for name in form if name not in forces]:
+                forces[name] = into.new(size, name)
+            if form:
+                forces[part.name] = express(form, forces)
+                internal.append(forces[part.name] / unit)
             else:
-                each = np.arange(size)
-                found.append((np.stack([each, self.start[name].start + each]), factor))
-        places = np.concatenate([at for at, _ in found], axis=1)
-        return places[0], places[1], np.concatenate([values for _, values in found]), constant
+                internal.append(into.new(size, part.name, part.nonneg))
+                forces[part.name] = times(unit, internal[-1])
+        for component in COMPONENTS:
+            terms = [
+                gathered(forces[p.name], p.contact, len(self.contacts), p.gives.get(component, 0.0))
+                for p in [p for p in self.parts if component in p.gives] or self.parts[:1]
+            ]
+            forces[component] = sum(terms[1:], start=terms[0])
+        return forces, internal
 
 
 Formulation = Callable[[Contacts], ForceModel]
@@ -258,22 +265,6 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
     parts = [Part(c, {c: 1}, each) for c in ("V1", "V2", "MT")]
     n = compressions_at(contacts.corner_contact, contacts.corner_xy)
     return ForceModel(contacts, [n, *parts])
-
-
-def own_unknowns(surface: YieldSurface, contacts: Contacts) -> ForceModel:
-    """Corner compressions, and the unknowns of a surface's own with numbers for coefficients."""
-    own, plain = surface.unknowns(contacts), corner_compressions(contacts)
-    if own is None:
-        return plain
-    each, gives = np.arange(len(contacts)), dict[str, dict[str, FloatArray]]()
-    for component, form in own.gives.items():
-        for name, coefficient in form.items():
-            gives.setdefault(name, {})[component] = np.asarray(number(coefficient))
-    kept = [part for part in plain.parts if part.name not in own.gives]
-    parts = [replace(p, gives={**p.gives, **gives.pop(p.name, {})}) for p in kept]
-    parts += [Part(name, given, each, is_force=True) for name, given in gives.items()]
-    holds = plain.holds | {surface.name}
-    return ForceModel(contacts, parts, own.conditions, holds, surface.cone)
 
 
 def compressions_at(contact: IntArray, at: FloatArray, name: str = "n") -> Part:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem, Terms
-from cvxlimit.model.variables import ForceVariables
+from cvxlimit.model.problem import LimitProblem, Stated
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.base import YieldSurface, admissible, stated
 
@@ -43,21 +42,19 @@ class LeastUse:
     factor: float
     most: float
 
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        """Scaled, as the problem's other terms."""
-        scaling, normal = assemblage.scaling, forces.components["N"]
-        needed, use = cp.Variable(normal.shape), cp.Variable(normal.shape)
-        limits = [
-            alpha == self.factor / scaling.load_factor(1.0),
-            needed <= normal,
-            normal <= self.most / scaling.force,
-            cp.SOC(normal + use, cp.vstack([2.0 * needed, normal - use]), axis=0),
-        ]
-        alone = {**forces.components, "N": needed}
+    def __call__(self, problem: Stated) -> Any:
+        into, scaling = problem.into, problem.assemblage.scaling
+        normal = problem.forces["N"]
+        needed, use = into.new(normal.size), into.new(normal.size)
+        into.zero(problem.factor - self.factor / scaling.load_factor(1.0))
+        into.nonneg(normal - needed)
+        into.nonneg(self.most / scaling.force - normal)
+        into.cone(normal + use, [2.0 * needed, normal - use])
+        alone = {**problem.forces, "N": needed}
         for surface in self.surfaces:
-            for condition in stated(surface, assemblage.contacts):
-                limits += admissible(condition, alone, surface.cone)
-        return Terms(-cp.sum(use), assemblage.scaled.dead, alpha * assemblage.scaled.live, limits)
+            for condition in stated(surface, problem.assemblage.contacts):
+                admissible(into, condition, alone, surface.cone)
+        return -(np.ones(use.size) @ use)
 
 
 def least_used(
@@ -72,9 +69,9 @@ def least_used(
     if scene.ties or (forces[:, 2] < -_N.admissible * most).any():
         return None  # what pulls has no share of a compression
     assemblage, below = Assemblage.of(scene), (1.0 - _N.below) * factor
-    problem = LimitProblem(assemblage, surfaces, objective=LeastUse(surfaces, below, most))
+    problem = LimitProblem(assemblage, surfaces, goal=LeastUse(surfaces, below, most))
     for settings in problem.ladder():
-        found = problem.solve(settings).forces
+        found = problem.run(settings).forces
         if found is not None and _is_good(assemblage, surfaces, below, found, most):
             return found
     return None

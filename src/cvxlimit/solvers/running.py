@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -45,7 +45,7 @@ class LimitState:
 
     ``forces`` (contacts, 6), ``mechanism`` (free blocks, 6) with live power 1; None where the
     solver returned nothing, or the problem does not have them. ``internal`` (p,) are the internal
-    forces of the formulation.
+    forces of the formulation, ``own`` the values of unknowns that a problem's goal added, by name.
     """
 
     outcome: Outcome
@@ -53,6 +53,7 @@ class LimitState:
     forces: FloatArray | None
     mechanism: FloatArray | None
     internal: FloatArray | None = None
+    own: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:

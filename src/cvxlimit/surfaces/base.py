@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import cvxpy as cp
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts, least_carried
-from cvxlimit.surfaces.cones import Cone, Conic
+from cvxlimit.surfaces.cones import Cone, Conic, Sink
 
 Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
 LinearForm = Mapping[str, Coefficient]
@@ -288,30 +288,25 @@ def _used(
     return np.where(carries, used, np.nan) / np.where(carries, available, 1.0)
 
 
-def admissible(
-    condition: Condition, forces: Mapping[str, cp.Expression], cone: Cone
-) -> Iterator[cp.Constraint]:
-    """CVXPY constraints of a condition on force components (n,), in the scale of their
+def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
+    """State a condition on force components (n,), forms of the sink in the scale of their
     :data:`CONSTANT`.
 
     Norms get an auxiliary bound each, except a plain last one, which takes what remains.
     """
     contact = condition.contact
     remaining = express(condition.resistance, forces, contact)
-    if not condition.norms:
-        yield remaining >= 0
-        return
     norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
-    last = norms.pop() if norms[-1].is_plain else None
+    last = norms.pop() if norms and norms[-1].is_plain else None
     for norm in norms:
         rows = [express(form, forces, contact) for form in norm.rows]
-        bound = cp.Variable(rows[0].shape)
-        yield from cone.epigraph(bound, rows)
+        bound = into.new(rows[0].size)
+        cone.epigraph(into, bound, rows)
         remaining = remaining - times(norm.weight, bound)
     if last is None:
-        yield remaining >= 0
+        into.nonneg(remaining)
     else:
-        yield from cone.epigraph(remaining, [express(form, forces, contact) for form in last.rows])
+        cone.epigraph(into, remaining, [express(form, forces, contact) for form in last.rows])
 
 
 def number(coefficient: Coefficient) -> float | FloatArray:
@@ -326,25 +321,29 @@ def product(first: Coefficient, second: Coefficient) -> Coefficient:
     return first * second
 
 
-def express(
-    form: LinearForm, forces: Mapping[str, cp.Expression], contact: IntArray | None = None
-) -> cp.Expression:
+def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | None = None) -> Any:
+    """A linear form of force components, arrays or forms of a sink."""
     terms = [
-        product(k, forces[CONSTANT])
-        if component == CONSTANT
-        else times(k, _rows(forces, component, contact))
+        times(k, _rows(forces, component, contact))
         for component, k in form.items()
+        if component != CONSTANT
     ]
+    if CONSTANT in form:  # last: it may be an expression of CVXPY's, which adds no other kind
+        terms = terms or [times(0.0, _rows(forces, "N", contact))]
+        terms.append(product(form[CONSTANT], forces[CONSTANT]))
     return sum(terms[1:], start=terms[0])
 
 
-def times(coefficient: Coefficient, component: cp.Expression) -> cp.Expression:
+def times(coefficient: Coefficient, component: Any) -> Any:
+    """A form of a sink times a coefficient."""
     if isinstance(coefficient, (int, float)):
         return component if coefficient == 1 else coefficient * component
-    return cp.multiply(coefficient, component)
+    if isinstance(component, cp.Expression):
+        return cp.multiply(coefficient, component)
+    return component.times(coefficient)
 
 
-def _rows(values: Mapping[str, cp.Expression], name: str, contact: IntArray | None):  # type: ignore[no-untyped-def]
+def _rows(values: Mapping[str, Any], name: str, contact: IntArray | None) -> Any:
     value = values[name]
     return value if contact is None or name not in COLUMN else value[contact]
 

@@ -6,19 +6,40 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 
 
-class Cone(ABC):
-    """Gauge of a vector of force components, its epigraph for CVXPY, and its polar.
+class Sink(Protocol):
+    """Where a problem is stated: CVXPY constraints, or rows of matrices.
 
-    Rows are the vector's components; each is an array (n,) or a CVXPY expression of that shape.
-    Vectors with one component are bounded by their absolute value whatever the cone.
+    Forms are affine expressions of the unknowns, k each. Sums of them, multiples by numbers (k,)
+    and rows by index are forms again, in CVXPY's notation.
+    """
+
+    def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
+        """Unknowns (size,) of one's own as a form; one number without a size."""
+
+    def nonneg(self, form: Any) -> None:
+        """form >= 0."""
+
+    def zero(self, form: Any) -> None:
+        """form = 0."""
+
+    def cone(self, bound: Any, rows: Sequence[Any]) -> None:
+        """Euclidean norm of the rows <= bound, k times."""
+
+
+class Cone(ABC):
+    """Gauge of a vector of force components, its epigraph, and its polar.
+
+    Rows are the vector's components, each an array (n,) or a form of a :class:`Sink`, to which the
+    epigraphs are stated. Vectors with one component are bounded by their absolute value whatever
+    the cone.
     """
 
     def gauge(self, rows: Sequence[FloatArray]) -> FloatArray:
@@ -29,15 +50,19 @@ class Cone(ABC):
         """The dual size (n,): smallest t with ``rows @ v <= t * gauge(v)`` for all v."""
         return np.abs(rows[0]) if len(rows) == 1 else self._polar_gauge(np.stack(rows))
 
-    def epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
-        """Constraints ``gauge(rows) <= bound``."""
-        return _between(bound, rows[0]) if len(rows) == 1 else self._epigraph(bound, rows)
+    def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+        """State ``gauge(rows) <= bound``."""
+        if len(rows) == 1:
+            _between(into, bound, rows[0])
+        else:
+            self._epigraph(into, bound, rows)
 
-    def polar_epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]:
-        """Constraints ``polar_gauge(rows) <= bound``."""
-        return _between(bound, rows[0]) if len(rows) == 1 else self._polar_epigraph(bound, rows)
+    def polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+        """State ``polar_gauge(rows) <= bound``."""
+        if len(rows) == 1:
+            _between(into, bound, rows[0])
+        else:
+            self._polar_epigraph(into, bound, rows)
 
     @abstractmethod
     def _gauge(self, rows: FloatArray) -> FloatArray: ...
@@ -46,14 +71,10 @@ class Cone(ABC):
     def _polar_gauge(self, rows: FloatArray) -> FloatArray: ...
 
     @abstractmethod
-    def _epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]: ...
+    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
 
     @abstractmethod
-    def _polar_epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]: ...
+    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -70,8 +91,8 @@ class Conic(Cone):
     def _gauge(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(rows, axis=0))
 
-    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
-        return [cp.SOC(bound, cp.vstack(list(rows)), axis=0)]
+    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+        into.cone(bound, rows)
 
     _polar_gauge, _polar_epigraph = _gauge, _epigraph
 
@@ -129,18 +150,20 @@ class Facets(Cone):
         middle /= (middle * self.normals).sum(axis=1)[:, None]
         return np.asarray((middle @ rows).max(axis=0))
 
-    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         self._check(len(rows))
-        pairs = [zip(normal.tolist(), rows, strict=True) for normal in self.normals]
-        return [sum(w * row for w, row in pair if w != 0.0) <= bound for pair in pairs]
+        for normal in self.normals.tolist():
+            rest = bound
+            for weight, row in zip(normal, rows, strict=True):
+                rest = rest - weight * row if weight != 0.0 else rest
+            into.nonneg(rest)
 
-    def _polar_epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]:
+    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         self._check(len(rows))
-        z = cp.Variable((self.count, bound.size), nonneg=True)
-        sums = [cp.sum(cp.multiply(self.normals[:, i : i + 1], z), axis=0) for i in (0, 1)]
-        return [cp.sum(z, axis=0) <= bound, sums[0] == rows[0], sums[1] == rows[1]]
+        parts = [into.new(rows[0].size, nonneg=True) for _ in self.normals]
+        into.nonneg(bound - sum(parts))
+        for weights, row in zip(self.normals.T.tolist(), rows, strict=True):
+            into.zero(sum(w * z for w, z in zip(weights, parts, strict=True)) - row)
 
     def _check(self, components: int) -> None:
         if components != 2:
@@ -174,23 +197,22 @@ class Parabola(Cone):
         turning = twist + slip**2 / (4.0 * safe)
         return np.where(slip < 2.0 * twist, turning, slip)
 
-    def _epigraph(self, bound: cp.Expression, rows: Sequence[cp.Expression]) -> list[cp.Constraint]:
+    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         v1, v2, m = rows
-        half = cp.Variable(bound.shape)
-        cone = cp.SOC(bound - half, cp.vstack([v1, v2, 0.5 * m]), axis=0)
-        return [cone, *_between(half, 0.5 * m)]
+        half = into.new(m.size)
+        into.cone(bound - half, [v1, v2, 0.5 * m])
+        _between(into, half, 0.5 * m)
 
-    def _polar_epigraph(
-        self, bound: cp.Expression, rows: Sequence[cp.Expression]
-    ) -> list[cp.Constraint]:
+    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         slip_1, slip_2, twist = rows
-        share = cp.Variable(bound.shape)
-        cone = cp.SOC(bound, cp.vstack([slip_1, slip_2, 2.0 * share]), axis=0)
-        return [cone, *_between(bound, 2.0 * (twist - share))]
+        share = into.new(twist.size)
+        into.cone(bound, [slip_1, slip_2, 2.0 * share])
+        _between(into, bound, 2.0 * (twist - share))
 
 
-def _between(bound: cp.Expression, row: cp.Expression) -> list[cp.Constraint]:
-    return [row <= bound, -row <= bound]
+def _between(into: Sink, bound: Any, row: Any) -> None:
+    into.nonneg(bound - row)
+    into.nonneg(bound + row)
 
 
 def parse_cone(name: str) -> Cone:

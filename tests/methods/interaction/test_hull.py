@@ -263,9 +263,8 @@ def test_moments_must_be_known() -> None:
 
 def reach(copies: Copies, contacts: Contacts, w: np.ndarray) -> float:
     """Largest power of the copies' forces with N = 1, by CVXPY."""
-    model = copy_forces(copies, contacts)
-    force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
-    problem = cp.Problem(cp.Maximize(w @ force), [*model.constraints, force[COLUMN["N"]] == 1.0])
+    force, limits = copy_forces(copies, contacts)
+    problem = cp.Problem(cp.Maximize(w @ force), [*limits, force[COLUMN["N"]] == 1.0])
     problem.solve(solver=cp.CLARABEL)
     return float(problem.value)
 
@@ -318,10 +317,9 @@ def test_boxed_signed_copies_and_safe_copies_are_admissible(moments: str) -> Non
         for _ in range(4):
             centre = rng.uniform(-0.4, 0.4, (1, 2))
             safe = parse_moments(moments).safe_copies(contacts, centre, reach=0.1)
-            model = copy_forces(safe, contacts)
-            force = sum(m @ (v if v.ndim == 1 else cp.vec(v, order="F")) for v, m in model.maps)
+            force, limits = copy_forces(safe, contacts)
             w = rng.normal(size=6)
-            limits = [*model.constraints, force[COLUMN["N"]] == 1.0]
+            limits = [*limits, force[COLUMN["N"]] == 1.0]
             cp.Problem(cp.Maximize(w @ force), limits).solve(solver=cp.CLARABEL)
             excess = interaction_excess(force.value[None], contacts, moments)
             assert excess[0] <= 1e-7

@@ -416,7 +416,7 @@ class TestIteration:
         scene = builtin_scene("tuff-wall")
         first = solve(scene, ladder=["CLARABEL"])
         at = SIGNED.eccentricity(Pressure.of(first.forces, scene.contacts), scene.contacts)
-        state = LimitProblem(scene, (Rocking(), _Bare(at))).solve(settings_for("CLARABEL", 1e-9))
+        state = LimitProblem(scene, (Rocking(), _Bare(at))).run(settings_for("CLARABEL", 1e-9))
         (excess,) = Sliding().excess(state.forces, scene.contacts)
         assert excess.max() > _weight(scene)
         assert state.load_factor > 1.2 * first.load_factor

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -16,30 +14,14 @@ from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.states.majorants import Forces, Point, StepRows
-from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import StaticProblem, Terms
-from cvxlimit.model.variables import ForceVariables
+from cvxlimit.model.sinks import Constraints
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
-from cvxlimit.solvers import settings_for
+from cvxlimit.solvers import run, settings_for
 
 FloatArray = NDArray[np.float64]
 
 SOLVER = settings_for("CLARABEL", 1e-9)
-
-
-@dataclass(frozen=True)
-class Bought:
-    """The scaled load factor, at most ``most``, less what slack costs."""
-
-    cost: cp.Expression | float
-    most: float | None
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        unit = assemblage.scaling.load_factor(1.0)
-        limits = [] if self.most is None else [unit * alpha <= self.most]
-        scaled = assemblage.scaled
-        return Terms(alpha - self.cost, scaled.dead, alpha * scaled.live, limits)
 
 
 def referee(
@@ -47,8 +29,8 @@ def referee(
 ) -> float:
     """The scaled value of the step's problem."""
     count, own = len(step.kept), step.own
-    variables = ForceVariables.of(step.model, 1.0, 1.0)
-    c = variables.components
+    into = Constraints()
+    c, internal = step.model.unknowns(into)
     names = ("N", "V1", "V2", "X1", "X2", "MT", "m1", "m2", "u", "s1", "s2", "t")
     known = {name: c[name] for name in ("N", "V1", "V2", "MT")} | {"X1": -c["M2"], "X2": c["M1"]}
     value = {name: known.get(name, cp.Variable(count)) for name in names}
@@ -78,13 +60,18 @@ def referee(
         limits.append(cp.norm(cp.vstack([*roots, value["N"] - w]), axis=0) <= value["N"] + w)
     if price is None:
         limits.append(slack == 0.0)
-    goal = Bought(0.0 if price is None else price * cp.sum(slack), most)
-    half = step.half
-    lifted = variables if half is None else variables.lifted(half.forces)
-    rates = None if half is None else half.rates
-    problem = StaticProblem(step.assemblage, lifted, limits, goal, rates)
-    assert problem.solve(SOLVER).outcome.has_values
-    return float(problem.problem.value)
+    half, scaled, alpha = step.half, step.assemblage.scaled, cp.Variable()
+    if most is not None:
+        limits.append(step.scaling.load_factor(1.0) * alpha <= most)
+    forces = step.model.meaning @ cp.hstack(internal)
+    load = scaled.dead + alpha * scaled.live
+    balance = scaled.matrix @ (forces if half is None else half.forces @ forces) + load
+    if half is not None:
+        balance = half.rates @ balance
+    cost = 0.0 if price is None else price * cp.sum(slack)
+    problem = cp.Problem(cp.Maximize(alpha - cost), [balance == 0, *limits])
+    assert run(problem, SOLVER).has_values
+    return float(problem.value)
 
 
 def small_panel() -> Scene:

@@ -19,10 +19,9 @@ from cvxlimit.loads import Load, combined
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
-from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LargestFactor, LargestSelfStress, LimitProblem, Terms
+from cvxlimit.model.assemblage import Reduction
+from cvxlimit.model.problem import LargestFactor, LimitProblem, Stated, largest_self_stress
 from cvxlimit.model.statics import DOF, Scaling
-from cvxlimit.model.variables import ForceVariables
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
@@ -30,6 +29,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.studies.domains.polytopes import FLAT
+from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 _EPSILON = 8.0 * float(np.finfo(float).eps)
@@ -98,21 +98,26 @@ class _Reach:
 
     def __init__(self, loads: FloatArray, dead: float | None) -> None:
         self.loads, self.dead = loads, dead
-        self.factors = cp.Variable(loads.shape[1], name="load factors")
         self.weights = cp.Parameter(loads.shape[1], value=np.zeros(loads.shape[1]))
         self.window = cp.Parameter(nonneg=True, value=1.0)
 
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        scaling = assemblage.scaling
+    def __call__(self, stated: Stated) -> Any:
+        into, scaling = stated.into, stated.assemblage.scaling
         units = scaling.force * np.tile([1.0] * 3 + [scaling.length] * 3, len(self.loads) // DOF)
-        live = (self.loads / units[:, None]) @ self.factors
-        limits = [self.factors <= self.window, self.factors >= -self.window]
+        factors = stated.own["factors"] = into.new(self.loads.shape[1], "load factors")
+        live, dead = (self.loads / units[:, None]) @ factors, stated.dead
+        stated.live = np.zeros(len(units))
+        for sign in (-1.0, 1.0):
+            into.nonneg(sign * factors + self.window)
         if self.dead is None:
-            share = cp.Variable(name="share", nonneg=True)
-            dead = share * assemblage.scaled.dead
-            return Terms(share, dead, live, [*limits, share <= 1.0, alpha == share])
-        goal = self.weights @ self.factors
-        return Terms(goal, self.dead * assemblage.scaled.dead, live, [*limits, alpha == 0.0])
+            share = into.new(name="share", nonneg=True)
+            into.nonneg(1.0 - share)
+            into.zero(stated.factor - share)
+            stated.dead = live + times(dead, share)
+            return share
+        into.zero(stated.factor)
+        stated.dead = live + self.dead * dead
+        return np.ones(factors.size) @ times(self.weights, factors)
 
 
 class Structure:
@@ -172,15 +177,15 @@ class Structure:
         reach.weights.value, reach.window.value = direction, window
         ladder = self.run.ladder or problem.ladder(self.tolerance)
         for settings in ladder[:_RUNGS]:
-            state = self.run.solve(problem.solve, settings)
+            state = self.run.solve(problem.run, settings)
             self.run.note(replace(state, load_factor=None), settings)
             given = self.certifier.given(state)
-            if state.forces is None or given is None or reach.factors.value is None:
+            if state.forces is None or given is None or not state.own:
                 if state.outcome.claims_no_optimum:
                     return
                 continue
             yield Raw(
-                direction, self.acting(np.array(reach.factors.value)), state.forces, given,
+                direction, self.acting(state.own["factors"]), state.forces, given,
                 state.mechanism, dead == 0.0, self.run.history[-1],
             )  # fmt: skip
 
@@ -231,7 +236,9 @@ class Structure:
             if dead == 0.0:
                 surfaces, formulation = self.certifier.strength.recession()
                 reduction = reduction if formulation is self.run.formulation else None
-            problem = LimitProblem(self.assemblage, surfaces, formulation, reach, reduction)
+            problem = LimitProblem(
+                self.assemblage, surfaces, formulation=formulation, reduction=reduction, goal=reach
+            )
             self._problems[dead] = reach, problem
         return self._problems[dead]
 
@@ -244,11 +251,11 @@ class Structure:
             return self.certifier.witnesses.easy_dead_state is not None
         formulation = self.run.formulation
         problem = LimitProblem(
-            self.assemblage.alone(self.dead), self.surfaces, formulation, LargestFactor(most=1.0),
-            self.reduction,
+            self.assemblage.alone(self.dead), self.surfaces, formulation=formulation,
+            reduction=self.reduction, goal=LargestFactor(most=1.0),
         )  # fmt: skip
         for settings in (self.run.ladder or problem.ladder())[:2]:
-            state = self.run.solve(problem.solve, settings)
+            state = self.run.solve(problem.run, settings)
             given = self.certifier.given(state)
             share = state.load_factor or 0.0
             is_carried = given is not None and share > 0.5
@@ -364,10 +371,10 @@ class Structure:
     def _seek_field(self) -> None:
         self._has_field = True  # asked once
         problem = LimitProblem(
-            self.assemblage, self.surfaces, objective=LargestSelfStress(), reduction=self.reduction
+            self.assemblage, self.surfaces, goal=largest_self_stress, reduction=self.reduction
         )
         for settings in problem.ladder()[:2]:
-            state = self.run.solve(problem.solve, settings)
+            state = self.run.solve(problem.run, settings)
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
                 return
 

@@ -165,4 +165,4 @@ class Reach:
         if x is None or y is None:
             return None
         at = float(-cost @ x) / float(self.problem.extent[contact, axis])
-        return at, self.problem.mechanism(y[1:])
+        return at, self.problem.equilibrium.mechanism(y[1:])

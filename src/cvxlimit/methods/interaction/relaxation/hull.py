@@ -26,8 +26,7 @@ from cvxlimit.methods.interaction.relaxation.pieces import (
 )
 from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
 from cvxlimit.methods.interaction.states.support import half_extent
-from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.statics import DOF
+from cvxlimit.model.assemblage import Assemblage, Equilibrium
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.solvers.program import ConeProgram
@@ -49,15 +48,14 @@ class HullProblem:
         self.assemblage, self.half = Assemblage.of(scene), half
         self.scaling, statics = self.assemblage.scaling, self.assemblage.scaled
         self.contacts, self.extent = statics.contacts, half_extent(statics.contacts)
-        matrix, loads = statics.matrix, np.stack([statics.dead, statics.live], axis=1)
-        self.forces = self.rates = None
+        matrix, loads = statics.matrix, np.stack([statics.dead, statics.live])
+        self.forces = None if half is None else half.forces_of_all
         if half is not None:
-            self.forces, self.rates = half.forces_of_all, half.rates
-            matrix, loads = self.rates @ matrix @ self.forces, self.rates @ loads
-        size = abs(matrix).sum(axis=1) + np.abs(loads).sum(axis=1)
-        self.rows = np.flatnonzero(size > 0.0)
-        self.matrix, self.size = matrix.tocsr()[self.rows].tocsc(), len(size)
-        self.dead, self.live = loads[self.rows].T
+            matrix = matrix @ half.forces_of_all
+        rates = None if half is None else half.rates
+        self.equilibrium = Equilibrium.of(matrix, loads, self.scaling, rates)
+        self.matrix = self.equilibrium.matrix.tocsc()
+        self.dead, self.live = map(self.equilibrium.of_load, loads)
 
     def solve(
         self,
@@ -87,7 +85,7 @@ class HullProblem:
             outcome,
             self.scaling.load_factor(float(x[0])),
             self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
-            self.mechanism(y),
+            self.equilibrium.mechanism(y),
             halfway=None if middle is None else Halfway(joined.members, middle),
         )
 
@@ -107,7 +105,7 @@ class HullProblem:
     def joined(self, copies: Copies | Sequence[Piece], relief_price: float | None = None) -> Joined:
         """Their columns; the load factor is the first one, the relief the second."""
         pieces = self.pieces(copies) if isinstance(copies, Copies) else copies
-        return Joined([self._loads[relief_price is not None], *pieces], len(self.rows))
+        return Joined([self._loads[relief_price is not None], *pieces], len(self.dead))
 
     def program(
         self, joined: Joined, relief_price: float | None = None, enough: float = np.inf
@@ -118,13 +116,13 @@ class HullProblem:
             cost[1] = relief_price / self.scaling.load_factor(1.0)
             right[1] = 1.0
         right, cones = np.concatenate([-self.dead, right]), (3,) * joined.cones
-        given = cost, joined.matrix(), right, len(self.rows), joined.lines, cones
+        given = cost, joined.matrix(), right, len(self.dead), joined.lines, cones
         return ConeProgram(*given, enough=enough)
 
     @cached_property
     def _loads(self) -> tuple[Piece, Piece]:
         """The columns of the load factor, and of it and the relief, which is from 0 to 1."""
-        every, (zero, none) = np.arange(len(self.rows)), np.split(np.zeros(1, dtype=int), [1])
+        every, (zero, none) = np.arange(len(self.dead)), np.split(np.zeros(1, dtype=int), [1])
         loads = [(every, 0 * every, self.live), (every, 0 * every + 1, -self.dead)]
         limits = [(zero, zero + 1, -np.ones(1)), (zero + 1, zero + 1, np.ones(1))]
         no_forces = [(none, none, np.zeros(0))]
@@ -135,12 +133,6 @@ class HullProblem:
             for key, n, m in ((b"load", 1, 0), (b"loads", 2, 2))
         )  # fmt: skip
         return plain[0], relieved[0]
-
-    def mechanism(self, duals: FloatArray) -> FloatArray:
-        rates = np.zeros(self.size)
-        rates[self.rows] = duals
-        full = rates if self.rates is None else np.asarray(self.rates.T @ rates)
-        return self.scaling.mechanism(full.reshape(-1, DOF))
 
 
 class CopyColumns:
@@ -276,7 +268,7 @@ class CopyColumns:
             contact = self.copies.contact
             keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in parts if k]
         entries = [self._equilibrium()], self.signs, self._cones()
-        return cut(keys, unit, names, len(self.problem.rows), kinds, entries, self.gives)
+        return cut(keys, unit, names, len(self.problem.dead), kinds, entries, self.gives)
 
     def _equilibrium(self) -> Entry:
         """The equations' matrix times that of contact forces, without making that: a product of

@@ -113,8 +113,8 @@ class LowerBounds:
         if found or not np.any(self.statics.dead):
             return found
         alone = self.assemblage.alone(self.statics.dead)
-        problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-        forces = carried(problem.solve(default_ladder()[0]))
+        problem = LimitProblem(alone, goal=LargestFactor(most=1.0))
+        forces = carried(problem.run(default_ladder()[0]))
         if forces is None:
             return ()
         balanced = self.balanced(forces, 0.0)

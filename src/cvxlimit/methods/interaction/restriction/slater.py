@@ -42,8 +42,8 @@ def _candidates(
     run: Run, load: FloatArray, ladder: Sequence[SolverSettings]
 ) -> Iterator[FloatArray]:
     alone = run.assemblage.alone(load)
-    problem = LimitProblem(alone, objective=LargestFactor(most=1.0))
-    plain, _ = run.try_solvers(problem.solve, ladder)
+    problem = LimitProblem(alone, goal=LargestFactor(most=1.0))
+    plain, _ = run.try_solvers(problem.run, ladder)
     if (forces := carried(plain)) is not None:
         yield forces
     with run.clock.phase("compile"):

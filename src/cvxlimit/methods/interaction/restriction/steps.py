@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import FloatArray
 from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.settings import SUPPORT
 from cvxlimit.methods.interaction.states.majorants import Forces, Point, StepRows
 from cvxlimit.methods.interaction.states.rectangles import Rectangles
-from cvxlimit.model.assemblage import Assemblage, kept_rows, mechanism_of
+from cvxlimit.model.assemblage import Assemblage, Equilibrium
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
@@ -33,18 +33,6 @@ class StepState(LimitState):
     """A step's answer, with the total slack that it bought, over total load x contact size."""
 
     slack: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Equations:
-    """Scaled equilibrium of the internal forces, and which of its rows say anything; ``forces``
-    (6 n, p) are all contacts' per internal force."""
-
-    forces: sp.csr_array
-    matrix: sp.csr_array
-    dead: FloatArray
-    live: FloatArray
-    rows: IntArray
 
 
 class SafeStep:
@@ -83,14 +71,12 @@ class SafeStep:
         outcome, x, y = program.solve(settings, self._cache)
         if x is None or y is None:
             return StepState(outcome, None, None, None, slack=np.inf)
-        equations = self._equations
-        forces = np.asarray(equations.forces @ x[: equations.forces.shape[1]]).reshape(-1, DOF)
-        rates = None if self.half is None else self.half.rates
+        forces = np.asarray(self._per_internal @ x[: self._per_internal.shape[1]])
         return StepState(
             outcome,
             self.scaling.load_factor(float(x[-1])),
-            self.scaling.forces(self.rectangles.outward(forces)),
-            mechanism_of(y, self.assemblage, equations.rows, rates),
+            self.scaling.forces(self.rectangles.outward(forces.reshape(-1, DOF))),
+            self.equilibrium.mechanism(y),
             slack=0.0 if price is None else float(x[-1 - len(self.kept) : -1].sum()),
         )
 
@@ -106,33 +92,34 @@ class SafeStep:
         most: float | None = None,
     ) -> ConeProgram:
         """Unknown are internal forces, magnitudes, slack if it has a price, and the load factor."""
-        equations, count = self._equations, len(self.kept)
+        equilibrium, count = self.equilibrium, len(self.kept)
+        dead, live = (equilibrium.of_load(load) for load in (self.statics.dead, self.statics.live))
         meaning = self._fields(price is not None)
         linear, cones = self._bounds(point, price is not None, curvature)
         blocks = [[form] for form in linear] + cones
         local = sp.vstack([_local(block) for block in blocks], format="csr") @ meaning
-        width, internal = meaning.shape[1] + 1, equations.matrix.shape[1]
+        width, internal = meaning.shape[1] + 1, equilibrium.matrix.shape[1]
         signs = sp.eye_array(internal, width, format="csr")[self.model.nonneg]
         factor = sp.csr_array(([-1.0], ([0], [width - 1])), (1, width))[: most is not None]
-        nothing = sp.csr_array((len(equations.live), width - 1 - internal))
+        nothing = sp.csr_array((len(live), width - 1 - internal))
         parts = [
-            sp.hstack([equations.matrix, nothing, sp.csr_array(equations.live[:, None])]),
+            sp.hstack([equilibrium.matrix, nothing, sp.csr_array(live[:, None])]),
             -factor,
             -signs,
             sp.hstack([-local, sp.csr_array((local.shape[0], 1))]),
         ]
         matrix = sp.vstack(parts, format="csc")
         right = np.zeros(matrix.shape[0])
-        right[: len(equations.dead)] = -equations.dead
+        right[: len(dead)] = -dead
         if most is not None:
-            right[len(equations.dead)] = most / self.scaling.load_factor(1.0)
+            right[len(dead)] = most / self.scaling.load_factor(1.0)
         cost = np.zeros(width)
         cost[-1] = -1.0
         if price is not None:
             cost[-1 - count : -1] = price
         nonneg = factor.shape[0] + signs.shape[0] + count * len(linear)
         sizes = tuple(len(cone) for cone in cones for _ in range(count))
-        return ConeProgram(cost, matrix, right, len(equations.live), nonneg, sizes)
+        return ConeProgram(cost, matrix, right, len(live), nonneg, sizes)
 
     def _bounds(
         self, point: Point, has_slack: bool, curvature: float
@@ -180,18 +167,18 @@ class SafeStep:
         return sp.csr_array(sp.block_diag([forces, others], format="csr"))
 
     @cached_property
-    def _equations(self) -> _Equations:
-        statics, rates = self.statics, None if self.half is None else self.half.rates
+    def _per_internal(self) -> sp.csr_array:
+        """Forces (6 n, p) of all contacts, scaled, per internal force."""
         meaning = self.model.meaning
-        forces = meaning if self.half is None else (self.half.forces @ meaning).tocsr()
-        matrix = (statics.matrix @ forces).tocsr()
+        return meaning if self.half is None else (self.half.forces @ meaning).tocsr()
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """Scaled, of the internal forces."""
+        statics, rates = self.statics, None if self.half is None else self.half.rates
         loads = np.stack([statics.dead.ravel(), statics.live.ravel()])
-        size = np.abs(loads).sum(axis=0)
-        if rates is not None:
-            matrix, loads, size = (rates @ matrix).tocsr(), loads @ rates.T, abs(rates) @ size
-        rows = kept_rows(matrix, size)
-        dead, live = loads[:, rows]
-        return _Equations(forces, matrix[rows], dead, live, rows)
+        matrix = (statics.matrix @ self._per_internal).tocsr()
+        return Equilibrium.of(matrix, loads, self.scaling, rates)
 
 
 def _local(forms: Sequence[FloatArray]) -> sp.csr_array:

@@ -1,0 +1,435 @@
+"""Where a problem is stated: as CVXPY constraints, or as the rows of a cone program.
+
+Surfaces, formulations and methods state a problem once, to a *sink*
+(:class:`~cvxlimit.surfaces.cones.Sink`), in forms: affine expressions of its unknowns. In
+:class:`Constraints` forms are CVXPY expressions. In :class:`Rows` they are entries
+``value * theta[slot]``, theta being 1 and the values of coefficients that are CVXPY expressions of
+Parameters: once the rows stand, other values of the Parameters cost one sum over entries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.errors import ModelError
+from cvxlimit.solvers.program import ConeProgram
+
+CONSTANT_COLUMN = -1
+"""Column of entries that are constants with a slot of theta."""
+
+
+class Constraints:
+    """Labelled CVXPY constraints; ``named`` has them by label, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self.label = ""
+        self.named: dict[str, list[cp.Constraint]] = {}
+
+    def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
+        return cp.Variable(() if size is None else size, name=name, nonneg=nonneg)
+
+    def nonneg(self, form: Any) -> None:
+        self.keep(form >= 0)
+
+    def zero(self, form: Any) -> None:
+        self.keep(form == 0)
+
+    def cone(self, bound: Any, rows: Sequence[Any]) -> None:
+        self.keep(cp.SOC(bound, cp.vstack(list(rows)), axis=0))
+
+    def keep(self, constraint: Any) -> None:
+        """A constraint of CVXPY's own, under the present label."""
+        if isinstance(constraint, cp.Constraint):  # a bare truth value says nothing of unknowns
+            same = self.named.setdefault(self.label, [])
+            same.append(constraint)
+            if hasattr(constraint, "set_label"):  # since CVXPY 1.9
+                constraint.set_label(self.label if len(same) == 1 else f"{self.label} {len(same)}")
+
+    @property
+    def all(self) -> list[cp.Constraint]:
+        return [constraint for named in self.named.values() for constraint in named]
+
+
+class Source(Protocol):
+    """Numbers that theta takes in: a CVXPY expression of Parameters, or what stands for one."""
+
+    @property
+    def size(self) -> int: ...
+
+    @property
+    def value(self) -> Any: ...
+
+    def parameters(self) -> list[cp.Parameter]: ...
+
+
+class Theta:
+    """1, and the values of coefficients: slots of an expression that came before are the same."""
+
+    def __init__(self) -> None:
+        self.size = 1
+        self._sources: dict[int, tuple[Source, IntArray]] = {}
+        self._parts: list[Source | tuple[IntArray, IntArray]] = []
+
+    def slots(self, source: Source) -> IntArray:
+        """Where the values (k,) of an expression stand, in column order."""
+        if id(source) not in self._sources:
+            self._sources[id(source)] = source, self._take(source, source.size)
+        return self._sources[id(source)][1]
+
+    def products(self, one: IntArray | None, other: IntArray) -> IntArray:
+        """Slots (k,) of products of the values in slots (k,)."""
+        if one is None or not one.any():
+            return other
+        return self._take((one, other), len(other))
+
+    def _take(self, part: Source | tuple[IntArray, IntArray], size: int) -> IntArray:
+        self._parts.append(part)
+        self.size += size
+        return np.arange(self.size - size, self.size)
+
+    def values(self) -> FloatArray:
+        """At the Parameters' present values.
+
+        Raises
+        ------
+        ModelError
+            For a Parameter without a value.
+        """
+        result, end = np.ones(self.size), 1
+        for part in self._parts:
+            if isinstance(part, tuple):
+                found = result[part[0]] * result[part[1]]
+            else:
+                check_values(part.parameters())
+                found = np.asarray(part.value, dtype=float).ravel(order="F")
+            result[end : end + len(found)] = found
+            end += len(found)
+        return result
+
+    def parameters(self) -> list[cp.Parameter]:
+        """Those that any coefficient depends on, in the order in which they came."""
+        sources = [part for part in self._parts if not isinstance(part, tuple)]
+        return list(dict.fromkeys(p for source in sources for p in source.parameters()))
+
+
+def check_values(parameters: Iterable[cp.Parameter]) -> None:
+    for parameter in parameters:
+        if parameter.value is None:
+            shape = "a number" if parameter.ndim == 0 else f"an array of shape {parameter.shape}"
+            raise ModelError(
+                f"Parameter {parameter.name()!r} has no value: set its .value to {shape} first"
+            )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Form:
+    """k affine forms of the unknowns of :class:`Rows`: ``row``, ``column``, ``value`` and ``slot``
+    of their entries, None where all are in slot 0, and their constants (k,). ``first`` is set where
+    they are unknowns themselves, one after the other from this column on.
+
+    Sums, multiples by numbers (k,), rows by index and products with matrices from the left are
+    forms, as with CVXPY's expressions; :meth:`times` takes coefficients in Parameters as well.
+    """
+
+    theta: Theta
+    row: IntArray
+    column: IntArray
+    value: FloatArray
+    constant: FloatArray
+    slot: IntArray | None = None
+    first: int | None = None
+
+    __array_ufunc__ = None  # NumPy's arrays leave arithmetic to forms
+
+    @property
+    def size(self) -> int:
+        return len(self.constant)
+
+    def times(self, coefficient: Any) -> Form:
+        """Times a number, one per form, or a CVXPY expression of Parameters of such a shape."""
+        if not isinstance(coefficient, cp.Expression):
+            k = np.asarray(coefficient, dtype=float)
+            if k.ndim == 0:
+                return replace(
+                    self, value=float(k) * self.value, constant=float(k) * self.constant, first=None
+                )
+            own = self._spread(k.size)
+            value, constant = k[own.row] * own.value, k * own.constant
+            return replace(own, value=value, constant=constant, first=None)
+        own = self._spread(coefficient.size)._with_constant_entries()
+        slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
+        return replace(own, slot=self.theta.products(own.slot, slots[own.row]), first=None)
+
+    def gathered(self, at: IntArray, size: int) -> Form:
+        """Sums (size,) of forms: the i-th is added to number ``at[i]``."""
+        if size == self.size and np.array_equal(at, np.arange(size)):
+            return self
+        constant = np.asarray(np.bincount(at, self.constant, size), dtype=float)
+        return replace(self, row=at[self.row], constant=constant, first=None)
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """At unknowns x, and the Parameters' present values."""
+        if self.first is not None:
+            return np.asarray(x[self.first : self.first + self.size])
+        value = self.value if self.slot is None else self.value * self.theta.values()[self.slot]
+        each = np.append(x, 1.0)[self.column]  # the last stands for constants
+        return np.asarray(np.bincount(self.row, value * each, self.size) + self.constant)
+
+    def matrix(self, width: int) -> sp.csr_array:
+        """Of forms without Parameters, constants left out."""
+        entries = self.value, (self.row, self.column)
+        return sp.csr_array(entries, shape=(self.size, width))
+
+    def __getitem__(self, index: Any) -> Form:
+        rows = np.arange(self.size)[index]
+        if self.first is not None:
+            every, ones = np.arange(len(rows)), np.ones(len(rows))
+            return Form(self.theta, every, self.first + rows, ones, np.zeros(len(rows)))
+        order = np.argsort(self.row, kind="stable")
+        start = np.searchsorted(self.row[order], np.arange(self.size + 1))
+        at, each = _expanded(start, rows)
+        return replace(self._picked(order[at], each), constant=self.constant[rows])
+
+    def __rmatmul__(self, matrix: Any) -> Form:
+        if not sp.issparse(matrix):
+            matrix = np.atleast_2d(matrix)
+        if self.first is not None:
+            found = sp.coo_array(matrix)
+            row, column = (np.asarray(index, np.int64) for index in found.coords)
+            value = np.asarray(found.data, dtype=float)
+            return Form(self.theta, row, self.first + column, value, np.zeros(matrix.shape[0]))
+        columns = sp.csc_array(matrix)
+        at, each = _expanded(columns.indptr, self.row)
+        made = self._picked(each, np.asarray(columns.indices[at], np.int64))
+        return replace(
+            made, value=made.value * columns.data[at], constant=np.asarray(matrix @ self.constant)
+        )
+
+    def __add__(self, other: Any) -> Form:
+        return self._plus(other, 1.0)
+
+    def __sub__(self, other: Any) -> Form:
+        return self._plus(other, -1.0)
+
+    def __rsub__(self, other: Any) -> Form:
+        return (-self)._plus(other, 1.0)
+
+    def __neg__(self) -> Form:
+        return self.times(-1.0)
+
+    def __truediv__(self, divisor: Any) -> Form:
+        return self.times(1.0 / np.asarray(divisor, dtype=float))
+
+    __mul__ = __rmul__ = times
+    __radd__ = __add__
+
+    def _plus(self, other: Any, weight: float) -> Form:
+        if isinstance(other, cp.Expression):
+            none = np.zeros(0, np.int64)
+            ones = Form(self.theta, none, none, np.zeros(0), np.ones(other.size))
+            other = ones.times(other)
+        if not isinstance(other, Form):
+            number = weight * np.asarray(other, dtype=float)
+            own = self._spread(number.size)
+            first = own.first if not number.any() else None
+            return replace(own, constant=own.constant + number, first=first)
+        size = max(self.size, other.size)
+        one, two = self._spread(size), other._spread(size)
+        slot = None
+        if one.slot is not None or two.slot is not None:
+            slot = np.concatenate([_slots(form.slot, len(form.row)) for form in (one, two)])
+        return Form(
+            self.theta,
+            np.concatenate([one.row, two.row]),
+            np.concatenate([one.column, two.column]),
+            np.concatenate([one.value, two.value if weight == 1.0 else weight * two.value]),
+            one.constant + weight * two.constant,
+            slot,
+        )
+
+    def _spread(self, size: int) -> Form:
+        """One form as many that are the same."""
+        if self.size == size or self.size != 1:
+            return self
+        each = np.tile(np.arange(len(self.row)), size)
+        made = self._picked(each, np.repeat(np.arange(size), len(self.row)))
+        return replace(made, constant=np.repeat(self.constant, size))
+
+    def _with_constant_entries(self) -> Form:
+        at = np.flatnonzero(self.constant)
+        if not len(at):
+            return self
+        return Form(
+            self.theta,
+            np.append(self.row, at),
+            np.append(self.column, np.full(len(at), CONSTANT_COLUMN)),
+            np.append(self.value, self.constant[at]),
+            np.zeros(self.size),
+            None if self.slot is None else np.append(self.slot, _slots(None, len(at))),
+        )
+
+    def _picked(self, entries: IntArray, rows: IntArray) -> Form:
+        slot = None if self.slot is None else self.slot[entries]
+        return replace(
+            self, row=rows, column=self.column[entries], value=self.value[entries], slot=slot,
+            first=None,
+        )  # fmt: skip
+
+
+def _slots(slot: IntArray | None, count: int) -> IntArray:
+    return np.zeros(count, np.int64) if slot is None else slot
+
+
+def _expanded(start: NDArray[Any], rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Members of rows whose members stand one after the other from ``start`` on, and the place in
+    ``rows`` that each belongs to."""
+    count = (start[1:] - start[:-1])[rows]
+    each, end = np.repeat(np.arange(len(rows)), count), np.cumsum(count)
+    at = np.arange(len(each)) + np.repeat(start[rows] - end + count, count)
+    return np.asarray(at, np.int64), each
+
+
+def gathered(form: Any, at: IntArray, size: int, weight: Any = 1.0) -> Any:
+    """Sums (size,) of weighted forms of either sink: the i-th is added to number ``at[i]``."""
+    if isinstance(form, Form):
+        is_plain = np.ndim(weight) == 0 and float(weight) == 1.0
+        return (form if is_plain else form.times(weight)).gathered(at, size)
+    every, weights = np.arange(len(at)), np.broadcast_to(weight, at.shape)
+    if size == len(at) and np.array_equal(at, every) and np.ptp(weights) == 0.0:
+        return form if weights[0] == 1.0 else float(weights[0]) * form  # less for CVXPY to do
+    return sp.csr_array((weights, (at, every)), shape=(size, len(at))) @ form
+
+
+def stacked(forms: Sequence[Any]) -> Any:
+    """Forms of either sink one below the other."""
+    if not isinstance(forms[0], Form):
+        return cp.hstack(list(forms))
+    starts = np.cumsum([0, *(form.size for form in forms)])
+    row = np.concatenate([s + form.row for s, form in zip(starts[:-1], forms, strict=True)])
+    slots = [_slots(form.slot, len(form.row)) for form in forms]
+    firsts = [None if f.first is None else f.first - s for s, f in zip(starts, forms, strict=False)]
+    return Form(
+        forms[0].theta,
+        row,
+        np.concatenate([form.column for form in forms]),
+        np.concatenate([form.value for form in forms]),
+        np.concatenate([form.constant for form in forms]),
+        None if all(form.slot is None for form in forms) else np.concatenate(slots),
+        firsts[0] if len(set(firsts)) == 1 else None,
+    )
+
+
+@dataclass
+class Rows:
+    """Rows of a cone program: ``equations``, forms that are not negative, and second-order
+    ``cones``, bound first; ``width`` counts the unknowns."""
+
+    theta: Theta = field(default_factory=Theta)
+    label: str = ""
+    width: int = 0
+    equations: list[Form] = field(default_factory=list)
+    linear: list[Form] = field(default_factory=list)
+    cones: list[list[Form]] = field(default_factory=list)
+
+    def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Form:
+        count = 1 if size is None else size
+        every, first = np.arange(count), self.width
+        form = Form(self.theta, every, first + every, np.ones(count), np.zeros(count), None, first)
+        self.width += count
+        if nonneg:
+            self.linear.append(form)
+        return form
+
+    def nonneg(self, form: Any) -> None:
+        if isinstance(form, Form):
+            self.linear.append(form)
+
+    def zero(self, form: Any) -> None:
+        self.equations.append(form)
+
+    def cone(self, bound: Form, rows: Sequence[Form]) -> None:
+        self.cones.append([bound, *rows])
+
+    def written(self, goal: Form) -> Written:
+        """The program that maximises ``goal``, equations first, then inequalities, then cones."""
+        blocks = [[form] for form in (*self.equations, *self.linear)] + self.cones
+        signs = [1.0] * len(self.equations) + [-1.0] * (len(blocks) - len(self.equations))
+        rights = [
+            -sign * np.stack([form.constant for form in block], axis=1).ravel()
+            for block, sign in zip(blocks, signs, strict=True)
+        ]
+        starts = np.cumsum([0, *map(len, rights)])
+        found = [
+            (start + i + len(block) * form.row, form.column, sign * form.value, form.slot)
+            for block, start, sign in zip(blocks, starts, signs, strict=False)
+            for i, form in enumerate(block)
+        ]
+        counts = tuple(sum(form.size for form in forms) for forms in (self.equations, self.linear))
+        sizes = tuple(len(cone) for cone in self.cones for _ in cone[0].constant)
+        return Written.of(found, np.concatenate(rights), goal, self, (*counts, sizes))
+
+
+_Entries = list[tuple[IntArray, IntArray, FloatArray, "IntArray | None"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A cone program whose numbers are sums of ``value * theta[slot]`` over entries, each at a
+    ``place`` among the numbers of matrix, right-hand side and cost, on top of ``fixed``; ``place``
+    is None where nothing depends on Parameters."""
+
+    program: ConeProgram
+    theta: Theta
+    fixed: FloatArray | None = None
+    place: IntArray | None = None
+    value: FloatArray | None = None
+    slot: IntArray | None = None
+
+    @classmethod
+    def of(
+        cls, found: _Entries, right: FloatArray, goal: Form, rows: Rows,
+        sizes: tuple[Any, ...],
+    ) -> Written:  # fmt: skip
+        theta, shape, cost = rows.theta, (len(right), rows.width), np.zeros(rows.width)
+        row, column, value = (np.concatenate([part[i] for part in found]) for i in range(3))
+        if theta.size == 1:
+            matrix = sp.csc_array((value, (row, column)), shape=shape)
+            matrix.eliminate_zeros()
+            np.add.at(cost, goal.column, -goal.value)
+            return cls(ConeProgram(cost, matrix, right, *sizes), theta)
+        slot = np.concatenate([_slots(part[3], len(part[0])) for part in found])
+        is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
+        places = row[is_entry], column[is_entry]
+        matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)
+        columns = np.repeat(np.arange(shape[1]), np.diff(matrix.indptr))
+        keys = columns * shape[0] + matrix.indices
+        at = np.searchsorted(keys, places[1] * shape[0] + places[0])
+        # constants with a slot: of equations and inequalities alike b is minus what A has
+        is_constant = column == CONSTANT_COLUMN
+        goal = goal._with_constant_entries()
+        of_cost = goal.column != CONSTANT_COLUMN
+        place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
+        values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]
+        every = [slot[is_entry], slot[is_constant], _slots(goal.slot, len(goal.row))[of_cost]]
+        fixed = np.concatenate([np.zeros(matrix.nnz), right, cost])
+        program = ConeProgram(cost, matrix, right, *sizes)
+        return cls(program, theta, fixed, *map(np.concatenate, (place, values, every)))
+
+    def at_present(self) -> ConeProgram:
+        """The program at the Parameters' present values."""
+        if self.place is None or self.value is None or self.fixed is None:
+            return self.program
+        numbers = self.value * self.theta.values()[self.slot]
+        filled = self.fixed + np.bincount(self.place, numbers, len(self.fixed))
+        matrix, right = self.program.matrix, self.program.right
+        data, b, cost = np.split(filled, np.cumsum([matrix.nnz, len(right)]))
+        own = sp.csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+        return replace(self.program, matrix=own, right=b, cost=cost)

@@ -1,0 +1,84 @@
+"""Whether two cone programs ask for the same, row by row, whatever order they have them in."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.sinks import Constraints
+from cvxlimit.solvers.program import ConeProgram
+
+ROUNDING = 1e-12
+"""Of the largest entry: a hundred times the rounding of products of a dozen terms."""
+
+
+class RecordedConstraints(Constraints):
+    """Keeps the unknowns in the order in which they were asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.unknowns: list[cp.Variable] = []
+
+    def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
+        self.unknowns.append(super().new(size, name, nonneg))
+        return self.unknowns[-1]
+
+
+def by_cvxpy(problem: LimitProblem) -> ConeProgram:
+    """What CVXPY makes of the statement, its columns in the order of the unknowns: where CVXPY puts
+    the values of a solution that counts its own columns says which is which."""
+    into = RecordedConstraints()
+    found = problem.__dict__["_in_cvxpy"] = problem.stated(into)
+    problem.__dict__.pop("problem", None)
+    data, chain, inverse = problem.problem.get_problem_data("CLARABEL", solver_opts={})
+    n = data["A"].shape[1]
+    counted = SimpleNamespace(
+        status="Solved", x=np.arange(float(n)), z=None, obj_val=0.0, obj_val_dual=0.0,
+        solve_time=0.0, iterations=0,
+    )  # fmt: skip
+    problem.problem.unpack_results(counted, chain, inverse)
+    columns = np.concatenate([np.atleast_1d(v.value).ravel(order="F") for v in into.unknowns])
+    order = columns.round().astype(int)
+    assert sorted(order) == list(range(n)), found
+    dims, matrix = data["dims"], sp.csc_array(data["A"])[:, order]
+    return ConeProgram(data["c"][order], matrix, data["b"], dims.zero, dims.nonneg, (*dims.soc,))
+
+
+def assert_same_rows(problem: LimitProblem) -> None:
+    """The rows of both sinks at the Parameters' present values."""
+    own, theirs = problem._in_rows[1].at_present(), by_cvxpy(problem)
+    sizes = [(p.matrix.shape, p.zero, p.nonneg, sorted(p.cones)) for p in (own, theirs)]
+    assert sizes[0] == sizes[1]
+    size = float(abs(theirs.matrix).max())
+    np.testing.assert_allclose(own.cost, theirs.cost, rtol=0.0, atol=ROUNDING)
+    for one, other in zip(sorted_rows(own), sorted_rows(theirs), strict=True):
+        assert abs(one - other).max() <= ROUNDING * size
+
+
+def sorted_rows(program: ConeProgram) -> list[sp.csr_array]:
+    """Rows with their right-hand sides, of equations, of inequalities and of cones by size, each
+    kind in the order of its products with a random vector; rows of a cone stay together."""
+    rows = sp.csr_array(sp.hstack([program.matrix, program.right[:, None]]))
+    random = np.random.default_rng(0).normal(size=rows.shape[1])
+    ends = program.zero, program.zero + program.nonneg
+    kinds = [np.arange(ends[0])[:, None], np.arange(*ends)[:, None]]
+    starts = ends[1] + np.cumsum([0, *program.cones])[:-1]
+    cones = np.array(program.cones, dtype=int)
+    kinds += [starts[cones == k, None] + np.arange(k) for k in np.unique(cones)]
+    found = []
+    for members in kinds:
+        keys = (rows @ random)[members] @ np.arange(1.0, members.shape[1] + 1.0)
+        found.append(rows[members[np.argsort(keys)].ravel()])
+    return found
+
+
+def at_random(problem: LimitProblem, seed: int = 0) -> None:
+    """Random values for the problem's Parameters, all positive."""
+    random = np.random.default_rng(seed)
+    for parameter in problem._in_rows[1].theta.parameters():
+        parameter.value = random.uniform(0.1, 0.9, parameter.shape)

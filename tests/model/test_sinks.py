@@ -1,0 +1,214 @@
+"""One statement, two sinks: rows written straight are those that CVXPY makes of the constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from cvxlimit import Scene, builtin_scene
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.masonry.builtin import BUILTIN
+from cvxlimit.methods.fixed_point import FrozenProblem, LeastForces
+from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.crushing import PlasticField
+from cvxlimit.model.formulations import (
+    Formulation,
+    corner_compressions,
+    resultants,
+    vertex_forces,
+)
+from cvxlimit.model.point_friction import PointFriction, at_corners
+from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
+from cvxlimit.model.reserve import LeastUse
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.solvers import settings_for
+from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces.cones import Cone, Facets, Sink
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, surfaces_of
+from helpers import scenes
+from rows import assert_same_rows, at_random
+
+SURFACES = ("conic", "octagon", "16-gon-inscribed", "parabolic")
+READINGS = ("independent", "signed", "signed-torsion-bending", "paper")
+SMALL = ("single-block", "arch", "tuff-wall")
+
+
+def problem_of(
+    scene: Scene,
+    surface: Any = "conic",
+    formulation: Formulation = corner_compressions,
+    model: str = "least",
+    most: float | None = None,
+) -> LimitProblem:
+    surfaces = surfaces_of(surface)[0]
+    found = Reductions.of(Assemblage.of(scene), surfaces, formulation, model)
+    goal = LargestFactor(most)
+    return LimitProblem(found.assemblage, surfaces, reduction=found.best(), goal=goal)
+
+
+def everywhere(names: Sequence[str]) -> Any:
+    """All scenes, of which only small ones are fast."""
+    slow = [
+        pytest.param(name, marks=pytest.mark.exhaustive) for name in BUILTIN if name not in names
+    ]
+    return pytest.mark.parametrize("name", [*names, *slow])
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+@settings(max_examples=5)
+@given(scene=scenes())
+def test_random_scenes(surface: str, scene: Scene) -> None:
+    assert_same_rows(problem_of(scene, surface))
+
+
+@everywhere(SMALL)
+@pytest.mark.parametrize("model", ["full", "least"])
+@pytest.mark.parametrize("surface", SURFACES)
+def test_all_scenes_and_reductions(name: str, model: str, surface: str) -> None:
+    assert_same_rows(problem_of(builtin_scene(name), surface, model=model, most=2.0))
+
+
+@everywhere(("single-block", "arch"))
+@pytest.mark.parametrize("moments", READINGS)
+@pytest.mark.parametrize("cone", ["conic", "octagon"])
+def test_frozen_at_random_eccentricities(name: str, moments: str, cone: str) -> None:
+    reading = parse_moments(moments)
+    frozen = FrozenProblem(builtin_scene(name), surfaces_of(cone)[0][1].cone, reading)
+    for seed in range(2):
+        at_random(frozen.problem, seed)
+        assert_same_rows(frozen.problem)
+
+
+class Lens(Cone):
+    """A cone of one's own: the larger of the norm and twice the first component."""
+
+    def _gauge(self, rows: Any) -> Any:
+        return np.maximum(np.linalg.norm(rows, axis=0), 2.0 * np.abs(rows[0]))
+
+    def _polar_gauge(self, rows: Any) -> Any:
+        raise NotImplementedError
+
+    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+        spare = into.new(bound.size, nonneg=True)
+        into.cone(bound, rows)
+        into.zero(bound - 2.0 * rows[0] - spare)
+        into.nonneg(bound + 2.0 * rows[0])
+
+    _polar_epigraph = _epigraph
+
+
+class Own(YieldSurface):
+    """Norms of all kinds: weighted, with constants, of one component and of three; coefficients and
+    constants in Parameters."""
+
+    name = "own"
+
+    def __init__(self, count: int, cone: Cone | None = None) -> None:
+        super().__init__(cone)
+        self.share, self.each = cp.Parameter(name="share"), cp.Parameter(count, name="each")
+
+    def conditions(self, contacts: Contacts) -> list[Condition]:
+        arm, area = contacts.torsion_arm, contacts.area
+        cohesion = {"N": 0.7 * contacts.friction, "1": cp.multiply(area, self.each)}
+        whole = Norm({"V1": 1}, {"V2": self.share, "1": 0.1 * self.share}, {"MT": 1 / arm})
+        some = np.arange(0, len(contacts), 2)
+        return [
+            Condition([Norm({"V1": 1}, {"V2": 1}, weight=2.0 * self.each), whole], cohesion),
+            Condition([Norm({"MT": 1 / arm[some]}, weight=area[some])], {"N": self.share}, some),
+            Condition([], {"N": -1.0, "1": 1e3}),
+            Condition([], {"1": self.share}),
+        ]
+
+
+FORMULATIONS = {
+    "corners": corner_compressions,
+    "resultants": resultants,
+    "vertices": vertex_forces,
+    "field": PlasticField(corner_compressions, divisions=2),
+    "points": PointFriction(at_corners, 2),
+}
+
+
+@everywhere(("single-block", "tuff-wall"))
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+@pytest.mark.parametrize("physics", ["dry", "mortar and crushing"])
+def test_own_surfaces_formulations_and_physics(name: str, formulation: str, physics: str) -> None:
+    scene = builtin_scene(name)
+    if physics != "dry":
+        scene = scene.with_strength(compressive=500.0).with_cohesion(3.0)
+    own = Own(len(scene.contacts))
+    problem = problem_of(scene, [Rocking(), own], FORMULATIONS[formulation], "full")
+    at_random(problem)
+    assert_same_rows(problem)
+
+
+def test_own_cones() -> None:
+    scene = builtin_scene("tuff-wall")
+    problem = LimitProblem(scene, surfaces_of(Lens())[0])
+    assert_same_rows(problem)
+    both = [problem.run(settings_for("CLARABEL"), has_rows).load_factor for has_rows in (0, 1)]
+    assert both[0] == pytest.approx(both[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [largest_self_stress, LeastForces(1e-3), LeastUse(DEFAULT_SURFACES, 0.1, 5.0)],
+    ids=["self-stress", "least forces", "least use"],
+)
+def test_other_goals(goal: Any) -> None:
+    assert_same_rows(LimitProblem(builtin_scene("tuff-wall"), goal=goal))
+
+
+def test_a_parameter_without_a_value_is_named() -> None:
+    scene = builtin_scene("tuff-wall")
+    problem = LimitProblem(scene, [Rocking(), Own(len(scene.contacts))])
+    with pytest.raises(ModelError, match=r"Parameter 'each' has no value.*shape"):
+        problem.run(settings_for("CLARABEL"))
+
+
+@pytest.mark.parametrize("name", ["arch", "tuff-wall", "dome", "s10-panel"])
+@pytest.mark.parametrize("model", ["full", "least"])
+def test_dead_load_alone(name: str, model: str) -> None:
+    """Another load on the same rows is the problem written anew."""
+    problem = problem_of(builtin_scene(name), "conic", model=model)
+    alone = problem.dead_alone()
+    anew = LimitProblem(
+        alone.assemblage, problem.surfaces, reduction=problem.reduction, goal=alone.goal
+    )
+    assert abs(alone.program.matrix - anew.program.matrix).max() <= 1e-15
+    assert np.array_equal(alone.program.right, anew.program.right)
+
+
+@pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])
+def test_solvers_that_want_more_than_matrices_get_the_same(solver: str) -> None:
+    problem = problem_of(builtin_scene("arch"))
+    tight = settings_for(solver, None if solver == "CLARABEL" else 1e-7)
+    rows, modelled = (problem.run(tight, has_rows).load_factor for has_rows in (True, False))
+    assert rows == pytest.approx(modelled, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["arch", "tuff-wall", "dome", "flying-buttress"])
+def test_same_answers(name: str) -> None:
+    """Both brackets close, and on each other; 1e-5 is the width that is asked for."""
+    problem, rung = problem_of(builtin_scene(name)), settings_for("CLARABEL")
+    certifier = Certifier(problem.assemblage, problem.surfaces)
+    one, other = (certifier.of(problem.run(rung, has_rows)) for has_rows in (True, False))
+    for bracket in (one, other):
+        assert bracket.is_within(1e-5)
+    assert one.lower <= other.upper * (1.0 + 1e-12)
+    assert other.lower <= one.upper * (1.0 + 1e-12)
+
+
+def test_facets_need_two_components() -> None:
+    scene = builtin_scene("single-block")
+    surfaces = [Rocking(), Own(1, Facets.circumscribed(8))]
+    with pytest.raises(ModelError, match="facets bound vectors of two components"):
+        _ = LimitProblem(scene, surfaces).program
