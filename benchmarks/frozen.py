@@ -30,12 +30,12 @@ class FrozenModel(Model):
     Attributes
     ----------
     parameters : str
-        ``"dpp"``: compiled once with the Parameters in it; ``"recompiled"``: afresh every time.
+        ``"rows"``: entries of the rows are patched; ``"cvxpy"``: by CVXPY's own compilation.
     """
 
-    parameters: str = "dpp"
+    parameters: str = "rows"
 
-    CHOICES: ClassVar[tuple[str, ...]] = ("dpp", "recompiled")
+    CHOICES: ClassVar[tuple[str, ...]] = ("rows", "cvxpy")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,14 +60,16 @@ class FrozenModel(Model):
         with clock.phase("compile"):
             cone, moments = parse_cone(str(self.surface)), parse_moments(self.moments)
             frozen = FrozenProblem(scene, cone, moments)
-            frozen.ignore_dpp = self.parameters == "recompiled"
+            has_rows = self.parameters == "rows"
             centred = Pressure.of(np.zeros((len(contacts), 6)), contacts)
-            state = frozen.solve(centred, settings)
+            frozen.set(centred)
+            state = frozen.problem.run(settings, has_rows)
             clock.seconds["solve"] += state.outcome.solve_seconds
         if state.forces is not None:
             clock.seconds["reparametrise"] = 0.0
             with clock.phase("reparametrise"):
-                again = frozen.solve(Pressure.of(state.forces, contacts), settings)
+                frozen.set(Pressure.of(state.forces, contacts))
+                again = frozen.problem.run(settings, has_rows)
                 clock.seconds["solve"] += again.outcome.solve_seconds
         with clock.phase("certify"):
             bounds = Certifier(scene, frozen.surfaces(centred)).certificate(

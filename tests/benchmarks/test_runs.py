@@ -90,7 +90,7 @@ def test_memory_of_a_run_is_its_own():
         (lambda: Limits(seconds=-1), "seconds of a run must be a number above 0, got -1"),
         (lambda: Limits(memory=0.0), "memory of a run must be a number above 0, got 0.0"),
         (lambda: Limits(threads=0), "threads must be a whole number above 0 or None, got 0"),
-        (lambda: FrozenModel("x", parameters="none"), "one of dpp, recompiled, got 'none'"),
+        (lambda: FrozenModel("x", parameters="none"), "one of rows, cvxpy, got 'none'"),
     ],
 )
 def test_refused_before_anything_runs(make, message):
@@ -116,7 +116,7 @@ def test_functions_that_no_module_holds_are_sent_by_value():
 def test_parameters_have_their_own_phase():
     method = frozen_methods()["frozen/dpp"]
     (row,) = side_by_side([method], builtin_scene("tuff-wall"), 1)
-    assert row.parameters == "dpp"
+    assert row.parameters == "rows"
     assert row.reparametrise > 0.0
     assert row.error < 1e-5
     phases = [getattr(row, phase) or 0.0 for phase in PHASES]

@@ -45,9 +45,7 @@ def hull_solved(
     )
 
 
-def copy_forces(
-    copies: Copies, contacts: Contacts
-) -> tuple[cp.Expression, list[cp.Constraint]]:
+def copy_forces(copies: Copies, contacts: Contacts) -> tuple[cp.Expression, list[cp.Constraint]]:
     """Forces of all contacts (6 n,) as sums over copies, and what bounds them."""
     maps, limits = _CopyForces(copies, contacts).model()
     return sum(matrix @ cp.vec(v, order="F") for v, matrix in maps), limits

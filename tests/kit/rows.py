@@ -3,38 +3,20 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.sinks import Constraints
 from cvxlimit.solvers.program import ConeProgram
 
 ROUNDING = 1e-12
 """Of the largest entry: a hundred times the rounding of products of a dozen terms."""
 
 
-class RecordedConstraints(Constraints):
-    """Keeps the unknowns in the order in which they were asked for."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.unknowns: list[cp.Variable] = []
-
-    def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
-        self.unknowns.append(super().new(size, name, nonneg))
-        return self.unknowns[-1]
-
-
 def by_cvxpy(problem: LimitProblem) -> ConeProgram:
     """What CVXPY makes of the statement, its columns in the order of the unknowns: where CVXPY puts
     the values of a solution that counts its own columns says which is which."""
-    into = RecordedConstraints()
-    found = problem.__dict__["_in_cvxpy"] = problem.stated(into)
-    problem.__dict__.pop("problem", None)
     data, chain, inverse = problem.problem.get_problem_data("CLARABEL", solver_opts={})
     n = data["A"].shape[1]
     counted = SimpleNamespace(
@@ -42,9 +24,10 @@ def by_cvxpy(problem: LimitProblem) -> ConeProgram:
         solve_time=0.0, iterations=0,
     )  # fmt: skip
     problem.problem.unpack_results(counted, chain, inverse)
-    columns = np.concatenate([np.atleast_1d(v.value).ravel(order="F") for v in into.unknowns])
+    unknowns = problem._in_cvxpy[0].into.unknowns
+    columns = np.concatenate([np.atleast_1d(v.value).ravel(order="F") for v in unknowns])
     order = columns.round().astype(int)
-    assert sorted(order) == list(range(n)), found
+    assert sorted(order) == list(range(n))
     dims, matrix = data["dims"], sp.csc_array(data["A"])[:, order]
     return ConeProgram(data["c"][order], matrix, data["b"], dims.zero, dims.nonneg, (*dims.soc,))
 

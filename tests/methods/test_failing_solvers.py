@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,15 +74,15 @@ def test_settings_that_cannot_succeed() -> None:
 
 def test_a_failure_on_the_way_keeps_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """The iterates before it stand in the history, and the solver that failed is named."""
-    from cvxlimit.model import problem
+    from cvxlimit.solvers import program
 
-    real, runs = problem.run, []
+    real, runs = program.attempted, []
 
-    def failing_later(*arguments: object, **options: object) -> Outcome:
+    def failing_later(*arguments: Any) -> tuple[Outcome, Any]:
         runs.append(1)
-        return real(*arguments, **options) if len(runs) < 5 else Outcome(NOWHERE, 0.0, 0.0)  # type: ignore[arg-type]
+        return real(*arguments) if len(runs) < 5 else (Outcome(NOWHERE, 0.0, 0.0), None)
 
-    monkeypatch.setattr(problem, "run", failing_later)
+    monkeypatch.setattr(program, "attempted", failing_later)
     rule = FixedPoint(moments="signed")
     solution = solve(builtin_scene("tuff-wall"), method=rule, ladder=["CLARABEL"])
     assert solution.status is Status.SOLVER_FAILED

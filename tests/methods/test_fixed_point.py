@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import pytest
-from cvxlimit.model.direct import DirectProblem
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.driver import cycles
-from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem
+from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem, LeastForces
 from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.formulations import own_unknowns
-from cvxlimit.model.problem import LeastForces
+from cvxlimit.model.sinks import Rows
 from cvxlimit.plotting.look import title
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import (
@@ -29,10 +26,12 @@ from cvxlimit.solvers import (
     default_ladder,
     iterate_ladder,
     leading_ladder,
+    run,
     settings_for,
 )
 from cvxlimit.solvers.interior.iteration import Point
-from cvxlimit.surfaces import Cone, Conic, Facets, Rocking
+from cvxlimit.surfaces import Cone, Conic, Facets
+from rows import assert_same_rows
 
 
 @pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
@@ -135,16 +134,17 @@ def test_history_keeps_every_solve() -> None:
     assert all(h.seconds > 0.0 and h.status for h in run.history)
 
 
-def test_parameters_kept_or_compiled_afresh_give_the_same() -> None:
-    """DPP and re-canonicalisation are two ways to the same matrices."""
+def test_rows_and_cvxpy_give_the_same() -> None:
+    """Parameters kept compiled by CVXPY (DPP), compiled afresh, and rows that are patched."""
     scene = builtin_scene("tuff-wall")
     pressure = Pressure.of(solve(scene).forces, scene.contacts)
-    factors = []
+    frozen = FrozenProblem(scene, Conic(), INDEPENDENT)
+    factors = [frozen.solve(pressure, default_ladder()[0]).load_factor]
     for ignore_dpp in (False, True):
-        frozen = FrozenProblem(scene, Conic(), INDEPENDENT)
-        frozen.ignore_dpp = ignore_dpp
-        factors.append(frozen.solve(pressure, default_ladder()[0]).load_factor)
-    assert factors[0] == pytest.approx(factors[1], rel=1e-7)
+        assert run(frozen.problem.problem, default_ladder()[0], ignore_dpp).has_values
+        scaled = float(frozen.problem.problem.value)
+        factors.append(frozen.problem.scaling.load_factor(scaled))
+    assert factors[1:] == pytest.approx(factors[:1] * 2, rel=1e-7)
 
 
 @pytest.mark.exhaustive_cases("ended")
@@ -221,16 +221,17 @@ def test_every_rung_has_a_budget() -> None:
 
 
 @pytest.mark.parametrize("rung", [r for r in cp.installed_solvers() if r in ("QOCO", "CLARABEL")])
-@pytest.mark.parametrize("ignore_dpp", [False, True])
-def test_changed_parameters_reach_the_solver(rung: str, ignore_dpp: bool) -> None:
+@pytest.mark.parametrize("has_rows", [False, True])
+def test_changed_parameters_reach_the_solver(rung: str, has_rows: bool) -> None:
     """Contacts pressed near their edges carry less; one kept solver object returned the same."""
     scene = builtin_scene("tuff-wall")
     frozen = FrozenProblem(scene, Conic(), INDEPENDENT)
-    frozen.ignore_dpp = ignore_dpp
     settings = SolverSettings(rung)
-    first = frozen.solve(Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts), settings)
+    frozen.set(Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts))
+    first = frozen.problem.run(settings, has_rows)
     assert first.forces is not None
-    again = frozen.solve(Pressure.of(first.forces, scene.contacts), settings)
+    frozen.set(Pressure.of(first.forces, scene.contacts))
+    again = frozen.problem.run(settings, has_rows)
     assert first.load_factor == pytest.approx(0.423056, rel=1e-4)
     assert again.load_factor is not None
     assert again.load_factor < 0.4
@@ -250,7 +251,7 @@ def test_least_forces_are_those_of_a_system_solved_by_hand() -> None:
     found = FrozenProblem(scene, Conic(), INDEPENDENT, LeastForces(1e-3))
     state = found.solve(
         Pressure.of(np.zeros((3, 6)), scene.contacts),
-        SolverSettings("CLARABEL", {"tol_feas": 1e-10}),
+        settings_for("CLARABEL"),
     )
     assert state.forces is not None
     length = found.problem.scaling.length
@@ -285,26 +286,67 @@ def test_refused_negative_settings(setting: str) -> None:
 
 @pytest.mark.parametrize("moments", ["independent", "signed", "paper"])
 @pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
-def test_changed_entries_are_those_of_a_problem_written_afresh(moments: str, cone: Cone) -> None:
-    """Affine in a contact's coefficients: to rounding of sums of two numbers of order one. And the
-    answer is that of CVXPY with Parameters: 1e-6 where a solver ends near 1e-7."""
+def test_patched_rows_are_those_of_cvxpy(moments: str, cone: Cone) -> None:
+    """Whatever the eccentricities were when the rows were written, at edges and corners too; and
+    the answer is that of another solver: 1e-6 where one ends near 1e-7."""
     scene = random_wall(1)
     forces = solve(scene).forces
     frozen = FrozenProblem(scene, cone, parse_moments(moments))
     for share in (0.0, 0.5, 1.0):  # the last pressed at edges and corners
-        pressure = Pressure.of(forces * [1, 1, 1, share, share, 1], scene.contacts)
-        _, program = frozen._entries.at(frozen._surface(pressure))
-        surface = frozen._surface(pressure)
-        reduction = Reduction.none(frozen.assemblage.statics, partial(own_unknowns, surface))
-        afresh = DirectProblem(frozen.assemblage, (Rocking(), surface), reduction).program
-        np.testing.assert_allclose(
-            program.matrix.toarray(), afresh.matrix.toarray(), atol=1e-13 * abs(afresh.matrix).max()
-        )
+        frozen.set(Pressure.of(forces * [1, 1, 1, share, share, 1], scene.contacts))
+        assert_same_rows(frozen.problem)
         found = [
-            frozen.solve(pressure, settings_for(name, 1e-8)).load_factor
+            frozen.problem.run(settings_for(name, 1e-8)).load_factor
             for name in ("BLOCKWISE", "CLARABEL")
         ]
         assert found[0] == pytest.approx(found[1], rel=1e-6, abs=1e-6)
+
+
+def test_iterates_set_values_of_parameters_that_can_be_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One problem, and one value for each of its Parameters in every iterate; the rows are written
+    once."""
+    found: list[FrozenProblem] = []
+    values: dict[str, int] = {}
+    made, written, begin = 0, 0, FrozenProblem.__init__
+
+    class Counted(cp.Parameter):
+        @property
+        def value(self) -> Any:
+            return cp.Parameter.value.fget(self)
+
+        @value.setter
+        def value(self, new: Any) -> None:
+            values[self.name()] = values.get(self.name(), 0) + (new is not None)
+            cp.Parameter.value.fset(self, new)
+
+    def kept(self: FrozenProblem, *arguments: Any, **options: Any) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(cp, "Parameter", Counted)
+            begin(self, *arguments, **options)
+        found.append(self)
+
+    def counted(self: Rows, goal: Any) -> Any:
+        nonlocal written
+        written += self.theta.size > 1
+        return write(self, goal)
+
+    def problems(self: cp.Problem, *arguments: Any, **options: Any) -> None:
+        nonlocal made
+        made += 1
+        start(self, *arguments, **options)
+
+    write, start = Rows.written, cp.Problem.__init__
+    monkeypatch.setattr(FrozenProblem, "__init__", kept)
+    monkeypatch.setattr(Rows, "written", counted)
+    monkeypatch.setattr(cp.Problem, "__init__", problems)
+    run = solve(builtin_scene("tuff-wall"), method=FixedPoint(max_iterations=6), moments="signed")
+    assert (len(found), written) == (1, 1)
+    assert values == dict.fromkeys(found[0].parameters, len(run.history))
+    assert made == 0  # the rows serve; the CVXPY problem is made when it is asked for
+    assert {p.name() for p in found[0].problem.problem.parameters()} == set(values)
+    assert made == 1
 
 
 @pytest.mark.parametrize("start", ["another scene's", "noise", "NaN", "far off", "on the boundary"])
@@ -325,11 +367,11 @@ def test_a_wrong_start_costs_time_only(start: str) -> None:
         "on the boundary": np.zeros_like,
     }
     if start in changed:
-        point = Point(*map(changed[start], vars(frozen.kept["middle"]).values()))
+        point = Point(*map(changed[start], vars(frozen.problem._kept["middle"]).values()))
     else:
         other.solve(Pressure.of(np.zeros((len(other.contacts), 6)), other.contacts), settings)
-        point = other.kept["middle"]
-    frozen.kept["middle"] = point
+        point = other.problem._kept["middle"]
+    frozen.problem._kept["middle"] = point
     again = frozen.solve(pressure, settings)
     assert again.outcome.status == "optimal"
     assert again.load_factor == pytest.approx(cold.load_factor, rel=3e-8)

@@ -371,19 +371,16 @@ class TestRowsWritten:
         n, m, f = len(scene.contacts), len(scene.contacts.corner_xy), len(scene.free)
         surfaces = [*(s(cone) for s in extra), TorsionShear(cone), Rocking()]
         yielding = 2 * n + k * n  # |MT| <= bound, K facets of V <= the rest
-        lean = LimitProblem(scene, surfaces)
-        assert scalar_rows(lean) == 6 * f + yielding
-        assert (
-            scalar_rows(LimitProblem(scene, surfaces, formulation=resultants))
-            == 6 * f + yielding + m
-        )
+        for formulation in (corner_compressions, resultants):  # either way a row for each corner
+            problem = LimitProblem(scene, surfaces, formulation=formulation)
+            assert scalar_rows(problem) == 6 * f + yielding + m
 
     def test_without_the_sum_both_are(self) -> None:
         scene = builtin_scene("tuff-wall")
-        n, f = len(scene.contacts), len(scene.free)
+        n, m, f = len(scene.contacts), len(scene.contacts.corner_xy), len(scene.free)
         cone = Facets.circumscribed(8)
         problem = LimitProblem(scene, [Rocking(), Sliding(cone), Torsion(cone)])
-        assert scalar_rows(problem) == 6 * f + 8 * n + 2 * n
+        assert scalar_rows(problem) == 6 * f + 8 * n + 2 * n + m
 
     def test_names_kept(self) -> None:
         kept = needed_surfaces([Sliding(), Rocking(), Torsion(), TorsionShear()])

@@ -17,7 +17,7 @@ at least -shortfall * N of work besides.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice, repeat
@@ -68,17 +68,21 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
 class _Forms:
     """Linear forms as rows on the internal forces, one below the other: ``places`` says where."""
 
-    def __init__(self, model: ForceModel, forms: list[tuple[LinearForm, IntArray | None]]) -> None:
-        into, every = Rows(), np.arange(len(model.contacts))
-        forces, _ = model.unknowns(into)
+    def __init__(
+        self, forces: Mapping[str, Any], size: tuple[int, int],
+        forms: list[tuple[LinearForm, IntArray | None]],
+    ) -> None:  # fmt: skip
+        contacts, width = size
+        every = np.arange(contacts)
         at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
         found = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
         ends = np.cumsum([0, *(form.size for form in found)]).tolist()
         self.places, self.size = list(map(slice, ends, ends[1:])), ends[-1]
         whole = stacked(found or [forces["N"][every[:0]]])
-        self.matrix, self.constant = whole.matrix(into.width), whole.constant
-        contacts = [every if at is None else at for _, at in forms]
-        self.contact = np.concatenate([every[:0], *contacts])
+        self.matrix, self.constant = whole.matrix(width), whole.constant
+        self.contact = np.concatenate(
+            [every[:0], *(every if at is None else at for _, at in forms)]
+        )
 
     @cached_property
     def transposed(self) -> sp.csc_array:
@@ -96,7 +100,9 @@ class StrengthRows:
             resistances.append((condition.resistance, condition.contact))
             for norm in condition.norms:
                 norms += zip(norm.weighted_rows, repeat(condition.contact))
-        self._resistance, self._norms = _Forms(model, resistances), _Forms(model, norms)
+        forces, _ = model.unknowns(into := Rows())
+        size = len(model.contacts), into.width
+        self._resistance, self._norms = (_Forms(forces, size, f) for f in (resistances, norms))
         self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
         places = iter(self._norms.places)
         for (_, condition, cone), where in zip(stated, self._resistance.places, strict=True):

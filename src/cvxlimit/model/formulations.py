@@ -194,8 +194,8 @@ class ForceModel:
         """The forces as new unknowns of a sink: components and parts, all over the unit of
         ``force``; and the parts once more, in order, moments over ``length`` besides. For parts
         that other unknowns give, forms in these and in parts before, the others are made here."""
-        forces: dict[str, Any] = {CONSTANT: 1.0 / force}
-        internal = []
+        forces, internal = _Forces(self), []
+        forces[CONSTANT] = 1.0 / force
         for part in self.parts:
             unit, size = length if part.is_moment else 1.0, len(part.contact)
             form = gives.get(part.name, {})
@@ -207,13 +207,23 @@ class ForceModel:
             else:
                 internal.append(into.new(size, part.name, part.nonneg))
                 forces[part.name] = times(unit, internal[-1])
-        for component in COMPONENTS:
-            terms = [
-                gathered(forces[p.name], p.contact, len(self.contacts), p.gives.get(component, 0.0))
-                for p in [p for p in self.parts if component in p.gives] or self.parts[:1]
-            ]
-            forces[component] = sum(terms[1:], start=terms[0])
         return forces, internal
+
+
+class _Forces(dict[str, Any]):
+    """Parts as forms of a sink, and components, which are put together when they are asked for."""
+
+    def __init__(self, model: ForceModel) -> None:
+        self._model = model
+
+    def __missing__(self, component: str) -> Any:
+        parts, n = self._model.parts, len(self._model.contacts)
+        terms = [
+            gathered(self[p.name], p.contact, n, p.gives.get(component, 0.0))
+            for p in [p for p in parts if component in p.gives] or parts[:1]
+        ]
+        self[component] = sum(terms[1:], start=terms[0])
+        return self[component]
 
 
 Formulation = Callable[[Contacts], ForceModel]

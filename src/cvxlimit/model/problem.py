@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,8 +12,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.limits import ContactForces, OwnLimits
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
@@ -33,6 +36,11 @@ _WANT_MATRICES = ("CLARABEL", "BLOCKWISE", "RESCALED", "QOCO")
 """Solvers whose interfaces need matrices and nothing else of a problem."""
 
 
+DPP_LIMIT = 3_000
+"""Entries of Parameters up to which CVXPY keeps its compilation for re-solves. The first with
+them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
+
+
 @dataclass(eq=False)
 class Stated:
     """A limit problem on its way into a sink, for goals: all in forms of that sink, scaled.
@@ -42,7 +50,7 @@ class Stated:
     assemblage : Assemblage
     into : Sink
         Takes unknowns and limits of the goal's own.
-    forces : mapping of component or part to form (n,)
+    forces : dict of component or part to form (n,)
         Over the unit of force; :data:`CONSTANT` is the user's unit over it.
     internal : sequence of form
         The forces of the formulation's parts, over the units of force and length.
@@ -52,20 +60,24 @@ class Stated:
         The load that forces balance is ``dead + factor * live``; a goal may put others.
     own : mapping of str to form
         Unknowns of the goal's own whose values are asked for.
+    before : int
+        Equations stated before those of equilibrium, in rows.
     """
 
     assemblage: Assemblage
     into: Constraints | Rows
-    forces: Mapping[str, Any]
+    forces: dict[str, Any]
     internal: Sequence[Any]
     factor: Any
     dead: Any
     live: Any
     own: dict[str, Any] = field(default_factory=dict)
+    before: int = 0
 
 
 Goal = Callable[[Stated], Any]
-"""What a problem maximises: a form, with limits of its own stated on the way."""
+"""What a problem maximises: a form, with limits of its own stated on the way. With an attribute
+``is_quadratic`` it is an expression of CVXPY's alone, and such problems have no rows."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +158,8 @@ class LimitProblem:
         self.goal, self.repeats, self.scaling = goal, repeats, assemblage.scaling
         self.model = model_of(self.reduction.formulation, self.reduction.contacts)
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
+        self._limits: dict[str, tuple[cp.Constraint, ...]] = {}
+        self._aim: cp.Expression | None = None
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
         self._values_before: FloatArray | None = None  # of coefficients, in the run before
 
@@ -154,6 +168,7 @@ class LimitProblem:
     def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
         """The problem, stated to a sink, and its goal."""
         scaling, (gives, written) = self.scaling, self._written
+        into.label = "rocking" if "rocking" in self.model.holds else "compression"
         forces, internal = self.model.unknowns(into, scaling.force, scaling.length, gives)
         for name, condition, cone in written:
             into.label = name
@@ -164,6 +179,7 @@ class LimitProblem:
         goal = self.goal(found)
         into.label = "equilibrium"
         equilibrium = self.equilibrium
+        found.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
         load = times(equilibrium.of_load(found.live), factor) + equilibrium.of_load(found.dead)
         into.zero(equilibrium.matrix @ stacked(internal) + load)
         return found, goal
@@ -190,16 +206,133 @@ class LimitProblem:
     def _in_rows(self) -> tuple[Stated, Written]:
         into = Rows()
         found, goal = self.stated(into)
+        if self._own is not None:
+            own = self._own.state(
+                into, {variable.id: form for variable, form in self._pairs(found)}
+            )
+            goal = goal if self._aim is None else own
         return found, into.written(goal)
+
+    def _pairs(self, found: Stated) -> Iterator[tuple[cp.Variable, Any]]:
+        """CVXPY's variables, and the unknowns of the rows that they are."""
+        theirs, ours = self._in_cvxpy[0].into.unknowns, found.into.unknowns
+        return zip(theirs, ours, strict=False)  # others are unknowns of the own limits
+
+    # In the user's units
+
+    @property
+    def factor(self) -> cp.Expression:
+        """The load factor, in CVXPY."""
+        return self.scaling.load_factor(1.0) * self._in_cvxpy[0].factor
+
+    V1 = property(lambda self: self.forces["V1"], doc="Shear (n,) along t1, of all contacts.")
+    V2 = property(lambda self: self.forces["V2"], doc="Shear (n,) along t2, of all contacts.")
+    N = property(lambda self: self.forces["N"], doc="Compression (n,) of all contacts.")
+    M1 = property(lambda self: self.forces["M1"], doc="Moment (n,) about t1, of all contacts.")
+    M2 = property(lambda self: self.forces["M2"], doc="Moment (n,) about t2, of all contacts.")
+    MT = property(lambda self: self.forces["MT"], doc="Torsion (n,) of all contacts.")
+
+    @cached_property
+    def forces(self) -> dict[str, ContactForces]:
+        """Forces of all contacts by component, CVXPY expressions (n,) in the user's units; those of
+        one contact by its number or name: ``problem.N["a-b"]``."""
+        internal, still = stacked(self._in_cvxpy[0].internal), self.reduction.still
+        lift, names = self.reduction.forces, self.assemblage.contacts.names
+        meaning = self.model.meaning if lift is None else lift @ self.model.meaning
+        meaning = (meaning @ sp.diags_array(self.scaling.force * self._unit)).tocsr()
+        found = {}
+        if still is not None:
+            meaning = sp.csr_array(sp.hstack([meaning, sp.csr_array(still.reshape(-1, 1))]))
+            internal = cp.hstack([internal, 1.0])
+        for component, k in COLUMN.items():
+            matrix = cp.Constant(meaning[k::DOF], name=component)
+            found[component] = ContactForces(matrix, internal, names)
+        return found
+
+    # What users add
+
+    @cached_property
+    def _own(self) -> OwnLimits | None:
+        return OwnLimits(self._limits, self._aim) if self._limits or self._aim is not None else None
+
+    def _changed(self) -> None:
+        for name in ("problem", "_in_rows", "_own", "_shared", "shape"):
+            self.__dict__.pop(name, None)
+        self._kept, self._values_before = {}, None
+
+    def add(self, name: str, *limits: cp.Constraint) -> None:
+        """Add limits under a name: CVXPY constraints on :attr:`N`, :attr:`V1` ... :attr:`factor`,
+        in the user's units; variables and Parameters of one's own may stand in them.
+
+        Raises
+        ------
+        ModelError
+            For a name that is taken, and for what is no constraint, or not convex.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> problem = LimitProblem(builtin_scene("single-block"))
+        >>> problem.add("weak joint", problem.V1 >= -3.0, problem.V1 <= 3.0)
+        >>> round(problem.run().load_factor, 5)
+        0.3125
+        """
+        if name in self._limits or name in self.constraints:
+            raise ModelError(
+                f"there is a limit {name!r} already: remove it first, or choose a name"
+            )
+        for limit in limits:
+            if not isinstance(limit, cp.Constraint):
+                raise ModelError(
+                    f"limit {name!r} must be a CVXPY constraint, as problem.N <= 3, got {limit!r}"
+                )
+            if not limit.is_dcp():
+                raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
+        self._limits[name] = limits
+        self._changed()
+
+    def remove(self, name: str) -> None:
+        """Take away the limits that were added under a name.
+
+        Raises
+        ------
+        ModelError
+            If there are none.
+        """
+        if name not in self._limits:
+            known = ", ".join(map(repr, self._limits)) or "none"
+            raise ModelError(f"there is no added limit {name!r}: there are {known}")
+        del self._limits[name]
+        self._changed()
+
+    def maximise(self, expression: cp.Expression | float | None) -> None:
+        """Maximise a concave expression in place of the load factor; None goes back to that. Fix
+        the load factor by a limit, ``problem.add("load", problem.factor == 1)``, for the largest
+        force under given loads.
+
+        Raises
+        ------
+        ModelError
+            For an expression that CVXPY does not find concave.
+        """
+        aim = None if expression is None else cp.Constant(0.0) + expression
+        if aim is not None and not (aim.is_scalar() and aim.is_concave()):
+            raise ModelError(f"only one number that is concave can be maximised, got {expression}")
+        self._aim = aim
+        self._changed()
 
     # The two doors
 
     @cached_property
     def problem(self) -> cp.Problem:
         """In CVXPY, every constraint with its label."""
-        found, goal = self._in_cvxpy
-        assert isinstance(found.into, Constraints)
-        return cp.Problem(cp.Maximize(goal), found.into.all)
+        _, goal = self._in_cvxpy
+        into = Constraints()
+        into.named = dict(self.constraints)
+        for into.label, limits in self._limits.items():
+            for limit in limits:
+                into.keep(limit)
+        return cp.Problem(cp.Maximize(goal if self._aim is None else self._aim), into.all)
 
     @property
     def constraints(self) -> dict[str, list[cp.Constraint]]:
@@ -221,6 +354,7 @@ class LimitProblem:
         """The rows that scenes like this one share, under this one's loads."""
         about = strength_key(self.surfaces, self.model.contacts)
         is_full = self._is_whole and len(self.equilibrium.rows) == self._loads.shape[1]
+        is_full = is_full and self._own is None
         if self.repeats is None or about is None or not is_full or self.goal != LARGEST_FACTOR:
             return None
         what, contacts = ("program", about, self.scaling.force), self.model.contacts
@@ -248,6 +382,8 @@ class LimitProblem:
         """
         settings = settings or self.ladder()[0]
         is_last = settings.name == "CLARABEL" and settings.label != ""
+        has_rows = has_rows and not getattr(self.goal, "is_quadratic", False)
+        has_rows = has_rows and (self._own is None or self._own.has_rows)
         if settings.name not in _WANT_MATRICES or is_last or not has_rows:
             return self._run_by_cvxpy(settings)
         program, kept = self.program, self._kept
@@ -256,10 +392,18 @@ class LimitProblem:
         values = None if self._shared is not None else self._in_rows[1].theta.values()
         before, self._values_before = self._values_before, values
         is_warm = before is not None and values is not None and bool((before != values).any())
-        return self.state(*program.solve(settings, kept, is_warm))
+        outcome, x, y = program.solve(settings, kept, is_warm, all_duals=self._own is not None)
+        if "_in_cvxpy" in self.__dict__ and x is not None:  # somebody may read its values
+            found, _ = self._in_rows
+            for variable, form in self._pairs(found):
+                variable.value = form.values(x).reshape(variable.shape)
+        if self._own is not None and x is not None and y is not None:
+            self._own.tell(x, y[self._own.places(program)])
+        return self.state(outcome, x, y)
 
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
-        outcome = run(self.problem, settings)
+        size = sum(parameter.size for parameter in self.problem.parameters())
+        outcome = run(self.problem, settings, ignore_dpp=size > DPP_LIMIT)
         found, _ = self._in_cvxpy
         if not outcome.has_values or found.factor.value is None:
             return LimitState(outcome, None, None, None)
@@ -276,7 +420,8 @@ class LimitProblem:
             return self._state(outcome, x[: len(self._unit)], float(x[-1]), y, {})
         found, _ = self._in_rows
         internal = stacked(found.internal).values(x)
-        own = self._values(found, x)
+        own, rows = self._values(found, x), len(self.equilibrium.rows)
+        y = y[found.before : found.before + rows]
         return self._state(outcome, internal, float(found.factor.values(x)[0]), y, own)
 
     def _values(self, found: Stated, x: FloatArray | None) -> dict[str, FloatArray]:
@@ -294,13 +439,11 @@ class LimitProblem:
         forces = self.model.forces(internal)
         if reduction.forces is not None:
             forces = np.asarray(reduction.forces @ forces.ravel()).reshape(-1, DOF)
-        # equilibrium is stated last: its duals come after those of a goal's own equations
-        rows = len(self.equilibrium.rows)
         return LimitState(
             outcome,
             self.scaling.load_factor(factor),
             forces if reduction.still is None else forces + reduction.still,
-            None if duals is None else self.equilibrium.mechanism(np.asarray(duals)[-rows:]),
+            None if duals is None else self.equilibrium.mechanism(np.asarray(duals)),
             internal,
             own,
         )

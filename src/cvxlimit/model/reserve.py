@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +51,7 @@ class LeastUse:
         into.nonneg(normal - needed)
         into.nonneg(self.most / scaling.force - normal)
         into.cone(normal + use, [2.0 * needed, normal - use])
-        alone = {**problem.forces, "N": needed}
+        alone = ChainMap({"N": needed}, problem.forces)
         for surface in self.surfaces:
             for condition in stated(surface, problem.assemblage.contacts):
                 admissible(into, condition, alone, surface.cone)

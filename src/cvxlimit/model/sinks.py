@@ -27,14 +27,20 @@ CONSTANT_COLUMN = -1
 
 
 class Constraints:
-    """Labelled CVXPY constraints; ``named`` has them by label, in the order in which they came."""
+    """Labelled CVXPY constraints; ``named`` has them by label, in the order in which they came, and
+    ``unknowns`` the variables."""
 
     def __init__(self) -> None:
         self.label = ""
         self.named: dict[str, list[cp.Constraint]] = {}
+        self.unknowns: list[cp.Variable] = []
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
-        return cp.Variable(() if size is None else size, name=name, nonneg=nonneg)
+        unknown = cp.Variable(() if size is None else size, name=name)
+        self.unknowns.append(unknown)
+        if nonneg:  # a constraint of its own: it has a label, and CVXPY keeps the variable
+            self.nonneg(unknown)
+        return unknown
 
     def nonneg(self, form: Any) -> None:
         self.keep(form >= 0)
@@ -338,12 +344,14 @@ class Rows:
     equations: list[Form] = field(default_factory=list)
     linear: list[Form] = field(default_factory=list)
     cones: list[list[Form]] = field(default_factory=list)
+    unknowns: list[Form] = field(default_factory=list)
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Form:
         count = 1 if size is None else size
         every, first = np.arange(count), self.width
         form = Form(self.theta, every, first + every, np.ones(count), np.zeros(count), None, first)
         self.width += count
+        self.unknowns.append(form)
         if nonneg:
             self.linear.append(form)
         return form

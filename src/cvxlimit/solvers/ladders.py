@@ -148,13 +148,14 @@ def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
     )
 
 
-def iterate_ladder() -> Ladder:
+def iterate_ladder(is_linear: bool = True) -> Ladder:
     """The ladder for iterations that feed on the forces of their last solve: always the same solver
     first, whatever else is installed, for which of many possible forces are picked depends on it.
-    Our own starts from the solve before.
+    Our own starts from the solve before; it takes linear objectives only.
     """
     own = settings_for("BLOCKWISE", NUMBERS.last, iterations=NUMBERS.tight_iterations)
-    return (own, settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
+    first = (own,) if is_linear else ()
+    return (*first, settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
 
 
 def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Ladder:

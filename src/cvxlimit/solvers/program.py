@@ -86,9 +86,14 @@ class ConeProgram:
         return replace(self, matrix=sp.csc_array(entries, self.matrix.shape), right=right)
 
     def solve(
-        self, settings: SolverSettings, cache: dict[str, Any] | None = None, is_warm: bool = True
+        self,
+        settings: SolverSettings,
+        cache: dict[str, Any] | None = None,
+        is_warm: bool = True,
+        all_duals: bool = False,
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
-        """One run of one solver: outcome, x, and the duals (zero,) of the equations. Solvers that
+        """One run of one solver: outcome, x, and the duals (zero,) of the equations, or (m,) of all
+        rows. Solvers that
         start from the program before leave what they need in ``cache``, a point on the way to the
         answer under ``"middle"``; where the start is not to be warm they take the structure from
         there, which is that of any program of this pattern, and start from its ``"start"``, if
@@ -104,7 +109,7 @@ class ConeProgram:
 
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
-            data, inverse = self._data(row.splits_equations)
+            data, inverse = self._data(row.splits_equations, all_duals)
             kept = cache if row.starts_warm else None
             starts = is_warm and kept is not None
             solve = partial(solver.solve_via_data, data, starts, settings.verbose, options, kept)
@@ -116,8 +121,8 @@ class ConeProgram:
         if not found.dual_vars:
             return replace(outcome, status=_NO_DUALS), None, None
         (x,) = found.primal_vars.values()
-        (y,) = found.dual_vars.values()
-        return outcome, np.asarray(x), np.asarray(y).ravel()
+        y = np.concatenate([np.ravel(part) for part in found.dual_vars.values()])
+        return outcome, np.asarray(x), y if all_duals else y[: self.zero]
 
     def _solve_through_cvxpy(
         self, settings: SolverSettings
@@ -147,7 +152,7 @@ class ConeProgram:
             stated.append(cp.SOC(own[0], cp.vstack(own[1:]), axis=0) if size > 1 else own[0] >= 0)
         return cp.Problem(cp.Minimize(self.cost @ x), stated), x, equations
 
-    def _data(self, is_split: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _data(self, is_split: bool, all_duals: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         p = self.zero
         dims = SimpleNamespace(
             zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
@@ -162,7 +167,7 @@ class ConeProgram:
             ConicSolver.VAR_ID: 0,
             ConicSolver.DIMS: dims,
             ConicSolver.EQ_CONSTR: [_equations(p)],
-            ConicSolver.NEQ_CONSTR: [],
+            ConicSolver.NEQ_CONSTR: [_equations(len(self.right) - p)] if all_duals else [],
             keys.OFFSET: 0.0,
         }
 
@@ -173,5 +178,5 @@ class ConeProgram:
 
 @cache
 def _equations(count: int) -> Zero:
-    """What interfaces take for the equations; they ask for its size alone."""
+    """What interfaces take for constraints; they ask for their sizes alone."""
     return Zero(cp.Variable(count))

@@ -527,7 +527,7 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
             assert np.array_equal(np.sort(found), np.sort(given))
         matrix = problem.program(joined, price).matrix
         own = problem.program(problem.joined(pieces, price), price).matrix
-        sides = np.zeros(len(problem.rows))
+        sides = np.zeros(len(problem.dead))
         before, after = (
             a.T @ np.concatenate([sides, z]) for a, z in ((own, point.z), (matrix, start.z))
         )

@@ -1,0 +1,229 @@
+"""Limits and objectives that users write in CVXPY, as rows beside those of the limit problem."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from types import SimpleNamespace
+from typing import Any
+
+import cvxpy as cp
+import cvxpy.settings as keys
+import numpy as np
+import scipy.sparse as sp
+from cvxpy.atoms.affine.binary_operators import MulExpression
+from cvxpy.error import DCPError, DPPError, SolverError
+from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+
+from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.errors import ModelError
+from cvxlimit.model.sinks import Form, Rows, check_values
+from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.program import ConeProgram
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLimits:
+    """Limits of a user's as ``matrix @ forces + factor * load_factor <= right``, in the user's
+    units, for proofs.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Label of each row's limit.
+    matrix : (k, 6 n) sparse array
+        On the forces of all contacts, V1 to MT of the first, then of the next.
+    factor, right : (k,)
+    is_equation : (k,) array of bool
+        True for rows that are equations.
+    """
+
+    names: tuple[str, ...]
+    matrix: sp.csr_array
+    factor: FloatArray
+    right: FloatArray
+    is_equation: FloatArray
+
+
+class ContactForces(MulExpression):
+    """A force component of all contacts, one row each; ``names`` are the contacts'."""
+
+    def __init__(self, matrix: Any, unknown: Any, names: Sequence[str] = ()) -> None:
+        self.names = names
+        super().__init__(matrix, unknown)
+
+    def __getitem__(self, contact: Any) -> Any:
+        if not isinstance(contact, str):
+            return super().__getitem__(contact)
+        if contact not in self.names:
+            close = get_close_matches(contact, self.names, 1)
+            hint = (
+                f"did you mean {close[0]!r}?" if close else f"they are {reprlib.repr(self.names)}"
+            )
+            raise ModelError(f"there is no contact {contact!r}: {hint}")
+        row = self.names.index(contact)
+        matrix = cp.Constant(self.args[0].value[[row]], name=f"{self.args[0].name()}[{contact}]")
+        return (matrix @ self.args[1])[0]
+
+
+class OwnLimits:
+    """Named limits and an aim of a user's, compiled by CVXPY by themselves: that costs what they
+    cost, not what the problem costs, and when Parameters change their numbers are looked up again.
+
+    Stands for an expression where coefficients are asked for: :attr:`value` are the numbers of the
+    rows, at the Parameters' present values.
+
+    Raises
+    ------
+    ModelError
+        If CVXPY finds that a limit or the aim is not convex.
+    """
+
+    def __init__(
+        self, limits: Mapping[str, Sequence[cp.Constraint]], aim: cp.Expression | None
+    ) -> None:
+        every = [limit for named in limits.values() for limit in named]
+        self.names = [name for name, named in limits.items() for _ in named]
+        self.problem = cp.Problem(cp.Maximize(0.0 if aim is None else aim), every)
+        check_values(self.problem.parameters())
+        if not self.problem.is_dcp():
+            wrong = [
+                name for name, limit in zip(self.names, every, strict=True) if not limit.is_dcp()
+            ]
+            what = f"limit {wrong[0]!r} is" if wrong else "the aim is"
+            raise ModelError(f"{what} not convex by CVXPY's rules: see cvxpy.org, DCP")
+        self.has_rows = self.problem.is_dcp(dpp=True)
+        try:
+            data, self._chain, self._inverse = self.problem.get_problem_data(
+                Blockwise(), solver_opts={}
+            )
+        except (SolverError, DCPError, DPPError):
+            self.has_rows = False
+            return
+        self._compiled, self.dims = data["param_prob"], data[ConicSolver.DIMS]
+        cost, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        self._matrix, self._sizes = sp.csc_array(matrix), (len(cost), len(right))
+        # rows in units of their largest entry, those of one cone in the same
+        rows = np.asarray(abs(self._matrix).max(axis=1).toarray(), dtype=float).ravel()
+        for at in self._cones():
+            rows[at] = rows[at].max()
+        self.unit = np.where(rows > 0.0, rows, 1.0)
+
+    def parameters(self) -> list[cp.Parameter]:
+        found: list[cp.Parameter] = self.problem.parameters()
+        return found
+
+    @property
+    def size(self) -> int:
+        return int(self._matrix.nnz) + sum(self._sizes)
+
+    @property
+    def value(self) -> FloatArray:
+        cost, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        found = sp.csc_array(matrix)
+        entries = found.data / self.unit[found.indices]
+        return np.concatenate([entries, np.asarray(right) / self.unit, np.asarray(cost)])
+
+    def _cones(self) -> list[slice]:
+        start = self.dims.zero + self.dims.nonneg
+        ends = np.cumsum([start, *self.dims.soc]).tolist()
+        return list(map(slice, ends, ends[1:]))
+
+    def state(self, into: Rows, known: Mapping[int, Form]) -> Form:
+        """State the limits to rows, where CVXPY's variables are ``known`` forms by id; the aim."""
+        unknown: list[Form] = []
+        for variable in self._compiled.variables:
+            form = known.get(variable.id)
+            unknown.append(into.new(variable.size) if form is None else form)
+        slots, matrix, (width, height) = into.theta.slots(self), self._matrix, self._sizes
+        self.columns = np.concatenate([form.column for form in unknown])
+        column = self.columns[np.repeat(np.arange(width), np.diff(matrix.indptr))]
+        right = np.arange(height)
+        whole = Form(
+            into.theta,
+            np.append(matrix.indices, right),
+            np.append(column, np.full(height, -1)),
+            np.ones(matrix.nnz + height),
+            np.zeros(height),
+            slots[: matrix.nnz + height],
+        )
+        ends = np.cumsum([self.dims.zero, self.dims.nonneg]).tolist()
+        if ends[0]:
+            into.zero(whole[: ends[0]])
+        if ends[1] > ends[0]:
+            into.nonneg(whole[ends[0] : ends[1]])
+        for at in self._cones():
+            forms = [whole[at][i : i + 1] for i in range(at.stop - at.start)]
+            into.cone(forms[0], forms[1:])
+        none = np.zeros(width, np.int64)
+        # CVXPY's cost is what is made least
+        return Form(
+            into.theta, none, self.columns, -np.ones(width), np.zeros(1),
+            slots[matrix.nnz + height :],
+        )  # fmt: skip
+
+    def places(self, program: ConeProgram) -> IntArray:
+        """Where the rows stand among those of a program: last of each kind."""
+        zero, nonneg, cones = self.dims.zero, self.dims.nonneg, sum(self.dims.soc)
+        ends = program.zero, program.zero + program.nonneg, len(program.right)
+        counts = zip(ends, (zero, nonneg, cones), strict=True)
+        return np.concatenate([np.arange(end - count, end) for end, count in counts])
+
+    def tell(self, x: FloatArray, duals: FloatArray) -> None:
+        """Give variables and limits their values, of unknowns x of all rows and duals of these."""
+        raw = SimpleNamespace(
+            status="Solved", x=x[self.columns], z=duals / self.unit, obj_val=0.0,
+            obj_val_dual=0.0, solve_time=0.0, iterations=0,
+        )  # fmt: skip
+        self.problem.unpack_results(raw, self._chain, self._inverse)
+
+    def rows(self) -> tuple[list[int], sp.csr_array, FloatArray, FloatArray] | None:
+        """Variables' ids, and A x <= b of equations and inequalities at present; None where there
+        are cones."""
+        if not self.has_rows or self.dims.soc:
+            return None
+        _, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        ids = [variable.id for variable in self._compiled.variables]
+        return ids, sp.csr_array(-matrix), np.asarray(right), self._labels()
+
+    def _labels(self) -> Any:
+        """Label of every row."""
+        of = {
+            limit.id: name for name, limit in zip(self.names, self.problem.constraints, strict=True)
+        }
+        found: list[str] = []
+        for stated in self._compiled.constraints:
+            found += [of.get(stated.id, "")] * stated.size
+        return found
+
+
+def broken(problem: cp.Problem, limits: Mapping[str, Sequence[cp.Constraint]]) -> list[str]:
+    """Names of limits that cannot hold together with the rest of a problem: those that give way
+    where each may by an amount of its own, which are least in all."""
+    own = {limit.id for named in limits.values() for limit in named}
+    kept = [limit for limit in problem.constraints if limit.id not in own]
+    slack = {name: cp.Variable(nonneg=True) for name in limits}
+    for name, named in limits.items():
+        for limit in named:
+            kept += _loosened(limit, slack[name])
+    loose = cp.Problem(cp.Minimize(sum(slack.values())), kept)
+    try:
+        loose.solve(solver=cp.CLARABEL)
+    except SolverError:
+        return []
+    if loose.status not in keys.SOLUTION_PRESENT:
+        return []
+    most = max(float(s.value) for s in slack.values())
+    return [name for name, s in slack.items() if float(s.value) > 1e-6 * max(most, 1e-300)]
+
+
+def _loosened(limit: Any, slack: cp.Variable) -> list[cp.Constraint]:
+    if isinstance(limit, cp.SOC):
+        return [cp.SOC(limit.args[0] + slack, limit.args[1], axis=limit.axis)]
+    if isinstance(limit, (cp.constraints.Zero, cp.constraints.Equality)):
+        return [cp.abs(limit.expr) <= slack]
+    if isinstance(limit, cp.constraints.NonNeg):
+        return [limit.expr + slack >= 0]
+    return [limit.expr <= slack]
