@@ -23,7 +23,7 @@ from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.direct import DirectProblem
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.exporting import FORMATS, write_program

@@ -32,10 +32,6 @@ from cvxlimit.surfaces.base import (
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import needed_surfaces, strength_key, surfaces_of
 
-_WANT_MATRICES = ("CLARABEL", "BLOCKWISE", "RESCALED", "QOCO")
-"""Solvers whose interfaces need matrices and nothing else of a problem."""
-
-
 DPP_LIMIT = 3_000
 """Entries of Parameters up to which CVXPY keeps its compilation for re-solves. The first with
 them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
@@ -384,7 +380,7 @@ class LimitProblem:
         is_last = settings.name == "CLARABEL" and settings.label != ""
         has_rows = has_rows and not getattr(self.goal, "is_quadratic", False)
         has_rows = has_rows and (self._own is None or self._own.has_rows)
-        if settings.name not in _WANT_MATRICES or is_last or not has_rows:
+        if not settings.row.takes_matrices or is_last or not has_rows:
             return self._run_by_cvxpy(settings)
         program, kept = self.program, self._kept
         if self.repeats is not None:
