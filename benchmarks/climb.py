@@ -68,9 +68,7 @@ def measured(scene: Scene, moments: str, tolerance: float | None, first: float) 
             spent.append(process_time() - start)
 
     start = process_time()
-    solution = solve(
-        scene, interaction=Certified(tolerance=tolerance), moments=moments, progress=listen
-    )
+    solution = solve(scene, method=Certified(tolerance=tolerance), moments=moments, progress=listen)
     whole = process_time() - start
     return (
         f"{solution.scene}, {len(scene.contacts)} contacts, {moments}: "

@@ -48,7 +48,7 @@ def seconds_of(work: Callable[[], Solution]) -> tuple[Solution, float]:
 def row(scene: Scene, rule: ZeroDilatancy) -> Solution:
     """One scene: associated factor, members, residuals, time in first conic solves."""
     associated, first = seconds_of(lambda: solve(scene, model="full"))
-    found, seconds = seconds_of(lambda: solve(scene, interaction=rule))
+    found, seconds = seconds_of(lambda: solve(scene, method=rule))
     residual = max((member.residual for member in found.members), default=float("nan"))
     members = found.members
     ends = members[:: max(len(members) - 1, 1)]
@@ -88,7 +88,7 @@ def unique(options: argparse.Namespace) -> None:
         if not solve(scene).status.has_answer:
             counts["no associated answer"] += 1
             continue
-        found = solve(scene, interaction=rule)
+        found = solve(scene, method=rule)
         if found.status is not Status.CONVERGED:
             counts["none found"] += 1
             sys.stdout.write(f"{scene.name}: {found.note}\n")
@@ -106,7 +106,7 @@ def gilbert(options: argparse.Namespace) -> None:
     head("scene", "stops at a change of", "problems", "load factor", "status and check")
     for name in options.scenes or PLANE:
         for tolerance in (1e-3, 1e-5):
-            found = solve(builtin_scene(name), interaction=Gilbert(tolerance=tolerance))
+            found = solve(builtin_scene(name), method=Gilbert(tolerance=tolerance))
             worth = found.note.split(": ")[-1].split(";")[0]
             factor = f"{found.load_factor:.6f}"
             say(name, f"{tolerance:g}", len(found.history), factor, f"{found.status}: {worth}")

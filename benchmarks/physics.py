@@ -58,13 +58,13 @@ PLANE = (
 """Scenes in which nothing twists: the limits of torsion with shear are one there."""
 
 TORSION = {
-    "line": (None, "linear"),
+    "line": (None, "conic"),
     "parabola": (None, "parabolic"),
     "exact to 0.02": (2e-2, "exact"),
     "exact to 0.005": (5e-3, "exact"),
     "exact to 0.001": (1e-3, "exact"),
 }
-"""Tolerance and name of every limit of torsion with shear in the chart of speed."""
+"""Tolerance of the exact limit, or the surface, of every line in the chart of speed."""
 
 
 def draw_curves(axes: Axes, l1: float, l2: float, direction: int) -> None:
@@ -117,7 +117,7 @@ class Members(Method):
         start = time.perf_counter()
         starts, most = (1, 20) if len(scene.contacts) > MANY else (2, 60)
         rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=most)
-        found = solve(scene, interaction=rule)
+        found = solve(scene, method=rule)
         seconds = time.perf_counter() - start
         return Row(status=str(found.status), load_factor=found.load_factor, total=seconds)
 
@@ -131,7 +131,7 @@ def by_size(most: int) -> list[str]:
 def measured(path: Path) -> None:
     """All models on all built-in scenes; the chart is drawn anew after every scene."""
     models = {**physics_registry(), "zero-dilatancy": Members()}
-    models["exact"] = Model("exact", "exact", torsion_shear="exact", tolerance=EXACT)
+    models["exact"] = Model("exact", "exact", method="exact", tolerance=EXACT)
     result: dict[str, dict[str, Row]] = {}
     sys.stdout.write(f"| scene | {' | '.join(CHARTED)} |\n|{'---|' * (len(CHARTED) + 1)}\n")
     for name in by_size(1_000):
@@ -199,11 +199,11 @@ def speed_chart(path: Path, points: dict[str, list[tuple[float, float]]]) -> Non
     plt.close(figure)
 
 
-def _timed(name: str, tolerance: float | None, form: str) -> tuple[Solution, float]:
+def _timed(name: str, tolerance: float | None, surface: str) -> tuple[Solution, float]:
     """A solution, and its seconds of the processor."""
     scene, start = builtin_scene(name), time.process_time()
     if tolerance is None:
-        found = solve(scene, torsion_shear=form)
+        found = solve(scene, surface)
     else:
         found = solve(scene, method=ExactFriction(tolerance))
     return found, time.process_time() - start

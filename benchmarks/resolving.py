@@ -197,7 +197,7 @@ def first():
     start, state = process_time(), problem.run(rung)
     return process_time() - start - state.outcome.compile_seconds
 def iterated():
-    return solve(scene, interaction="fixed-point", moments=moments)
+    return solve(scene, method="fixed-point", moments=moments)
 found = [timed(iterated) for _ in range(repeat)]
 answer = found[-1][0]
 print(json.dumps({

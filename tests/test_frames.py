@@ -272,7 +272,7 @@ class TestInteraction:
             assert row["utilisation"] == pytest.approx(max(used, row["utilisation_rocking"]))
 
     def test_no_joint_of_a_certified_state_exceeds_it(self) -> None:
-        found = solve(tower(), interaction="certified")
+        found = solve(tower(), method="certified")
         table = found.to_dataframe()
         assert table["utilisation"].max() == pytest.approx(1.0, abs=1e-4)
         assert table.attrs["moments"] == "independent"

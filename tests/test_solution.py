@@ -59,7 +59,7 @@ def test_a_block_at_the_limit_of_its_own_surface_uses_all_of_it(own: type[YieldS
 def test_a_twisted_block_at_the_exact_limit_uses_all_of_its_strength() -> None:
     """Told by the parabola, which is inside the exact limit: never less than all."""
     twist = Load(forces={"slab": (0.3, 0, 0, 0, 0, 1)})
-    solution = solve(slab().with_live(twist), torsion_shear="exact")
+    solution = solve(slab().with_live(twist), method="exact")
     assert 1.0 <= used(solution) < 1.05
 
 

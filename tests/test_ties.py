@@ -212,7 +212,7 @@ def test_refusals() -> None:
 def test_interaction_names_them(interaction: str) -> None:
     """Not their strength, which the scene does not state."""
     with pytest.raises(ModelError, match="knows no ties: leave ties out of the scene"):
-        solve(tied_block(4.0), interaction=interaction)
+        solve(tied_block(4.0), method=interaction)
 
 
 @pytest.mark.exhaustive

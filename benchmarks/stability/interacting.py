@@ -145,7 +145,7 @@ def found_states(scene: Scene, moments: str) -> Iterator[State]:
         return
     for weight in WEIGHTS:
         try:
-            found = solve(scene, interaction=FixedPoint(weight, max_iterations=12), moments=moments)
+            found = solve(scene, method=FixedPoint(weight, max_iterations=12), moments=moments)
         except CvxlimitError:
             continue
         if found.forces is None or found.load_factor is None:

@@ -62,7 +62,7 @@ def _iterated(family: str, seed: int, scale: int, moments: str, weight: float) -
     made = sample(family, seed, scale)
     start = time.process_time()
     try:
-        solution = solve(made.scene, interaction=FixedPoint(weight), moments=moments)
+        solution = solve(made.scene, method=FixedPoint(weight), moments=moments)
     except CvxlimitError as error:
         return {**about, "ending": "refused", "why": str(error)}
     factors = [h.load_factor for h in solution.history]
@@ -124,7 +124,7 @@ def _ask_orders(
 def _reordered(scene: Scene, moments: str, choice: str, solver: str) -> Record:
     start = time.process_time()
     try:
-        found = solve(scene, interaction=CHOICES[choice], moments=moments, ladder=[solver])
+        found = solve(scene, method=CHOICES[choice], moments=moments, ladder=[solver])
         plain = solve(scene, ladder=[solver])
     except CvxlimitError as error:
         return {"ending": "refused", "why": str(error)}

@@ -113,7 +113,7 @@ def _certified(family: str, seed: int, scale: int, moments: str) -> Record:
     start = time.process_time()
     try:
         made = sample(family, seed, scale)
-        solution = solve(made.scene, interaction=BUDGET, moments=moments)
+        solution = solve(made.scene, method=BUDGET, moments=moments)
     except CvxlimitError as error:
         return {**about, "outcome": Outcome.HONEST, "status": type(error).__name__,
                 "why": str(error)}  # fmt: skip

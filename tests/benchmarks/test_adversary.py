@@ -229,7 +229,7 @@ def _is_solved(problem: cp.Problem, settings: dict[str, float] | None = None) ->
 def test_bounds_survive(family: str, seed: int, moments: str) -> None:
     scene = FAMILIES[family](seed)
     rule = Certified(tolerance=0.0099, branching_seconds=SECONDS)
-    solution = solve(scene, interaction=rule, moments=moments)
+    solution = solve(scene, method=rule, moments=moments)
     assert solution.forces is not None
     adversary = Adversary(scene, moments)
     assert adversary.is_true(solution.forces, solution.load_factor)

@@ -102,7 +102,7 @@ def test_time_is_kept() -> None:
 def test_the_command_line_knows_the_readings(tmp_path: Path) -> None:
     out = tmp_path / "out.json"
     for moments in ("paper", "signed-torsion-bending"):
-        options = ["--interaction", "certified", "--moments", moments, "--json", str(out)]
+        options = ["--method", "certified", "--moments", moments, "--json", str(out)]
         assert run_cli(["solve", "single-block", *options]) == 0
         document = json.loads(out.read_text(encoding="utf-8"))
         assert document["moments"] == moments

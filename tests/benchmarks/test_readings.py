@@ -25,7 +25,7 @@ scenes that bear none at all end this near."""
 
 
 def certified(scene: Scene, moments: str) -> Solution:
-    return solve(scene, interaction=Certified(branching_seconds=0.0), moments=moments)
+    return solve(scene, method=Certified(branching_seconds=0.0), moments=moments)
 
 
 def _scene(number: int) -> Scene:

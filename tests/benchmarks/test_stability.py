@@ -192,7 +192,7 @@ def test_eq_30_written_down_again_agrees_with_the_package() -> None:
     weight = block.weight
     side = np.array([1.0 - 2.0 * 1.0 / weight, 0.6 - 2.0 * 0.7 / weight])
     assert true == pytest.approx(float(interacting.arms(*side)) * 0.5 * weight, rel=1e-9)
-    solution = solve(scene, interaction="certified")
+    solution = solve(scene, method="certified")
     assert solution.lower <= true * (1 + 1e-9)
     assert solution.upper >= true * (1 - 1e-9)
     rng = np.random.default_rng(3)
@@ -403,5 +403,5 @@ def test_the_atlas_in_the_docs_shows_its_pictures() -> None:
 def test_claims_of_ours() -> None:
     solution = solve(builtin_scene("stack"))
     assert claim_of(solution) == Claim(solution.load_factor, "certified")
-    iterated = solve(sample("slivers", 1).scene, interaction=FixedPoint(0.0, max_iterations=3))
+    iterated = solve(sample("slivers", 1).scene, method=FixedPoint(0.0, max_iterations=3))
     assert claim_of(iterated).says is None or iterated.status is Status.CONVERGED

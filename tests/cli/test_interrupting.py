@@ -92,7 +92,7 @@ def test_while_the_input_is_read(command: str, tmp_path: Path) -> None:
 
 
 COMMANDS = {
-    "solve": ("solve", "s10-panel", "--interaction", "certified"),
+    "solve": ("solve", "s10-panel", "--method", "certified"),
     "settle": ("settle", "s10-panel", "--support", "ground", "--direction=0,0,-1"),
     "sweep": ("sweep", "s10-panel", "--vary", "friction=0.4:0.8:400"),
 }
@@ -180,9 +180,7 @@ def assert_bracket(program: Terminal, result: Path, low: float, high: float) -> 
 def test_inside_a_solver_with_a_bracket(tmp_path: Path) -> None:
     """The first bound of a panel comes after seconds, and the next solve takes as long."""
     result = tmp_path / "out.json"
-    with cvxlimit(
-        "solve", "s12-panel", "--interaction", "certified", "--json", str(result)
-    ) as program:
+    with cvxlimit("solve", "s12-panel", "--method", "certified", "--json", str(result)) as program:
         program.wait_for("load factor in")
         program.interrupt()
         assert_bracket(program, result, 0.1260, 0.1264)
@@ -194,7 +192,7 @@ def test_while_branching(workers: str, tmp_path: Path) -> None:
     scene, result = tmp_path / "wall.json", tmp_path / "out.json"
     write_scene(random_wall(0), scene)
     with cvxlimit(
-        "solve", str(scene), "--interaction", "certified", "--tolerance", "1e-9",
+        "solve", str(scene), "--method", "certified", "--tolerance", "1e-9",
         "--branching-seconds", "3600", "--workers", workers, "--json", str(result),
     ) as program:  # fmt: skip
         program.wait_for("branch and bound")

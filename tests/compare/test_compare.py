@@ -296,7 +296,7 @@ def test_an_interrupt_before_anything_was_measured_goes_on_upward(run, monkeypat
         (lambda: Model("x", formulation="resultants"), "formulation must be a function .*'resul"),
         (lambda: Model("x", solver="SCS"), r"got 'SCS': .*settings_for\('SCS', 1e-8\)"),
         (lambda: Model("x", surface=Rocking), "surface must be a name .*Rocking"),
-        (lambda: Model("x", interaction="certifid"), "interaction must be one of .*'certifid'"),
+        (lambda: Model("x", method="certifid"), "method must be one of .*'certifid'"),
         (lambda: Model("x", moments="foo"), "moments must be one of independent, signed"),
         (lambda: compare("tuff-wall"), "scene must be a Scene, got 'tuff-wall'"),
     ],

@@ -254,13 +254,8 @@ CALLS: dict[str, tuple[Callable[[], object], str]] = {
     "surface-2-gon": (lambda: solve(TOWER, "2-gon"), "at least 3 facets, got 2"),
     "surface-list": (lambda: solve(TOWER, [3]), "3"),  # type: ignore[list-item]
     "surface-none": (lambda: solve(TOWER, []), "surface"),
-    "interaction": (lambda: solve(TOWER, interaction="yes"), "'yes'"),
+    "method": (lambda: solve(TOWER, method="yes"), "'yes'"),
     "moments": (lambda: solve(TOWER, moments="tied"), "'tied'"),
-    "torsion-shear": (lambda: solve(TOWER, torsion_shear="round"), "'round'"),
-    "flow": (lambda: solve(TOWER, flow="none"), "'none'"),
-    "flow-and-interaction": (
-        lambda: solve(TOWER, flow="zero-dilatancy", interaction="certified"), "two methods"
-    ),
     "model": (lambda: solve(TOWER, model="half"), "'half'"),
     "tolerance-negative": (lambda: solve(TOWER, tolerance=-1.0), "tolerance"),
     "tolerance-one": (lambda: solve(TOWER, tolerance=2.0), "tolerance"),
@@ -273,7 +268,7 @@ CALLS: dict[str, tuple[Callable[[], object], str]] = {
     "most-none": (lambda: FixedPoint(max_iterations=0), "max_iterations"),
     "starts": (lambda: Certified(starts=("top",)), "starts"),
     "branching": (lambda: Certified(branching_seconds=-1.0), "branching_seconds"),
-    "facets-certified": (lambda: solve(TOWER, "octagon", interaction="certified"), "conic"),
+    "facets-certified": (lambda: solve(TOWER, "octagon", method="certified"), "conic"),
 }  # fmt: skip
 
 

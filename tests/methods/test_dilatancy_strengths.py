@@ -31,7 +31,7 @@ def wedged() -> Scene:
 
 
 def lowest(scene: Scene) -> float:
-    solution = solve(scene, interaction=RULE)
+    solution = solve(scene, method=RULE)
     assert solution.status is Status.CONVERGED
     assert max(member.residual for member in solution.members) <= RULE.tolerance
     return solution.members[0].load_factor
@@ -142,7 +142,7 @@ def test_small_wall_by_hand(strength: dict[str, float]) -> None:
         scene = scene.with_cohesion(strength["cohesion"])
     else:
         scene = scene.with_strength(**strength)
-    solution = solve(scene, interaction=RULE)
+    solution = solve(scene, method=RULE)
     assert solution.status is Status.CONVERGED
     assert solution.members[-1].load_factor <= solve(scene).upper * (1 + 1e-6)
     assert_members_by_hand(scene, solution)
@@ -151,7 +151,7 @@ def test_small_wall_by_hand(strength: dict[str, float]) -> None:
 def test_members_of_mortar_are_in_equilibrium_with_the_given_loads() -> None:
     """What mortar pulls is taken out of every member, not of the first one only."""
     scene = small_wall().with_cohesion(2.0).with_strength(tensile=1.0)
-    solution = solve(scene, interaction=RULE)
+    solution = solve(scene, method=RULE)
     matrix, dead, live = hand_equilibrium(scene)
     for member in solution.members:
         rest = matrix @ member.forces.ravel() + dead + member.load_factor * live

@@ -82,7 +82,7 @@ class TestALoopOfAUsersOwn:
     @pytest.mark.parametrize("friction", [0.2, 0.35])
     def test_a_block_that_slides(self, friction: float) -> None:
         """Its normal force is its weight, whatever the flow rule: mu."""
-        run = solve(single_block(friction=friction), interaction=NonAssociative())
+        run = solve(single_block(friction=friction), method=NonAssociative())
         assert run.status is Status.CONVERGED
         assert run.load_factor == pytest.approx(friction, rel=1e-4)
         assert run.interaction == "non-associative"
@@ -94,7 +94,7 @@ class TestALoopOfAUsersOwn:
         """Below the associated factor, as published for this loop in the plane: solutions are not
         unique, and the path is another one in space, so 2 % is all that can be asked."""
         scene = builtin_scene(f"ferris-tin-loi-{wall}")
-        run = solve(scene, interaction=NonAssociative())
+        run = solve(scene, method=NonAssociative())
         assert run.load_factor == pytest.approx(found, rel=0.02)
         assert run.load_factor < solve(scene).load_factor
         assert run.history[0].solver == "associated"
@@ -102,13 +102,13 @@ class TestALoopOfAUsersOwn:
 
     def test_its_tolerance_is_set_from_outside(self) -> None:
         run = solve(
-            single_block(friction=0.2), interaction=NonAssociative(max_iterations=1), tolerance=0.9
+            single_block(friction=0.2), method=NonAssociative(max_iterations=1), tolerance=0.9
         )
         assert run.status is Status.CONVERGED
 
     def test_a_rule_without_tolerance_says_so(self) -> None:
         with pytest.raises(ModelError, match="tolerance does nothing for method 'stopping'"):
-            solve(single_block(), interaction=Stopping(0), tolerance=0.1)
+            solve(single_block(), method=Stopping(0), tolerance=0.1)
 
 
 # Interruption.
@@ -135,7 +135,7 @@ class Stopping(Method):
 
 class TestInterruption:
     def test_the_best_so_far_is_returned(self) -> None:
-        run = solve(single_block(), interaction=Stopping(3))
+        run = solve(single_block(), method=Stopping(3))
         assert run.status is Status.INTERRUPTED
         assert run.status.has_answer
         assert not run.status.is_good
@@ -146,7 +146,7 @@ class TestInterruption:
     @pytest.mark.parametrize("rule", [Stopping(0), Stopping(2, proves=False)])
     def test_without_bounds_it_is_passed_on(self, rule: Stopping) -> None:
         with pytest.raises(KeyboardInterrupt):
-            solve(single_block(), interaction=rule)
+            solve(single_block(), method=rule)
 
     @pytest.mark.exhaustive
     def test_the_certified_method_keeps_what_it_proved(self) -> None:
@@ -159,7 +159,7 @@ class TestInterruption:
                 raise KeyboardInterrupt
 
         scene = builtin_scene("tuff-wall")
-        run = solve(scene, interaction=Certified(starts=("middle",)), progress=press)
+        run = solve(scene, method=Certified(starts=("middle",)), progress=press)
         assert run.status is Status.INTERRUPTED
         assert run.bracket.has_both
         assert 0.0 < run.lower <= 0.26918
@@ -214,9 +214,9 @@ def test_the_ladder_is_climbed_until_there_are_forces() -> None:
 def test_what_an_own_loop_may_not_combine() -> None:
     scene = single_block()
     with pytest.raises(ModelError, match="own formulation"):
-        solve(scene, interaction="certified", formulation=lambda contacts: None)  # type: ignore
+        solve(scene, method="certified", formulation=lambda contacts: None)  # type: ignore
     with pytest.raises(ModelError, match="has no cohesion"):
-        solve(scene.with_cohesion(1.0), interaction="fixed-point")
+        solve(scene.with_cohesion(1.0), method="fixed-point")
 
 
 # Late proofs that there is no answer.
@@ -239,11 +239,11 @@ def test_a_fall_that_only_branching_finds(moments: str) -> None:
     weight = block.total_weight
     torque = 0.306 * 0.6 * weight
     twisted = Load(gravity=(0, 0, -1), forces={"b1": (0, 0, 0, 0, 0.25 * weight, torque)})
-    solution = solve(block.with_dead(twisted), interaction="certified", moments=moments)
+    solution = solve(block.with_dead(twisted), method="certified", moments=moments)
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert (solution.bracket, solution.load_factor) == (Bracket(), None)
     assert "branch and bound" in solution.note
     less = Load(gravity=(0, 0, -1), forces={"b1": (0, 0, 0, 0, 0.25 * weight, 0.95 * torque)})
-    stands = solve(block.with_dead(less), interaction="certified", moments=moments)
+    stands = solve(block.with_dead(less), method="certified", moments=moments)
     assert stands.status is Status.CERTIFIED
     assert stands.lower > 0.0

@@ -42,7 +42,7 @@ def test_first_iterate_is_torsion_shear(moments: str, cone: Conic | Facets) -> N
     Both problems are solved to 1e-9 or better, so their values agree far below 1e-6.
     """
     scene = builtin_scene("tuff-wall")
-    run = solve(scene, cone, interaction=FixedPoint(max_iterations=1), moments=moments)
+    run = solve(scene, cone, method=FixedPoint(max_iterations=1), moments=moments)
     plain = solve(scene, cone)
     assert run.history[0].load_factor == pytest.approx(plain.load_factor, rel=1e-6)
 
@@ -117,7 +117,7 @@ def test_only_five_small_changes_in_a_row_are_converged() -> None:
 def test_independent_signs_do_not_converge_and_it_says_so(weight: float) -> None:
     """Design section 3: with independent signs the tuff wall converges for no weight tried."""
     rule = FixedPoint(weight, max_iterations=12)
-    run = solve(builtin_scene("tuff-wall"), interaction=rule)
+    run = solve(builtin_scene("tuff-wall"), method=rule)
     assert run.status in (Status.NOT_CONVERGED, Status.CYCLING)
     assert not run.status.is_good
     assert "certified" in run.note
@@ -125,7 +125,7 @@ def test_independent_signs_do_not_converge_and_it_says_so(weight: float) -> None
 
 
 def test_history_keeps_every_solve() -> None:
-    run = solve(builtin_scene("tuff-wall"), interaction=FixedPoint(max_iterations=4))
+    run = solve(builtin_scene("tuff-wall"), method=FixedPoint(max_iterations=4))
     assert len(run.history) == 4
     factors = [h.load_factor for h in run.history]
     for before, after, entry in zip(factors, factors[1:], run.history[1:], strict=False):
@@ -154,7 +154,7 @@ def test_rows_and_cvxpy_give_the_same() -> None:
 def test_it_claims_no_bounds(rule: FixedPoint) -> None:
     """Those of its last frozen problem, 0.3434 on this wall, miss the certified [0.3628, 0.3642]:
     they are not bounds of the collapse load, wherever the iteration ends."""
-    run = solve(builtin_scene("tuff-wall"), interaction=rule, moments="signed")
+    run = solve(builtin_scene("tuff-wall"), method=rule, moments="signed")
     assert run.load_factor is not None
     assert (run.lower, run.upper) == (-np.inf, np.inf)
     assert not run.bracket.has_any
@@ -175,7 +175,7 @@ def test_without_bending_nothing_changes() -> None:
     push = Load(forces={"block": (20.0, 0.0, 0.0, 0.0, -10.0, 0.0)})
     scene = Scene([ground, block], ["ground"], push, friction=0.5)
     for weight in (0.0, 0.8):
-        run = solve(scene, interaction=FixedPoint(weight))
+        run = solve(scene, method=FixedPoint(weight))
         assert run.status is Status.CONVERGED
         assert [h.load_factor for h in run.history] == pytest.approx([0.5] * len(run.history), 2e-5)
 
@@ -272,7 +272,7 @@ def test_least_forces_and_epsilon_bring_the_tuff_walls_ends_together() -> None:
         places = np.random.default_rng(order).permutation(len(scene.blocks))
         other = replace(scene, blocks=tuple(scene.blocks[i] for i in places))
         for solver in {"CLARABEL", "QOCO"} & set(cp.installed_solvers()):
-            run = solve(other, interaction=rule, moments="signed", ladder=[solver])
+            run = solve(other, method=rule, moments="signed", ladder=[solver])
             assert run.status is Status.CONVERGED
             ends.append(run.load_factor)
     assert np.ptp(ends) <= 1e-4 * np.median(ends)

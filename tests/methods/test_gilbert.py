@@ -23,7 +23,7 @@ where its start and its path lead it, hence to a few parts in ten thousand."""
 def test_published(name: str) -> None:
     """Run until the load factor stands still, forces obey Coulomb to a hundredth of a block."""
     scene = builtin_scene(name)
-    solution = solve(scene, interaction=Gilbert(tolerance=1e-5))
+    solution = solve(scene, method=Gilbert(tolerance=1e-5))
     assert solution.status is Status.CONVERGED
     assert solution.load_factor == pytest.approx(PUBLISHED[name], rel=5e-4)
     weight = scene.total_weight / len(scene.free)
@@ -34,7 +34,7 @@ def test_unsafe_stop() -> None:
     """On wall 2 the load factor settles to a thousandth where forces exceed Coulomb's law by more
     than a tenth of a block's weight; going on, it rises again."""
     scene = builtin_scene("ferris-tin-loi-2")
-    solution = solve(scene, flow="gilbert")
+    solution = solve(scene, method="gilbert")
     assert solution.history[-1].change < 1e-3  # type: ignore[operator]
     assert solution.status is Status.NOT_CONVERGED
     weight = scene.total_weight / len(scene.free)
@@ -48,11 +48,11 @@ def test_block_that_slides() -> None:
     for scene in (builtin_scene("single-block"), renumbered(builtin_scene("single-block"), 1)):
         low = scene.with_friction(0.3)
         for other in (low, low.in_units(low.units, 1e3, 1e3)):
-            assert solve(other, flow="gilbert").load_factor == pytest.approx(0.3, rel=1e-3)
+            assert solve(other, method="gilbert").load_factor == pytest.approx(0.3, rel=1e-3)
 
 
 def test_command_line() -> None:
-    assert run(["solve", "single-block", "--flow", "gilbert"]) == 0
+    assert run(["solve", "single-block", "--method", "gilbert"]) == 0
 
 
 def test_refusals() -> None:
@@ -60,10 +60,9 @@ def test_refusals() -> None:
     for changed, options, message in (
         (scene.with_cohesion(1.0), {}, "has no cohesion: take it out"),
         (scene.with_strength(compressive=1e3), {}, "knows no strength"),
-        (scene, {"torsion_shear": "parabolic"}, "goes with surface conic or facets"),
-        (scene, {"interaction": "certified"}, "are two methods: give one"),
+        (scene, {"surface": "parabolic"}, "goes with surface conic or facets"),
     ):
         with pytest.raises(ModelError, match=message):
-            solve(changed, flow="gilbert", **options)
+            solve(changed, method="gilbert", **options)
     with pytest.raises(ModelError, match="weight must be above 0"):
         Gilbert(weight=0.0)

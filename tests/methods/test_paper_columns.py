@@ -32,7 +32,7 @@ def iterates(scene: str, most: int, moments: Moments) -> list[float]:
     run = solve(
         builtin_scene(scene),
         "octagon",
-        interaction=FixedPoint(max_iterations=most),
+        method=FixedPoint(max_iterations=most),
         moments=moments,
     )
     factors = [entry.load_factor for entry in run.history]

@@ -40,7 +40,7 @@ ASSOCIATED = {"ferris-tin-loi-1": 0.642859, "ferris-tin-loi-2": 0.579999,
 
 @cache
 def solved(name: str, starts: int = 2) -> Solution:
-    return solve(builtin_scene(name), interaction=ZeroDilatancy(starts=starts))
+    return solve(builtin_scene(name), method=ZeroDilatancy(starts=starts))
 
 
 def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor: float) -> None:
@@ -121,7 +121,7 @@ class TestAllMembersKnown:
         assert proved == pytest.approx(lowest, rel=1e-6)
         highest, bound = extreme_member(scene, -1)
         assert bound == pytest.approx(highest, rel=1e-6)
-        found = [member.load_factor for member in solve(scene, flow="zero-dilatancy").members]
+        found = [member.load_factor for member in solve(scene, method="zero-dilatancy").members]
         assert found[0] == pytest.approx(lowest, rel=1e-6)
         assert found[-1] <= highest * (1 + 1e-6)
         assert lowest < 0.95 * highest  # far from unique
@@ -156,7 +156,7 @@ class TestPolish:
         """From the start at the associated solution, to rounding; checked by hand."""
         scene = builtin_scene("tuff-wall")
         rule = ZeroDilatancy(starts=1, descents=0, tolerance=1e-9)
-        solution = solve(scene, interaction=rule)
+        solution = solve(scene, method=rule)
         assert solution.status is Status.CONVERGED
         assert 0.3 < solution.load_factor < 0.423056  # below the associated factor
         best = solution.members[0]
@@ -167,7 +167,7 @@ class TestPolish:
     def test_other_surfaces_go_without(self) -> None:
         scene = builtin_scene("ferris-tin-loi-1")
         rule = ZeroDilatancy(starts=1)
-        solution = solve(scene, torsion_shear="parabolic", interaction=rule)
+        solution = solve(scene, surface="parabolic", method=rule)
         assert solution.status is Status.CONVERGED
         assert solution.load_factor <= ASSOCIATED[scene.name] * (1 + 1e-6)
 
@@ -179,7 +179,7 @@ def test_rotation(turn: FloatArray) -> None:
     """The first start is the same problem in any frame: so is the member that it leads to."""
     scene = builtin_scene("ferris-tin-loi-1")
     rule = ZeroDilatancy(starts=1)
-    lowest = solve(scene.moved(turn), interaction=rule).load_factor
+    lowest = solve(scene.moved(turn), method=rule).load_factor
     assert lowest == pytest.approx(PUBLISHED[scene.name][0], rel=1e-5)
 
 
@@ -188,7 +188,7 @@ class TestSmall:
         """It does no harm with associated friction, and what the iteration ends at is no answer."""
         block = single_block()
         pressed = Scene(block.blocks, block.supports, Load(acceleration=(0, 0, -1)), friction=0.4)
-        found = solve(pressed, flow="zero-dilatancy")
+        found = solve(pressed, method="zero-dilatancy")
         assert (found.status, found.load_factor) == (Status.NOT_CONVERGED, None)
         assert "flow 'associated' first" in found.note
 
@@ -198,7 +198,9 @@ class TestSmall:
 
     def test_a_sliding_and_a_tipping_block_are_unique(self) -> None:
         for height, expected in ((0.5, 0.6), (2.0, 0.5)):
-            solution = solve(single_block((1.0, 1.0, height), friction=0.6), flow="zero-dilatancy")
+            solution = solve(
+                single_block((1.0, 1.0, height), friction=0.6), method="zero-dilatancy"
+            )
             spread = [member.load_factor for member in solution.members]
             np.testing.assert_allclose(spread, expected, rtol=1e-5)
 
@@ -212,7 +214,7 @@ class TestSmall:
         scene = Scene([ground, lintel, block], ["ground", "lintel"], Load(acceleration=(1, 0, 0)),
                       friction=0.4)  # fmt: skip
         assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
-        solution = solve(scene, interaction=ZeroDilatancy(starts=6))
+        solution = solve(scene, method=ZeroDilatancy(starts=6))
         assert solution.status is Status.CONVERGED
         assert solution.load_factor == pytest.approx(0.4, rel=1e-5)
 
@@ -221,19 +223,19 @@ class TestSmall:
         its mechanism, as far as that is unique."""
         scene = single_block((1.0, 1.0, 0.5), friction=0.6)
         for other in (scene.in_units(scene.units, 1e3, 1e3), renumbered(scene, 1)):
-            found = solve(other, flow="zero-dilatancy")
+            found = solve(other, method="zero-dilatancy")
             assert found.load_factor == pytest.approx(0.6, rel=1e-5)
 
     def test_given_up(self) -> None:
         rule = ZeroDilatancy(starts=1, max_iterations=2)  # no polish so early
-        solution = solve(builtin_scene("ferris-tin-loi-3"), interaction=rule)
+        solution = solve(builtin_scene("ferris-tin-loi-3"), method=rule)
         assert solution.status is Status.NOT_CONVERGED
         assert "no zero-dilatancy solution was found from 0 of 1 starts" in solution.note
         assert not solution.members
 
     def test_command_line_and_file(self, tmp_path: Path) -> None:
         out = tmp_path / "out.json"
-        arguments = ["solve", "single-block", "--flow", "zero-dilatancy", "--json", str(out)]
+        arguments = ["solve", "single-block", "--method", "zero-dilatancy", "--json", str(out)]
         assert run(arguments) == 0
         document = json.loads(out.read_text())
         assert document["flow"] == "zero-dilatancy"
@@ -241,17 +243,11 @@ class TestSmall:
         assert document["upper"] is None
         again = read_result(out)
         assert len(again.members) == len(document["members"]) > 1
-        assert run(["solve", "stack", "--flow", "none"]) == 2
+        assert run(["solve", "stack", "--method", "none"]) == 2
 
     def test_refusals(self) -> None:
         scene = builtin_scene("single-block")
-        for options, message in (
-            ({"interaction": "certified"}, "are two methods: give one"),
-            ({"torsion_shear": "exact"}, "are two methods: give one"),
-        ):
-            with pytest.raises(ModelError, match=message):
-                solve(scene, flow="zero-dilatancy", **options)
         with pytest.raises(ModelError, match="brings its own formulation"):
-            solve(scene, flow="zero-dilatancy", formulation=vertex_forces)
+            solve(scene, method="zero-dilatancy", formulation=vertex_forces)
         with pytest.raises(ModelError, match="damping must be above 0"):
             replace(ZeroDilatancy(), damping=0.0)

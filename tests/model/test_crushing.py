@@ -177,10 +177,12 @@ class TestPlasticField:
 
 
 class TestTogether:
-    @pytest.mark.parametrize("torsion_shear", ["linear", "parabolic", "exact"])
-    def test_with_every_torsion_shear(self, torsion_shear: str) -> None:
+    @pytest.mark.parametrize(
+        ("surface", "method"), [("conic", "convex"), ("parabolic", "convex"), ("conic", "exact")]
+    )
+    def test_with_every_torsion_shear(self, surface: str, method: str) -> None:
         scene, expected = pushed(1.0, 0.6, 3.0, 2.0)
-        solution = solve(scene, torsion_shear=torsion_shear)
+        solution = solve(scene, surface, method)
         assert_certified(solution, proved=False, tolerance=1e-3)
         assert solution.load_factor == pytest.approx(expected, rel=1e-3)
 
@@ -215,7 +217,7 @@ class TestTogether:
     def test_not_with_interaction(self) -> None:
         scene, _ = pushed(1.0, 1.0, 2.0, 2.0)
         with pytest.raises(ModelError, match="knows no strength of stone"):
-            solve(scene, interaction="certified")
+            solve(scene, method="certified")
 
 
 class TestScene:

@@ -295,7 +295,7 @@ class TestChoice:
 
     def test_with_interaction_it_is_the_full_model(self) -> None:
         """Eq. 30 is not convex: the mean of two states need not be admissible."""
-        solution = solve(stack(2), interaction="fixed-point")
+        solution = solve(stack(2), method="fixed-point")
         assert solution.model == ()
 
     @pytest.mark.exhaustive_cases("independent")
@@ -306,8 +306,7 @@ class TestChoice:
         for scene in (builtin_scene("arch"), turned(wall(running_bond(2, 3)), 5)):
             plain = solve(scene, tolerance=1e-7)
             lean, full = (
-                solve(scene, interaction="certified", moments=moments, model=m)
-                for m in ("auto", "full")
+                solve(scene, method="certified", moments=moments, model=m) for m in ("auto", "full")
             )
             assert (lean.model, full.model) == (("planar",), ())
             assert plain.load_factor == pytest.approx(lean.load_factor, rel=SAME)
@@ -318,7 +317,7 @@ class TestChoice:
 
     def test_out_of_the_plane_the_bracket_is_the_climbs(self) -> None:
         twist = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
-        solution = solve(stack(2, live=twist), interaction="certified")
+        solution = solve(stack(2, live=twist), method="certified")
         assert solution.model == ()
 
     def test_result_files_name_reductions(self, tmp_path: object) -> None:

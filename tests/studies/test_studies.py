@@ -226,7 +226,6 @@ class TestTable:
             ),
             (stone(), {"surface": ["octogon"]}, {}, ModelError, "surface must be .*'octogon'"),
             (stone(), {"method": ["certifed"]}, {}, ModelError, "one of convex.*got 'certifed'"),
-            (stone(), {"flow": ["gilbrt"]}, {}, ModelError, "flow must be one of.*got 'gilbrt'"),
             (
                 stone(),
                 {"ladder": ["MOSEC"]},

@@ -66,4 +66,4 @@ def test_a_named_surface_is_no_polygon(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.surface == "untwisted"
     assert found.load_factor == pytest.approx(0.3, rel=1e-6)  # it slides before it rocks
     with pytest.raises(ModelError):
-        solve(scene, surface="untwisted", interaction="fixed-point")
+        solve(scene, surface="untwisted", method="fixed-point")

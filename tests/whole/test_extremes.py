@@ -47,10 +47,10 @@ class TestLiftedBlock:
         Load(gravity=(0, 0, -1), forces={"cube": (0, 0, 50, 0, 0, 0)}),
     )
 
-    @pytest.mark.parametrize("interaction", ["none", "certified"])
-    def test_it_does_not_fall_upwards(self, interaction: str) -> None:
+    @pytest.mark.parametrize("method", ["convex", "certified"])
+    def test_it_does_not_fall_upwards(self, method: str) -> None:
         assert not dead_load_stands(self.scene)
-        solution = solve(self.scene, interaction=interaction)
+        solution = solve(self.scene, method=method)
         assert solution.status is Status.DEAD_LOAD_UNSTABLE
         assert "falls" not in solution.note
         assert "'cube' is lifted" in solution.note
@@ -80,8 +80,8 @@ class TestFrictionFromNothingToGlue:
 
     @pytest.mark.exhaustive_cases("certified-0.0001")
     @pytest.mark.parametrize("friction", [1e-4, 1e-2, 1e5, 1e6])
-    @pytest.mark.parametrize("interaction", ["none", "certified"])
-    def test_a_wall_between_walls(self, friction: float, interaction: str) -> None:
+    @pytest.mark.parametrize("method", ["convex", "certified"])
+    def test_a_wall_between_walls(self, friction: float, method: str) -> None:
         scene = wall(
             running_bond(3, 4),
             unit=(0.1, 0.1, 0.05),
@@ -89,7 +89,7 @@ class TestFrictionFromNothingToGlue:
             side_supports=("start", "end"),
             live=Load(acceleration=(0.3, 1.0, 0.2)),
         )
-        assert solve(scene, interaction=interaction).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(scene, method=method).status is Status.LIVE_LOAD_HARMLESS
 
     @pytest.mark.parametrize("friction", [1e-5, 1e-3, 0.5])
     def test_a_wedge_in_a_groove(self, friction: float) -> None:

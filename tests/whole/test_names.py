@@ -11,23 +11,13 @@ from typing import get_args
 import pytest
 
 from cvxlimit.methods.interaction.readings.named import MOMENTS, MomentsName
-from cvxlimit.methods.table import (
-    TABLE,
-    FlowName,
-    InteractionName,
-    MethodName,
-    TorsionShearName,
-    words,
-)
+from cvxlimit.methods.table import TABLE, MethodName
 from cvxlimit.surfaces.coulomb import NAMED, SurfaceName, surfaces_of
 
 
 def test_names_are_those_of_the_tables() -> None:
     assert get_args(MethodName) == tuple(TABLE)
     assert get_args(MomentsName) == tuple(MOMENTS)
-    assert get_args(InteractionName) == words("interaction")
-    assert get_args(TorsionShearName) == words("torsion_shear")
-    assert get_args(FlowName) == words("flow")
     assert set(NAMED) < set(get_args(SurfaceName))
     for name in get_args(SurfaceName):
         assert surfaces_of(name)[1] == re.sub("^8-gon", "octagon", name)
@@ -37,9 +27,9 @@ def test_names_are_those_of_the_tables() -> None:
 def test_misspelt_names_fail_in_mypy(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     file = tmp_path / "user.py"
-    wrong = ["interaction='certifed'", "method='exakt'", "moments='sined'", "surface='octogon'",
-             "model='ful'", "flow='gilbrt'"]  # fmt: skip
-    right = ["interaction='certified'", "method='exact'", "surface='octagon-inscribed'"]
+    wrong = ["method='exakt'", "moments='sined'", "surface='octogon'",
+             "model='ful'"]  # fmt: skip
+    right = ["method='certified'", "method='exact'", "surface='octagon-inscribed'"]
     head = "from cvxlimit import builtin_scene, solve\nscene = builtin_scene('arch')\n"
     file.write_text(head + "\n".join(f"solve(scene, {option})" for option in right + wrong))
     done = subprocess.run(
@@ -47,4 +37,4 @@ def test_misspelt_names_fail_in_mypy(tmp_path: Path) -> None:
         capture_output=True, text=True, check=False, cwd=tmp_path,
     )  # fmt: skip
     found = [int(line.split(":")[1]) for line in done.stdout.splitlines() if "user.py" in line]
-    assert sorted(set(found)) == list(range(6, 12)), done.stdout
+    assert sorted(set(found)) == list(range(6, 10)), done.stdout

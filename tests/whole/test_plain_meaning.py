@@ -60,7 +60,7 @@ def test_blocks_and_supports_may_come_from_a_generator() -> None:
 def test_none_is_no_force_no_exception_and_no_interaction() -> None:
     assert dict(Load(forces=None).forces) == {}  # type: ignore[arg-type]
     assert dict(scene(contact_friction=None).contact_friction) == {}
-    assert solve(scene(), interaction=None).interaction == "none"
+    assert solve(scene(), method=None).interaction == "none"
 
 
 def test_a_contact_by_its_name() -> None:
@@ -115,16 +115,12 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "no scene": (lambda: solve(None), "scene must be a Scene, got None: builtin_scene"),  # type: ignore[arg-type]
     "compared": (lambda: compare("arch"), r"scene must be a Scene, got 'arch'"),  # type: ignore[arg-type]
-    "interaction": (lambda: solve(scene(), interaction=5), "interaction must be .* got 5"),  # type: ignore[arg-type]
+    "method by number": (lambda: solve(scene(), method=5), "method must be .* got 5"),  # type: ignore[arg-type]
     "moments": (lambda: solve(scene(), method="certified", moments=1), "moments must be .* got 1"),  # type: ignore[arg-type]
     "no moments": (lambda: solve(scene(), moments="signed"), "moments does nothing for .*'convex'"),
     "method": (
         lambda: solve(scene(), method="certify"),
         "method must be one of convex, .*'certify'",
-    ),
-    "two methods": (
-        lambda: solve(scene(), method="gilbert", interaction="certified"),
-        "'gilbert' and 'certified' are two methods: give one",
     ),
     "old setting": (lambda: FixedPoint(most=2), "is called max_iterations now"),  # type: ignore[call-arg]
     "surface": (lambda: solve(scene(), None), "surface must be a name .* got None"),  # type: ignore[arg-type]

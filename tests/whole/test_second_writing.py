@@ -71,7 +71,7 @@ def test_two_thousand_scenes_of_any_outline(first: int) -> None:
 def check_interaction(seed: int, reading: str) -> None:
     """Lower and upper bound, whatever their distance."""
     scene = pile(seed, convex=True).scene()
-    solution = solve(scene, interaction="certified", moments=reading)
+    solution = solve(scene, method="certified", moments=reading)
     second = Interaction(scene, reading)
     if solution.status is Status.DEAD_LOAD_UNSTABLE:
         middle = np.zeros((len(scene.contacts), 2))

@@ -61,8 +61,8 @@ def test_modules_do_not_hide_behind_functions() -> None:
         ({"ladder": [SolverSettings("CLARABEL")]}, {"clarabel"}),
         ({"ladder": [SCS], "tolerance": 0.1}, {"scs"}),
         ({"ladder": [SolverSettings("BLOCKWISE")]}, {"blockwise"}),
-        ({"interaction": FixedPoint(max_iterations=2)}, set()),
-        ({"interaction": Certified(solves=2, branching_seconds=1.0)}, {"clarabel"}),
+        ({"method": FixedPoint(max_iterations=2)}, set()),
+        ({"method": Certified(solves=2, branching_seconds=1.0)}, {"clarabel"}),
     ],
     ids=["one", "labelled", "our own", "fixed point", "certified"],
 )

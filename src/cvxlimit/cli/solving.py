@@ -206,9 +206,6 @@ class Order:
         "smallest that is valid. Bounds always hold for the full scene.",
         "auto",
     )
-    interaction: str | None = option("NAME", "Older spelling of --method.", hidden=True)
-    torsion_shear: str | None = option("NAME", "Older: parabolic, exact.", hidden=True)
-    flow: str | None = option("NAME", "Older spelling of --method.", hidden=True)
     json: Path | None = result_option()
     plot: list[str] | None = plot_option()
     export: Path | None = option(
@@ -230,12 +227,11 @@ class Order:
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
 
     def settings(self) -> dict[str, str | float | Certified | None]:
-        names = ("method", "moments", "interaction", "torsion_shear", "flow", "tolerance", "model",
-                 "solver")  # fmt: skip
+        names = ("method", "moments", "tolerance", "model", "solver")
         given = {name: getattr(self, name) for name in names}
         if self.branching_seconds is None and self.workers == 1:
             return given
-        if Certified.name not in (self.method, self.interaction):
+        if self.method != Certified.name:
             raise ModelError("--branching-seconds and --workers go with --method certified")
         if self.workers > 1 and self.branching_seconds == 0.0:
             raise ModelError(
@@ -243,7 +239,7 @@ class Order:
                 "--branching-seconds S above 0, or leave that out"
             )
         asked = Certified(branching_seconds=self.branching_seconds, workers=self.workers)
-        return {**given, "method": asked, "interaction": None}
+        return {**given, "method": asked}
 
 
 @taking(Order)

@@ -14,7 +14,7 @@ from cvxlimit.methods import driver
 from cvxlimit.methods.driver import Clock
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import Surface, check_choice, chosen
+from cvxlimit.methods.table import TABLE, check_choice, chosen
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
@@ -142,8 +142,8 @@ class Model(Method):
     tolerance : float or None
         What is asked of the ladder; None is the default of :func:`cvxlimit.solve`. For one solver
         its options say it, and this is for the record.
-    interaction, moments, torsion_shear, flow : str
-        As for :func:`cvxlimit.solve`; with any but the first of each, the ladder is always the
+    method, moments : str
+        As for :func:`cvxlimit.solve`; with any method but the convex one the ladder is always the
         package's own.
     model : str
         How much model, as for :func:`cvxlimit.solve`; one run of one solver has the full one.
@@ -153,7 +153,7 @@ class Model(Method):
     Raises
     ------
     ModelError
-        For anything that is none of these, and a solver together with interaction.
+        For anything that is none of these, and a solver together with another method.
 
     Example
     -------
@@ -170,10 +170,8 @@ class Model(Method):
     formulation: Formulation = corner_compressions
     solver: SolverSettings | None = None
     tolerance: float | None = None
-    interaction: str = "none"
+    method: str = "convex"
     moments: str = "independent"
-    torsion_shear: str = "linear"
-    flow: str = "associated"
     model: str = "auto"
     change: Callable[[Scene], Scene] | None = None
 
@@ -195,24 +193,27 @@ class Model(Method):
             )
         check_choice("model", self.model, MODELS)
         parse_moments(self.moments)
-        if self._chosen()[1].name != "convex" and self.solver is not None:
+        chosen = self._chosen()
+        if chosen.name != "convex" and self.solver is not None:
             raise ModelError(
-                f"model {self.name!r} has a solver and interaction: leave out the solver, since "
-                "interaction, torsion_shear and flow always take the package's own"
+                f"model {self.name!r} has a solver and method {chosen.name!r}: leave out the "
+                "solver, since all methods but 'convex' take the package's own"
             )
+        is_reading = hasattr(chosen, "moments")
+        object.__setattr__(self, "interaction", chosen.name if is_reading else "none")
         if not self.line:
             object.__setattr__(self, "line", self.name)
 
-    def _chosen(self) -> tuple[Surface, driver.Method]:
-        older = {name: getattr(self, name) for name in ("interaction", "torsion_shear", "flow")}
-        moments = None if self.interaction == "none" else self.moments
+    def _chosen(self) -> driver.Method:
+        check_choice("method", self.method, TABLE)
+        moments = self.moments if hasattr(TABLE[self.method].method, "moments") else None
         settings = {"moments": moments, "tolerance": self.tolerance}
-        return chosen(self.surface, None, older, settings)
+        return chosen(self.surface, self.method, settings)
 
     def axes(self) -> dict[str, str]:
         formulation = getattr(self.formulation, "__name__", type(self.formulation).__name__)
         how_much = "" if self.model == "auto" else f", {self.model} model"
-        asked = getattr(self._chosen()[1], "tolerance", None)
+        asked = getattr(self._chosen(), "tolerance", None)
         if self.solver is not None:
             asked = self.tolerance
         return {
@@ -227,9 +228,9 @@ class Model(Method):
         scene = scene if self.change is None else self.change(scene)
         if self.solver is not None:
             return self._run_once(scene, self.solver)
-        started, (surface, method) = time.perf_counter(), self._chosen()
+        started, method = time.perf_counter(), self._chosen()
         options = {"formulation": self.formulation, "model": self.model}
-        return Row.of(solve(scene, surface, method, **options), started)  # type: ignore[arg-type]
+        return Row.of(solve(scene, self.surface, method, **options), started)  # type: ignore[arg-type]
 
     def _run_once(self, scene: Scene, settings: SolverSettings) -> Row:
         check_installed(settings)

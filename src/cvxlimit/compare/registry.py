@@ -91,7 +91,7 @@ def _short(tolerance: float) -> str:
 def interaction_registry() -> dict[str, Method]:
     made = (
         Model(f"{kind}/{moments}/{surface}", f"{kind}, {moments} moments", surface,
-              interaction=kind, moments=moments)
+              method=kind, moments=moments)
         for kind, surfaces in (("fixed-point", ("conic", "octagon")), ("certified", ("conic",)))
         for moments in ("independent", "signed", "paper")
         for surface in surfaces
@@ -108,8 +108,8 @@ def physics_registry() -> dict[str, Method]:
     """
     made = [
         Model("linear", "linear torsion-shear"),
-        Model("parabolic", "parabolic torsion-shear", torsion_shear="parabolic"),
-        Model("exact", "exact torsion-shear", torsion_shear="exact", tolerance=1e-3),
+        Model("parabolic", "parabolic torsion-shear", surface="parabolic"),
+        Model("exact", "exact torsion-shear", method="exact", tolerance=1e-3),
         Model("vertex-forces", "vertex forces", (Rocking(),), vertex_forces),
     ]
     field = PlasticField(corner_compressions)
@@ -124,8 +124,8 @@ def physics_registry() -> dict[str, Method]:
     made += [
         Model("mortar", "mortar", change=mortar),
         Model("without-ties", "without ties", change=untied),
-        Model("zero-dilatancy", "zero dilatancy", flow="zero-dilatancy", tolerance=1e-4),
-        Model("gilbert", "Gilbert's scheme", flow="gilbert", tolerance=1e-3),
+        Model("zero-dilatancy", "zero dilatancy", method="zero-dilatancy", tolerance=1e-4),
+        Model("gilbert", "Gilbert's scheme", method="gilbert", tolerance=1e-3),
     ]
     return {model.name: model for model in made}
 

@@ -12,10 +12,7 @@ from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.methods.interaction.readings.named import MomentsName
 from cvxlimit.methods.table import (
     TABLE,
-    FlowName,
-    InteractionName,
     MethodName,
-    TorsionShearName,
     check,
     check_choice,
     chosen,
@@ -43,9 +40,6 @@ def solve(
     verbose: bool = False,
     progress: Progress | None = None,
     model: ModelName = "auto",
-    interaction: InteractionName | Method | None = None,
-    torsion_shear: TorsionShearName | None = None,
-    flow: FlowName | None = None,
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
 
@@ -98,9 +92,6 @@ def solve(
         with live load only; :func:`cvxlimit.explain` says which), or full; ``"least"`` is reduced
         wherever that is valid. Bounds are those of the full scene in any case. With interaction
         only the certified method has less, for planar and for symmetric scenes.
-    interaction, torsion_shear, flow
-        Older spellings: ``interaction="certified"``, ``flow="gilbert"`` and
-        ``torsion_shear="exact"`` are methods, ``torsion_shear="parabolic"`` is a surface.
 
     Returns
     -------
@@ -123,11 +114,10 @@ def solve(
     (0.42306, True)
     """
     check_choice("model", model, MODELS)
-    older = {"interaction": interaction, "torsion_shear": torsion_shear, "flow": flow}
     settings = {"tolerance": tolerance, "moments": moments}
-    taken, asked = chosen(surface, method, older, settings)
+    asked = chosen(surface, method, settings)
     rungs = rungs_of(solver, ladder)
-    run = Run(scene, taken, INDEPENDENT, formulation, rungs, progress, model, verbose)
+    run = Run(scene, surface, INDEPENDENT, formulation, rungs, progress, model, verbose)
     if asked.name in TABLE:  # a loop of one's own takes all
         if model == "least" and not TABLE[asked.name].reduces:
             raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")

@@ -23,10 +23,7 @@ from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
 
 MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
-InteractionName = Literal["none", "fixed-point", "certified"]
-TorsionShearName = Literal["linear", "parabolic", "exact"]
-FlowName = Literal["associated", "zero-dilatancy", "gilbert"]
-"""Names for type checkers: those of :data:`TABLE` and of :func:`words`."""
+"""Names for type checkers: those of :data:`TABLE`."""
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
 
@@ -88,19 +85,6 @@ _ROWS = (
 TABLE: Mapping[str, Row] = MappingProxyType({row.method.name: row for row in _ROWS})
 """All methods by name."""
 
-USUAL = MappingProxyType({"interaction": "none", "flow": "associated", "torsion_shear": "linear"})
-"""Words with which results, and older calls, say that a method is plain in some way."""
-
-
-def words(axis: str) -> tuple[str, ...]:
-    """What one of these words may be.
-
-    >>> words("flow"), words("torsion_shear")
-    (('associated', 'zero-dilatancy', 'gilbert'), ('linear', 'parabolic', 'exact'))
-    """
-    named = tuple(name for name, row in TABLE.items() if row.method.axis == axis)
-    return (USUAL[axis], *((PARABOLIC,) if axis == "torsion_shear" else ()), *named)
-
 
 def kind_of(surface: Surface) -> str:
     if str(surface) in ("conic", PARABOLIC):
@@ -108,36 +92,10 @@ def kind_of(surface: Surface) -> str:
     return "facets" if isinstance(surface, (str, Cone)) and surface not in NAMED else "own"
 
 
-def chosen(
-    surface: Surface,
-    method: str | Method | None,
-    older: Mapping[str, str | Method | None],
-    settings: Mapping[str, Any],
-) -> tuple[Surface, Method]:
-    """The surface and the method that a call means; refuses what does not go together.
-
-    ``older`` are the words of :data:`USUAL`, with which a method may be said instead; ``settings``
-    are set where they are not None.
-    """
-    said: list[str | Method] = [] if method is None else [method]
-    for axis, word in older.items():
-        if word is None or isinstance(word, Method):
-            said += [] if word is None else [word]
-            continue
-        check_choice(axis, word, words(axis))
-        if word == PARABOLIC:
-            if surface != "conic" and str(surface) != "conic":
-                raise ModelError(
-                    f"torsion_shear 'parabolic' is a surface, and so is {_called(surface)}: give "
-                    "surface='parabolic' alone, or ParabolicTorsionShear() in a list"
-                )
-            surface = PARABOLIC
-        elif word != USUAL[axis]:
-            said.append(word)
-    if len(said) > 1:
-        both = " and ".join(repr(s) if isinstance(s, str) else type(s).__name__ for s in said[:2])
-        raise ModelError(f"{both} are two methods: give one, as method=...")
-    asked = said[0] if said else "convex"
+def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str, Any]) -> Method:
+    """The method that a call means, with the settings that are not None; refuses a surface, or a
+    setting, that does not go with it."""
+    asked = "convex" if method is None else method
     if isinstance(asked, str) or not isinstance(asked, Method):
         check_choice("method", asked, TABLE)
         asked = TABLE[asked].method
@@ -148,7 +106,7 @@ def chosen(
             f"method {asked.name!r} goes with surface {' or '.join(row.surfaces)}, got "
             f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
         )
-    return surface, _with_settings(asked, settings)
+    return _with_settings(asked, settings)
 
 
 def _with_settings(method: Method, settings: Mapping[str, Any]) -> Method:

@@ -25,7 +25,7 @@ from cvxlimit.methods.convex import TOLERANCE, Inquiry
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE, USUAL, check_choice, words
+from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
@@ -75,10 +75,6 @@ _CHECKS: dict[str, Callable[[Any], object]] = {
     "tolerance": lambda value: ratio(value, "tolerance"),
     "method": lambda value: check_choice("method", value, TABLE),
     "model": lambda value: check_choice("model", value, MODELS),
-    **{
-        axis: lambda value, axis=axis: check_choice(axis, value, words(axis))  # type: ignore[misc]
-        for axis in USUAL
-    },
 }
 """What refuses the name of an option's value that does not exist."""
 

@@ -233,7 +233,7 @@ def test_other_processes_find_the_same() -> None:
 def test_what_it_bought_is_told() -> None:
     """Nodes, problems, seconds and widths stand in the note of the solution."""
     rule = Certified(branching_seconds=20.0, solves=1, tolerance=1e-3)
-    solution = solve(bridge(), interaction=rule)
+    solution = solve(bridge(), method=rule)
     assert solution.status is Status.CERTIFIED
     found = re.search(
         r"(\d+) nodes? with (\d+) problems in [\d.]+ s: from .* to (\S*) %", solution.note
@@ -249,7 +249,7 @@ def test_interrupted_it_leaves_the_bracket_reached() -> None:
             raise KeyboardInterrupt
 
     rule = Certified(branching_seconds=20.0, solves=1, tolerance=1e-6)
-    solution = solve(bridge(), interaction=rule, progress=tell)
+    solution = solve(bridge(), method=rule, progress=tell)
     assert solution.status is Status.INTERRUPTED
     assert np.isfinite([solution.lower, solution.upper]).all()
 

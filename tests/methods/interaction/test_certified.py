@@ -114,7 +114,7 @@ def test_brute_force_lies_in_a_tight_bracket(
 ) -> None:
     scene = tower(blocks, load)
     best = scanned(scene, moments)
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert_bracket(scene, solution)
     # 1e-8: the lower bound's forces pass the checker at 1e-9 of the load, not at zero
     assert solution.lower <= best * (1.0 + 1e-7)
@@ -147,7 +147,7 @@ def test_tuff_wall(moments: str, lower: float, upper: float) -> None:
 @pytest.mark.exhaustive
 def test_s12_class_panel_reaches_the_marks() -> None:
     scene = named_scene("s12-class")
-    solution = solve(scene, interaction="certified", tolerance=0.02)
+    solution = solve(scene, method="certified", tolerance=0.02)
     assert_bracket(scene, solution)
     assert solution.status is Status.CERTIFIED
     assert solution.lower >= 0.1244
@@ -161,11 +161,9 @@ def test_turned_and_in_other_units(moments: str) -> None:
     """The bracket belongs to the scene: both see the same optimum from the same proofs."""
     scene = tower(2, LOADS["twisted"])
     turn = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
-    plain = solve(scene, interaction="certified", moments=moments)
-    turned = solve(scene.moved(turn, (3.0, 4.0, 5.0)), interaction="certified", moments=moments)
-    small = solve(
-        scene.in_units(Units("mm", "N"), 1e3, 1e3), interaction="certified", moments=moments
-    )
+    plain = solve(scene, method="certified", moments=moments)
+    turned = solve(scene.moved(turn, (3.0, 4.0, 5.0)), method="certified", moments=moments)
+    small = solve(scene.in_units(Units("mm", "N"), 1e3, 1e3), method="certified", moments=moments)
     for other in (turned, small):
         assert other.lower <= plain.upper * (1 + 1e-7)
         assert other.upper >= plain.lower * (1 - 1e-7)
@@ -184,7 +182,7 @@ def test_contacts_that_are_not_rectangles(moments: str) -> None:
         drums.append(Block.hull(f"drum{i}", points, 20.0))
     live = Load(forces={"drum1": (1.0, 0.0, 0.0, 0.0, 0.0, 0.3)})
     scene = Scene(drums, ["ground"], live, friction=0.5)
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert np.isfinite(solution.gap)
     assert 0.0 < solution.lower <= solution.upper
     assert interaction_excess(solution.forces, scene.contacts, moments).max() <= 1e-7
@@ -208,7 +206,7 @@ def test_layers_of_hexagons(moments: str) -> None:
         blocks.append(prism(f"b{layer}{i}{j}", outline, level, level + 0.4))
     live = Load(acceleration=(0.38, 0.92, 0.07))
     solution = solve(
-        Scene(blocks, ["ground"], live, friction=0.6), interaction="certified", moments=moments
+        Scene(blocks, ["ground"], live, friction=0.6), method="certified", moments=moments
     )
     assert solution.is_proved
     assert solution.gap <= (0.01 if moments == "signed" else 0.1)
@@ -234,7 +232,7 @@ def test_a_centre_that_statics_holds(y: float, moments: str) -> None:
     expected = 10.0 * arm_at(outline, centre)
     if moments == "independent":
         expected = min(expected, 10.0 * mean_distance(outline, outline.mean(axis=0)))
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert solution.lower <= expected * (1 + 1e-6)
     assert solution.upper >= expected * (1 - 1e-6)
     assert solution.gap <= 1e-3
@@ -251,7 +249,7 @@ def test_signed_moments_stand_where_torsion_about_the_middle_would_not(slope: fl
         [ground, slab], ["ground"], Load(acceleration=(0, 1, 0)), Load(gravity=tuple(down)),
         friction=0.5,
     )  # fmt: skip
-    solution = solve(scene, interaction="certified", moments="signed")
+    solution = solve(scene, method="certified", moments="signed")
     expected = (0.5 - slope) / np.hypot(1.0, slope)
     assert solution.lower == pytest.approx(expected, rel=1e-4)
     assert solution.upper == pytest.approx(expected, rel=1e-4)
@@ -280,7 +278,7 @@ def test_a_dead_load_that_only_stands_when_it_is_pushed(force: float, push: str)
     scene = Scene(
         [ground, slab, *apart], ["ground", "other"], Load(forces=live), dead, friction=0.5
     )
-    solution = solve(scene, interaction="certified")
+    solution = solve(scene, method="certified")
     if force > most:
         assert solution.status is Status.DEAD_LOAD_UNSTABLE
     elif push == "pressed":
@@ -298,7 +296,7 @@ def test_dead_load_that_cannot_stand(moments: str) -> None:
     lower = Block.box("lower", (0, 0, 0), (1, 1, 1), 20.0)
     upper = Block.box("upper", (0.9, 0, 1), (3.0, 1, 2), 20.0)
     scene = Scene([ground, lower, upper], ["ground"], Load(acceleration=(0, 1, 0)), friction=0.6)
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert solution.load_factor is None
     power = sum(
@@ -342,7 +340,7 @@ def pebble_beside_a_boulder(size: float, small: float) -> Scene:
 )
 def test_small_beside_large(size: float, small: float, moments: str) -> None:
     """Weights to 1e-12 of the total: 1e-9 of that was once enough to hold a pebble."""
-    solution = solve(pebble_beside_a_boulder(size, small), interaction="certified", moments=moments)
+    solution = solve(pebble_beside_a_boulder(size, small), method="certified", moments=moments)
     assert solution.lower <= 0.5 * (1.0 + 1e-9)
     assert solution.upper >= 0.5 * (1.0 - 1e-9)
     if small == 0.1:
@@ -385,7 +383,7 @@ def test_forces_that_slide_and_twist_get_a_bound_with_its_assumption() -> None:
 @pytest.mark.parametrize("push", [1.0, 1e-6, 1e-12])
 def test_without_friction_the_bracket_holds_zero(push: float) -> None:
     scene = tower(1, (1, 0, 0, 0, 0, 0), friction=0.0).with_live(Load(acceleration=(push, 0, 0)))
-    solution = solve(scene, interaction="certified")
+    solution = solve(scene, method="certified")
     assert solution.lower <= 0.0 <= solution.upper
     assert solution.upper - solution.lower < 1e-6 / push
 
@@ -393,7 +391,7 @@ def test_without_friction_the_bracket_holds_zero(push: float) -> None:
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_a_load_that_presses_down_does_no_harm(moments: str) -> None:
     scene = tower(2, (0, 0, -1, 0, 0, 0))
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert solution.status is Status.LIVE_LOAD_HARMLESS
     assert interaction_excess(solution.forces, scene.contacts, moments).max() <= 0.0
     alone = Statics.of(scene.with_dead(scene.live))
@@ -407,7 +405,7 @@ def test_a_load_that_presses_down_does_no_harm(moments: str) -> None:
 )
 def test_a_load_that_presses_some_blocks_down_does_no_harm(scene: Scene, moments: str) -> None:
     """Strictly inside Eq. 30 where it reaches, and nothing elsewhere."""
-    solution = solve(scene, interaction="certified", moments=moments)
+    solution = solve(scene, method="certified", moments=moments)
     assert solution.status is Status.LIVE_LOAD_HARMLESS
     excess = interaction_excess(solution.forces, scene.contacts, moments)
     carries = np.abs(solution.forces).max(axis=1) > 0.0
@@ -423,7 +421,7 @@ def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
     """Forces admissible with every sign on its own are so with any; 1e-4 is where both stop."""
     scene = random_wall(seed)
     rule = Certified(branching_seconds=0.0)
-    independent, signed = (solve(scene, interaction=rule, moments=name) for name in MOMENTS)
+    independent, signed = (solve(scene, method=rule, moments=name) for name in MOMENTS)
     assert np.isfinite(independent.bracket.lower)
     assert signed.bracket.lower >= independent.bracket.lower * (1.0 - 1e-4)
     assert interaction_excess(signed.forces, scene.contacts, "signed").max() <= (
@@ -435,7 +433,7 @@ def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
 def test_borrowed_forces_are_admissible_and_as_good() -> None:
     """Without any bound of its own, signed moments have that of independent signs."""
     scene = random_wall(1)
-    own = solve(scene, interaction=Certified(branching_seconds=0.0)).bracket.lower
+    own = solve(scene, method=Certified(branching_seconds=0.0)).bracket.lower
     run = Run(scene, moments=SIGNED)
     for _ in InnerMethod(run).borrowed(INDEPENDENT):
         pass
@@ -446,7 +444,7 @@ def test_borrowed_forces_are_admissible_and_as_good() -> None:
 
 def test_corrupted_forces_fail_the_proof() -> None:
     scene = builtin_scene("tuff-wall")
-    solution = solve(scene, interaction="certified", tolerance=0.2)
+    solution = solve(scene, method="certified", tolerance=0.2)
     forces = solution.forces.copy()
     pressed = int(forces[:, COLUMN["N"]].argmax())
     forces[pressed, COLUMN["MT"]] += forces[pressed, COLUMN["N"]] * 0.1
@@ -458,8 +456,8 @@ def test_corrupted_forces_fail_the_proof() -> None:
 def test_refusals() -> None:
     scene = builtin_scene("single-block")
     with pytest.raises(ModelError, match="goes with surface conic, got 'octagon'"):
-        solve(scene, "octagon", interaction="certified")
+        solve(scene, "octagon", method="certified")
     with pytest.raises(ModelError, match="starts must be"):
         Certified(starts=("somewhere",))
     with pytest.raises(ModelError, match="goes with surface conic, got a list"):
-        solve(scene, [], interaction="certified")
+        solve(scene, [], method="certified")

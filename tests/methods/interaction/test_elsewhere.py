@@ -21,7 +21,7 @@ pytestmark = [
 def test_a_dask_clients_executor() -> None:
     """The same bracket, to the tolerance of both, with nodes explored by two workers."""
     scene = random_wall(1)
-    alone = solve(scene, interaction=Certified(tolerance=0.02, branching_seconds=120.0))
+    alone = solve(scene, method=Certified(tolerance=0.02, branching_seconds=120.0))
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
         silence_logs=60,
@@ -30,7 +30,7 @@ def test_a_dask_clients_executor() -> None:
         rule = Certified(
             tolerance=0.02, branching_seconds=120.0, workers=2, executor=client.get_executor()
         )
-        shared = solve(scene, interaction=rule)
+        shared = solve(scene, method=rule)
         explored = client.run(_explorers)
     assert shared.status is Status.CERTIFIED
     assert shared.bracket.is_within(0.02)

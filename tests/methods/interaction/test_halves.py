@@ -91,8 +91,8 @@ def test_certified_brackets_with_and_without_the_mirror_overlap() -> None:
     """Either bracket holds the truth; the model says which one used a half."""
     scene = small_panel()
     rule = Certified(starts="relaxation", solves=8, branching_seconds=0.0)
-    whole = solve(scene, interaction=replace(rule), model="full")
-    half = solve(scene, interaction=replace(rule), model="least")
+    whole = solve(scene, method=replace(rule), model="full")
+    half = solve(scene, method=replace(rule), model="least")
     assert half.model == ("symmetry",)
     assert whole.model == ()
     assert half.upper == pytest.approx(whole.upper, rel=2e-4)  # what copies are added down to

@@ -297,8 +297,8 @@ class TestLowerBounds:
         """Proved on both sides, above what independent signs carry; forces pass by hand."""
         scene = random_wall(2)
         rule = Certified(branching_seconds=0.0)
-        found = solve(scene, interaction=rule, moments=moments)
-        strict = solve(scene, interaction=rule, moments="independent")
+        found = solve(scene, method=rule, moments=moments)
+        strict = solve(scene, method=rule, moments="independent")
         assert found.status.has_answer
         assert found.moments == moments
         assert strict.lower <= found.upper
@@ -316,7 +316,7 @@ class TestLowerBounds:
     def test_branch_and_bound_closes_it(self) -> None:
         """On the incline below, mirrored axes have the closed form of statics."""
         scene, arm = _inclined()
-        found = solve(scene, interaction=Certified(tolerance=2e-3), moments=Paper((1, -1)))
+        found = solve(scene, method=Certified(tolerance=2e-3), moments=Paper((1, -1)))
         factor = 0.35 / (0.03 / arm + 0.1)
         assert found.status is Status.CERTIFIED
         assert found.lower <= factor * (1.0 + 1e-6)
@@ -326,7 +326,7 @@ class TestLowerBounds:
     def test_single_block_rocks_at_its_closed_form(self) -> None:
         """No torsion there, so all readings agree: length / height = 0.4."""
         for moments in ("paper", "signed-torsion-bending"):
-            found = solve(builtin_scene("single-block"), interaction="certified", moments=moments)
+            found = solve(builtin_scene("single-block"), method="certified", moments=moments)
             assert found.status is Status.CERTIFIED
             assert found.lower <= 0.4 + 1e-6
             assert found.upper >= 0.4 - 1e-6
@@ -372,7 +372,7 @@ class TestIteration:
         run = solve(
             builtin_scene(scene),
             "octagon",
-            interaction=FixedPoint(max_iterations=4),
+            method=FixedPoint(max_iterations=4),
             moments="paper",
         )
         factors = [entry.load_factor for entry in run.history]
@@ -386,7 +386,7 @@ class TestIteration:
         for signs in AXES[:2]:
             run = solve(
                 builtin_scene("tuff-wall"),
-                interaction=FixedPoint(max_iterations=2),
+                method=FixedPoint(max_iterations=2),
                 moments=Paper(signs),
             )
             seconds.append(run.history[1].load_factor)
@@ -399,14 +399,12 @@ class TestIteration:
         There are contacts pressed in a corner, where c = 0 and Eq. 32 says nothing about sliding.
         """
         scene = builtin_scene("tuff-wall")
-        run = solve(scene, interaction=FixedPoint(max_iterations=2), moments=moments)
+        run = solve(scene, method=FixedPoint(max_iterations=2), moments=moments)
         assert run.forces is not None
         (excess,) = Sliding().excess(run.forces, scene.contacts)
         assert excess.max() <= 1e-8 * _weight(scene)
         assert run.load_factor < run.history[0].load_factor
-        at = Pressure.of(
-            solve(scene, interaction=FixedPoint(max_iterations=1)).forces, scene.contacts
-        )
+        at = Pressure.of(solve(scene, method=FixedPoint(max_iterations=1)).forces, scene.contacts)
         assert (at.arm < 1e-6 * scene.contacts.torsion_arm).sum() > 5
 
     def test_without_rows_of_its_own_friction_is_taken_off(self) -> None:
@@ -434,9 +432,7 @@ class TestIteration:
         scene = random_wall(2)
         plain = solve(scene).load_factor
         for other in (scene, _heavier(scene, 1e3)):
-            run = solve(
-                other, interaction=FixedPoint(max_iterations=6, epsilon=1e9), moments="paper"
-            )
+            run = solve(other, method=FixedPoint(max_iterations=6, epsilon=1e9), moments="paper")
             assert run.status is Status.CONVERGED
             factors = [h.load_factor for h in run.history]
             assert factors == pytest.approx([plain] * len(factors), rel=1e-5)
@@ -450,7 +446,7 @@ class TestIteration:
         """
         scene = random_wall(2)
         runs = [
-            solve(s, interaction=FixedPoint(max_iterations=3, epsilon=0.05), moments="paper")
+            solve(s, method=FixedPoint(max_iterations=3, epsilon=0.05), moments="paper")
             for s in (scene, _heavier(scene, 1e3))
         ]
         first, second = ([entry.load_factor for entry in run.history] for run in runs)
@@ -481,7 +477,7 @@ class TestRecognition:
         """Forces found carry the live load alone, exactly, strictly inside Eq. 30."""
         scene = random_wall(seed)
         assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
-        found = solve(scene, interaction="certified", moments=moments)
+        found = solve(scene, method="certified", moments=moments)
         assert found.status is Status.LIVE_LOAD_HARMLESS
         assert found.load_factor is None
         assert found.forces is not None
@@ -497,7 +493,7 @@ class TestRecognition:
         """Wall 22 is pressed so that plain contacts carry any multiple; near their edges they
         carry less."""
         scene = random_wall(22)
-        found = solve(scene, interaction=Certified(branching_seconds=0.0))
+        found = solve(scene, method=Certified(branching_seconds=0.0))
         assert 0.0 < found.lower <= found.upper < np.inf
         run = Run(scene)
         assert carrying_forces(run, run.assemblage.statics.live, default_ladder()) is None
@@ -508,7 +504,7 @@ class TestRecognition:
         ground = Block.box("ground", (0, 0, -1), (1, 1, 0))
         over = Block.box("over", (0.6, 0, 0), (1.6, 1, 0.5), density=20.0)
         scene = Scene([ground, over], ["ground"], Load(acceleration=(0, 1, 0)), friction=0.7)
-        found = solve(scene, interaction="certified", moments=moments)
+        found = solve(scene, method="certified", moments=moments)
         assert found.status is Status.DEAD_LOAD_UNSTABLE
         assert found.mechanism is not None
 
@@ -525,7 +521,7 @@ class TestRecognition:
         assert 2.0 * arm * (0.7 - 0.35) < 2.0 * 0.3 * 0.35
         rule = Certified(branching_seconds=0.0)
         found = {
-            moments.name: solve(scene, interaction=rule, moments=moments)
+            moments.name: solve(scene, method=rule, moments=moments)
             for moments in (INDEPENDENT, SIGNED, Paper((1, 1)), Paper((1, -1)))
         }
         fallen = [name for name, f in found.items() if f.status is Status.DEAD_LOAD_UNSTABLE]

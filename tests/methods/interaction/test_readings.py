@@ -84,7 +84,7 @@ class Crossed(TiedMoments):
 def test_a_lever_of_another_kind_is_refused(moments: TiedMoments) -> None:
     """Bounds would not hold: convexity within quadrants is what they rest on."""
     with pytest.raises(ModelError, match=rf"lever of moments '{moments}' must be linear"):
-        solve(random_wall(30), interaction="certified", moments=moments)
+        solve(random_wall(30), method="certified", moments=moments)
 
 
 def plus(live: tuple[float, ...]) -> Scene:
