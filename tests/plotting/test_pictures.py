@@ -86,6 +86,28 @@ class TestForces:
         assert {arrow.case for arrow in drawings[0].notes.arrows} == {"dead", "live"}
         assert scene.name in drawings[0].heading
 
+    def test_loads_have_bars_of_their_own_and_are_those_at_collapse(self, arch, drawings) -> None:
+        """A bar's length over the force that it states is an arrow's over the force it stands
+        for."""
+        plotting.forces(arch)
+        notes, scene = drawings[0].notes, arch.drawn_scene
+        weight = float(np.linalg.norm(scene.dead_forces[:, :3].sum(axis=0)))
+        push = float(np.linalg.norm(scene.live_forces[:, :3].sum(axis=0)))
+        wanted = {"dead": weight, "live": arch.load_factor * push}
+        assert {arrow.case for arrow in notes.arrows} == set(wanted) == set(notes.each)
+        for arrow in notes.arrows:
+            length = np.linalg.norm(np.subtract(arrow.tip, arrow.tail))
+            assert length == pytest.approx(notes.each[arrow.case] * wanted[arrow.case])
+        assert len(drawings[0].scales) == 3
+
+    def test_every_kind_of_arrow_has_its_bar(self, arch, tmp_path) -> None:
+        for size in (None, (3.4, 3.0)):
+            figure = arch.plot("forces", figsize=size)
+            words = [text.get_text() for text in figure.axes[0].texts]
+            bars = [word for word in words if word.endswith(" kN")]
+            assert len(bars) == 3
+            assert_legible(figure)
+
 
 class TestMechanism:
     def test_lines_are_as_wide_as_joints_move(self, tuff: Solution, drawings) -> None:

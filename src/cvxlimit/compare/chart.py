@@ -57,7 +57,7 @@ def _point(row: Row) -> tuple[float, float]:
 def draw_time_against_error(
     axes: Axes, rows: Sequence[Row], title: str = "", styles: Mapping[str, int] | None = None
 ) -> None:
-    """One line per method family, the Pareto front shaded behind them, into ``axes``.
+    """One line per method family, the Pareto front of several shaded behind them, into ``axes``.
 
     ``styles`` numbers the lines' markers and colours, for several plots with one legend.
     """
@@ -81,10 +81,12 @@ def draw_time_against_error(
     colours = cycle(("#4aa3a8", "#c77dba", "#c9a227"))
     for colour, (truth, group) in zip(colours, groups.items(), strict=False):
         of_which = f", {truth}" if len(groups) > 1 else ""
-        axes.step(
-            *zip(*map(_point, _front(group)), strict=True), where="post", color=colour,
-            linewidth=6, alpha=0.35, label=f"Pareto front{of_which}", zorder=1,
-        )  # fmt: skip
+        front = list(_front(group))
+        if len({row.line for row in front}) > 1:  # of a single model it is that model's line
+            axes.step(
+                *zip(*map(_point, front), strict=True), where="post", color=colour,
+                linewidth=6, alpha=0.35, label=f"Pareto front{of_which}", zorder=1,
+            )  # fmt: skip
         if (floor := max(row.floor for row in group)) > LEAST:
             axes.axhline(
                 floor, color=colour if of_which else "#888888", linestyle=":", linewidth=1.0,

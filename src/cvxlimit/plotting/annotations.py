@@ -77,12 +77,14 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Arrows and marks of a scene, and ids of blocks to blame for a refusal."""
+    """Arrows and marks of a scene, and ids of blocks to blame for a refusal; of load cases whose
+    arrows are to scale the length of a unit of force (``each``)."""
 
     arrows: tuple[Arrow, ...] = ()
     marks: tuple[Mark, ...] = ()
     culprits: frozenset[str] = frozenset()
     refusal: str = ""
+    each: Mapping[str, float] = field(default_factory=dict)
 
 
 def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
@@ -95,6 +97,27 @@ def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
     blamed = refusal.blocks if isinstance(refusal, GeometryError) else ()
     marks = tuple(Mark(tuple(p), "here") for p in points.tolist())
     return Annotations(tuple(_arrows(scene)), marks, frozenset(blamed), str(refusal))
+
+
+def loads_to_scale(scene: Scene, live: float) -> Annotations:
+    """Loads at a load factor: the arrows of each case are as long as its forces, a tiny one a
+    dot. Each case has a scale of its own, since a push may be a hundredth of the weights."""
+    notes = annotated(scene)
+    each, arrows = dict[str, float](), list[Arrow]()
+    for case, load in (("dead", scene.dead), ("live", scene.live)):
+        times = live if case == "live" else 1.0
+        sizes = [times * float(np.linalg.norm(force)) for _, force, _ in _parts(scene, load)]
+        sizes = [size for size in sizes if size]
+        if not sizes:
+            continue
+        each[case] = LONGEST * free_size(scene) / max(map(abs, sizes))
+        own = (arrow for arrow in notes.arrows if arrow.case == case)
+        for arrow, size in zip(own, sizes, strict=True):
+            tail, tip = np.array(arrow.tail), np.array(arrow.tip)
+            along = each[case] * size * (tip - tail) / np.linalg.norm(tip - tail)
+            ends = (tail, tail + along) if arrow.total else (tip - along, tip)
+            arrows.append(replace(arrow, tail=tuple(ends[0].tolist()), tip=tuple(ends[1].tolist())))
+    return replace(notes, arrows=tuple(arrows), each=each)
 
 
 def refused(scene: Scene) -> InputError | None:

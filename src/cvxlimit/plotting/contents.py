@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from cvxlimit.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.look import PALE, block_colours, title
+from cvxlimit.plotting.look import CASE_COLOURS, PALE, block_colours, title
 from cvxlimit.plotting.movement import Motion, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -85,6 +87,21 @@ class Drawing:
     has_axes: bool = True
     glass: bool = False
     keys: Sequence[tuple[str, str]] = ()
+
+    @property
+    def scales(self) -> list[tuple[float, float, str]]:
+        """Of each kind of force that is drawn to scale: the length of a unit, that of the longest
+        arrow, and its colour."""
+        found = []
+        if self.lines is not None and self.lines.each is not None and len(self.lines.ends):
+            run = self.lines.ends[:, 1] - self.lines.ends[:, 0]
+            longest = float(np.linalg.norm(run, axis=1).max())
+            found.append((self.lines.each, longest, self.lines.colour))
+        for case, each in self.notes.each.items():
+            arrows = [arrow for arrow in self.notes.arrows if arrow.case == case]
+            longest = max(float(np.linalg.norm(np.subtract(a.tip, a.tail))) for a in arrows)
+            found.append((each, longest, CASE_COLOURS[case]))
+        return found
 
 
 def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:

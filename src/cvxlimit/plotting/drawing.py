@@ -41,6 +41,7 @@ from cvxlimit.plotting.sheet import (
     columns_of,
     fitted,
     lines_of,
+    measured,
 )
 from cvxlimit.scene import Scene
 
@@ -108,7 +109,7 @@ def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigur
     if parts.coordinates is not None:
         _draw_axes(axes, parts.coordinates, parts.fit.scale)
     parts.write(figure if sheet.ax is None else axes, axes, drawing)
-    parts.write_scale(axes, drawing, weight)
+    parts.write_scales(axes, drawing, weight)
     return figure, moved
 
 
@@ -307,8 +308,7 @@ class _Parts:
         )
         foot = PAPER.pad + PAPER.point * 1.5 * letters.key * rows
         bar_label, bar_room = _bar_room(drawing.bar, letters, inner, given and given[1])
-        if drawing.lines is not None and drawing.lines.each is not None:
-            top += PAPER.scale_room
+        top += PAPER.scale_room * bool(drawing.scales)
         side = bar_room if letters.is_wide else 0.0
         foot += 0.0 if letters.is_wide else bar_room
         tallest = given[1] if given else top + foot + PAPER.tallest
@@ -360,28 +360,27 @@ class _Parts:
             shown.set_label(self.bar_label, fontsize=self.letters.key)
             shown.ax.tick_params(labelsize=self.letters.tick, pad=2.0, length=2.5)
 
-    def write_scale(self, axes: Axes, drawing: Drawing, weight: float) -> None:
-        """A bar as long as a round force, above the scene on its right."""
-        lines = drawing.lines
-        if lines is None or lines.each is None or not len(lines.ends):
-            return
-        longest = float(np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1).max())
-        force = _round_below(longest / lines.each)
-        y = self.size[1] - PAPER.pad - PAPER.point * (
+    def write_scales(self, axes: Axes, drawing: Drawing, weight: float) -> None:
+        """Bars as long as round forces in a row above the scene, one for each kind of arrow that is
+        to scale."""
+        y = self.size[1] - 0.5 * PAPER.scale_room - PAPER.pad - PAPER.point * (
             1.3 * self.letters.heading * len(self.heading)
             + 1.35 * self.letters.caption * len(self.said)
         )  # fmt: skip
-        end = (
-            self.low
-            + np.array([self.size[0] - 3 * PAPER.pad, y - 0.5 * PAPER.scale_room]) / self.fit.scale
-        )
-        start = end - np.array([force * lines.each, 0.0])
-        _draw_arrow(axes, np.stack([start, end]), lines.colour, 2.0 * weight, 7.0, halo=False)
-        axes.annotate(
-            f"{force:g} {look.printable(drawing.scene.units.force)}", tuple(start), (-4.0, 0.0),
-            textcoords="offset points", ha="right", va="center", fontsize=self.letters.key,
-            color=lines.colour, annotation_clip=False, parse_math=False,
-        )  # fmt: skip
+        right = self.size[0] - 3.0 * PAPER.pad
+        for each, longest, colour in reversed(drawing.scales):
+            force = _round_below(longest / each)
+            text = f"{force:g} {look.printable(drawing.scene.units.force)}"
+            end = self.low + np.array([right, y]) / self.fit.scale
+            start = end - np.array([force * each, 0.0])
+            _draw_arrow(axes, np.stack([start, end]), colour, 2.0 * weight, 7.0, halo=False)
+            axes.annotate(
+                text, tuple(start), (-4.0, 0.0), textcoords="offset points", ha="right",
+                va="center", fontsize=self.letters.key, color=colour, annotation_clip=False,
+                parse_math=False,
+            )  # fmt: skip
+            taken = force * each * self.fit.scale + measured(text, self.letters.key)
+            right -= taken + 3.0 * PAPER.pad
 
 
 def _round_below(value: float) -> float:

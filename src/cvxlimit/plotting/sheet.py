@@ -22,13 +22,14 @@ from cvxlimit.errors import InputError
 class Paper:
     """Measures of figures.
 
-    In inches: a ``point``; ``widest`` and ``tallest``, what the scene may take where nobody says
-    how large a figure is, and ``narrowest``, the least width of such a figure, for title and
-    legend; ``pad`` between parts and at the edge; ``scale_room`` above the scene for a bar that
-    states the scale of forces; ``fine``, the scene from which on lines are as wide as they say (in
-    smaller pictures finer); ``wide``, from which on a colour bar stands at the side, not below;
-    ``tick`` marks. ``least`` points have the smallest letters, unless ``font.size`` is smaller;
-    ``key_room`` is a legend's handle with the spaces beside it, in sizes of letters.
+    In inches: a ``point``; ``widest`` and ``tallest``, what the scene may take where nobody
+    says how large a figure is, and ``narrowest``, the least width of such a figure, for title
+    and legend; ``pad`` between parts and at the edge; ``scale_room`` above the scene for each
+    bar that states a scale of forces; ``fine``, the scene from which on lines are as wide as
+    they say (in smaller pictures finer); ``wide``, from which on a colour bar stands at the
+    side, not below; ``tick`` marks. ``least`` points have the smallest letters, unless
+    ``font.size`` is smaller; ``key_room`` is a legend's handle with the spaces beside it, in
+    sizes of letters.
     """
 
     point: float = 1.0 / 72.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import pressure_centres
-from cvxlimit.plotting.annotations import annotated
+from cvxlimit.plotting.annotations import annotated, loads_to_scale
 from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
@@ -42,8 +42,9 @@ _N = _Numbers()
 def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """Resultants: the force that each joint exerts on the block above it, at its pressure centre.
 
-    Arrows are as long, wide and dark as the force; below 2 % of the largest there is none. A bar
-    states their scale; arrows of the loads have a scale of their own. Parameters and errors as for
+    Arrows are as long, wide and dark as the force; below 2 % of the largest there is none. Loads
+    are those at collapse. Dead load, live load and forces in joints each have a bar in their
+    colour that states their scale. Parameters and errors as for
     :func:`mechanism`; besides, a solution must have forces. Planar structures are seen straight
     from the front unless ``viewer`` says otherwise.
     """
@@ -62,11 +63,14 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     each = _N.longest * free_size(scene) / largest
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
-    return _with_forces(
-        solution, viewer, f"forces in the joints above {100 * FAINTEST:g} % of the largest, "
-        f"{largest:.3g} {scene.units.force}", ends, size[shown] / largest,
+    drawing = _with_forces(
+        solution, viewer, f"loads and forces in the joints at collapse; forces above "
+        f"{100 * FAINTEST:g} % of the largest, {largest:.3g} {scene.units.force}",
+        ends, size[shown] / largest,
         Lines(ends, 0.6 + 1.4 * size[shown] / largest, FORCE_COLOUR, label, heads=True, each=each),
     )  # fmt: skip
+    factor = 1.0 if solution.load_factor is None else solution.load_factor
+    return replace(drawing, notes=loads_to_scale(scene, factor))
 
 
 @picture
