@@ -46,7 +46,7 @@ def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]
         shell = part.to_mesh64()
         corners = np.asarray(shell.vert_properties)[:, :3] + one.origin
         triangles = np.asarray(shell.tri_verts, dtype=np.int64)
-        deep = max(_distances(at, x.triangles).min() for at in corners for x in (one, other))
+        deep = max(_farthest(corners, x.triangles) for x in (one, other))
         deep = max(deep, float(part.volume()) / _widest_view(corners[triangles]))
         if deep > depth:
             _, where = mesh.volume_and_centroid(corners, triangles.tolist())
@@ -65,6 +65,23 @@ def _widest_view(triangles: FloatArray) -> float:
     real = area > _REAL * area.max()
     directions = np.unique((vectors[real] / area[real, None]).round(3), axis=0)
     return float(0.5 * np.abs(directions @ vectors.T).sum(axis=1).max())
+
+
+def _farthest(points: FloatArray, triangles: FloatArray) -> float:
+    """The largest distance of points (k, 3) from a surface. Triangles farther off are looked at
+    only if none is nearer: many facets of two curved sides cut each other in as many small parts,
+    long and thin."""
+    extent = np.ptp(points, axis=0)
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    farthest = np.inf
+    for reach in (float(extent.min()), float(np.linalg.norm(extent)), np.inf):
+        near = (low <= points.max(axis=0) + reach) & (high >= points.min(axis=0) - reach)
+        some = triangles[near.all(axis=1)]
+        if len(some):
+            farthest = max(float(_distances(at, some).min()) for at in points)
+        if farthest <= reach:
+            break
+    return farthest
 
 
 def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
