@@ -248,6 +248,9 @@ class Solution:
         and mechanism, and where friction does not dilate (``flow``).
     iteration : Iteration or None
         Where the paper would have stopped and the band of the last iterates, of the fixed point.
+    internal : (p,) array or None
+        Internal forces behind the lower bound, where strength is stated in these: the pressures on
+        cells of contacts that crush, for example.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -255,6 +258,9 @@ class Solution:
         Quantity of ``load_factor`` and the bracket: the load factor, or a support's reaction.
     contact_names : tuple of str
         In the order of ``forces``; empty for a file of a version below 0.2.
+    scene_digest : str
+        For a solution read from a file, the digest of its scene
+        (:func:`~cvxlimit.io.scene_digest`); empty for one that has its scene, and for older files.
     units : Units or None
         Units of all numbers; None for a file of a version below 0.2.
     solved_scene : Scene or None
@@ -286,11 +292,13 @@ class Solution:
     members: tuple[Member, ...] = field(default=(), repr=False)
     dilatancy: Dilatancy | None = None
     iteration: Iteration | None = None
+    internal: FloatArray | None = field(default=None, repr=False)
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
     surfaces: tuple[YieldSurface, ...] = field(default=(), repr=False)
     contact_names: tuple[str, ...] = field(default=(), repr=False)
+    scene_digest: str = field(default="", repr=False)
     units: Units | None = None
 
     def __post_init__(self) -> None:

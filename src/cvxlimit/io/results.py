@@ -29,7 +29,7 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
-from cvxlimit.io.scenes import UNITS
+from cvxlimit.io.scenes import UNITS, scene_digest
 from cvxlimit.joints import Dilatancy
 from cvxlimit.solution import Iterate, Iteration, Member, Solution, Status
 
@@ -140,6 +140,30 @@ def _rows(forces: list[tuple[float, ...]]) -> FloatArray:
     return np.array(forces, dtype=float).reshape(-1, len(COMPONENTS))
 
 
+NUMBERS = listed(
+    plain(lambda x, where: number(x, where, ANY_FINITE), {"type": "number"}),
+    "internal force {i}",
+    lambda forces: np.array(forces, dtype=float),
+)
+INTERNAL = Form(
+    lambda value, *place: {"internal": NUMBERS.read(value, *place)},
+    lambda solution, *place: (
+        None if solution.internal is None else NUMBERS.write(solution.internal, *place)
+    ),
+    NUMBERS.schema,
+)
+
+SCENE_DIGEST = Form(
+    lambda value, *place: {"scene_digest": TEXT.read(value, *place)},
+    lambda solution, *_: (
+        solution.scene_digest or None
+        if solution.solved_scene is None
+        else scene_digest(solution.solved_scene)
+    ),
+    {"type": "string"},
+)
+"""Of which scene the result is, so that it is not taken for one of another."""
+
 FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
 MECHANISM = keyed(row(_RATES, ANY_FINITE), "mechanism of block {key}")
 
@@ -186,9 +210,11 @@ RESULT: Document[Solution] = Document(
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
+            "internal": Key(INTERNAL, "{key}", is_needed=False, is_several=True),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
             "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),
             "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),
+            "scene_digest": Key(SCENE_DIGEST, "{key}", is_needed=False, is_several=True),
             "units": Key(UNITS, "{key}"),
         },
         _solution,

@@ -227,6 +227,20 @@ class Inquiry:
         state = run.solve(self.problem.run, settings)
         if state.forces is not None and state.mechanism is None:
             self.without_duals.append(settings.name)
+        found = self.bracketed(state)
+        # only now: a tighter bound with an assumption would hide the proved one
+        internal = state.internal if self.certifier.strength.is_internal else None
+        factor, forces = state.load_factor, state.forces
+        best = run.best.raised(found.lower, found.lower_is_proved, factor, forces, internal)
+        run.best = best.lowered(found.upper, found.upper_is_proved, state.mechanism)
+        figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
+        values = map(known, attrgetter(*figures)(found))
+        run.note(state, settings, **dict(zip(figures, values, strict=True)))
+        return state
+
+    def bracketed(self, state: LimitState) -> Certificate:
+        """The bracket of an answer, and of states to refer to that are sought where it needs
+        them."""
         found = self._certificate(state)
         if self._loses_below(found) and self._is_new("dead load"):
             self._dead_load_alone()
@@ -234,13 +248,7 @@ class Inquiry:
         if np.isfinite(found.upper) and not found.upper_is_proved and self._is_new("opening"):
             self._solve_opening()
             found = self._certificate(state)
-        # only now: a tighter bound with an assumption would hide the proved one
-        best = run.best.raised(found.lower, found.lower_is_proved, state.load_factor, state.forces)
-        run.best = best.lowered(found.upper, found.upper_is_proved, state.mechanism)
-        figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
-        values = map(known, attrgetter(*figures)(found))
-        run.note(state, settings, **dict(zip(figures, values, strict=True)))
-        return state
+        return found
 
     def _is_new(self, question: str) -> bool:
         is_new = question not in self.asked

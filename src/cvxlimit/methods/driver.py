@@ -100,6 +100,8 @@ class Answer:
         All solutions, where the answer is a set.
     iteration : Iteration or None
         How far an iteration without bounds has been.
+    internal : (p,) array or None
+        The internal forces behind the lower bound, where strength is stated in these.
     """
 
     load_factor: float | None = None
@@ -108,15 +110,22 @@ class Answer:
     mechanism: FloatArray | None = None
     members: tuple[Member, ...] = ()
     iteration: Iteration | None = None
+    internal: FloatArray | None = None
 
     def raised(
-        self, lower: float, is_proved: bool, load_factor: float | None, forces: FloatArray | None
+        self,
+        lower: float,
+        is_proved: bool,
+        load_factor: float | None,
+        forces: FloatArray | None,
+        internal: FloatArray | None = None,
     ) -> Answer:
         """With a better lower bound, and the forces that have it."""
         bracket = self.bracket.raised(lower, is_proved)
         if bracket is self.bracket:
             return self
-        return replace(self, bracket=bracket, load_factor=load_factor, forces=forces)
+        given = {"load_factor": load_factor, "forces": forces, "internal": internal}
+        return replace(self, bracket=bracket, **given)  # type: ignore[arg-type]
 
     def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
         """With a better upper bound, and the mechanism that has it."""
@@ -395,7 +404,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
     scene, best = run.scene, run.best
     if not status.has_answer:
-        best = replace(best, load_factor=None, bracket=Bracket())
+        best = replace(best, load_factor=None, bracket=Bracket(), internal=None)
     if run.mortar is not None:
         members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
         forces = None if best.forces is None else run.mortar.original(best.forces)
@@ -431,6 +440,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         members=best.members,
         dilatancy=dilatancy,
         iteration=best.iteration,
+        internal=best.internal,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,

@@ -1,0 +1,367 @@
+"""A solution proved again, from the forces and the mechanism that it holds and nothing else.
+
+Every number of a solution that anybody may rest on is computed anew for the scene: the load factor
+from what the forces carry, the lower bound from the forces, the upper bound from the mechanism. A
+number that comes out otherwise is not proved, whoever changed it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.bracket import Bracket, rounded_down, rounded_up
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.admissible import INSIDE, carried_exactly
+from cvxlimit.methods.convex import TOLERANCE, Inquiry
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.readings.named import parse_moments, reading_of
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
+from cvxlimit.methods.interaction.restriction.lower_bound import (
+    LowerBounds,
+    TrueStrength,
+    central_states,
+)
+from cvxlimit.methods.zero_dilatancy import Verifier
+from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.slater import Strength
+from cvxlimit.scene import Scene
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solvers import LimitState, Outcome
+from cvxlimit.surfaces import YieldSurface
+from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
+
+SLACK = 1e-7
+"""How far a number that is computed anew may be from the one that is held, relative: a hundredth of
+the bracket's width that counts as certified. The same processor gives the same digits; others round
+otherwise, and then a solver that finds a state to refer to stops elsewhere."""
+
+RESIDUAL = 1e-6
+"""Residual of equilibrium over the total load, beyond which forces are not those of a solver: they
+leave 1e-10 as a rule; this is a tenth of the width that counts as certified."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One claim, and whether it holds; ``found`` says from what, or why not."""
+
+    claim: str
+    is_met: bool
+    found: str = ""
+
+    def __str__(self) -> str:
+        found = f" ({self.found})" if self.found else ""
+        return f"{self.claim}: {'proved' if self.is_met else 'NOT proved'}{found}"
+
+
+def solution_checks(
+    solution: Solution,
+    scene: Scene,
+    surface: Any = None,
+    moments: str | Moments | None = None,
+    formulation: Formulation = corner_compressions,
+) -> list[Check]:
+    """Every claim of a solution about a scene, checked.
+
+    ``surface`` and ``moments`` are needed where the solution names some of one's own.
+
+    Raises
+    ------
+    InputError
+        If the solution does not belong to the scene, or surfaces or moments are not known.
+    """
+    held = solution.of(scene)
+    names = scene.contacts.names
+    if solution.contact_names and tuple(solution.contact_names) != tuple(names):
+        wrong = next(a for a, b in zip(solution.contact_names, names, strict=True) if a != b)
+        raise InputError(
+            f"the solution names contact {wrong!r}, but contacts of scene {scene.name!r} are "
+            "others: it does not belong to this scene as it is detected here"
+        )
+    if solution.quantity != LOAD_FACTOR:
+        return [Check(solution.quantity, False, "only load factors can be proved again")]
+    again = _Again(held, _surfaces(solution, surface), moments, formulation)
+    return list(again.checks())
+
+
+def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
+    if given is not None:
+        return surfaces_of(given)[0]
+    found = surfaces_named(solution.surface, solution.torsion_shear)
+    if solution.torsion_shear == "exact":
+        found = surfaces_of(solution.surface)[0]
+    found = found or solution.surfaces
+    if not found:
+        raise InputError(
+            f"the solution of {solution.scene!r} rests on surfaces of one's own "
+            f"({solution.surface}), which no file holds: give them as surface=[...]"
+        )
+    return found
+
+
+class _Again:
+    """A solution, and the run that it would be of, without any solve for its answer."""
+
+    def __init__(
+        self,
+        solution: Solution,
+        surfaces: Sequence[YieldSurface],
+        moments: str | Moments | None,
+        formulation: Formulation,
+    ) -> None:
+        self.solution, self.moments = solution, moments
+        self.run = Run(solution.drawn_scene, surfaces, formulation=formulation)
+        rates = solution.mechanism
+        ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
+        self.mechanism = None if rates is None else np.array([rates[key] for key in ids])
+        self.forces = solution.forces
+        if self.forces is not None and self.run.mortar is not None:
+            self.forces = np.array(self.forces)
+            self.forces[:, COLUMN["N"]] += self.run.mortar.pull
+
+    def checks(self) -> Iterator[Check]:
+        """All claims, by what kind of answer it is."""
+        solution = self.solution
+        if solution.flow != "associated":
+            yield from self._members()
+        elif solution.torsion_shear == "exact":
+            yield Check("bracket", False, "the file holds what contacts transfer, and not friction "
+                        "at their points, on which the bounds of method 'exact' rest")  # fmt: skip
+        elif solution.interaction == "certified":
+            yield from self._with_interaction()
+        elif solution.interaction == "none":
+            yield from self._plain()
+        else:
+            name = solution.interaction
+            yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
+
+    # Without interaction
+
+    def _plain(self) -> Iterator[Check]:
+        if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
+            yield self._falls()
+        elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
+            yield self._harmless()
+        else:
+            yield from self._held()
+            found = [self._bracket(TOLERANCE)]
+            if not all(check.is_met for check in self._ends(found)):
+                found.append(self._bracket(1.0))  # as with a tolerance that asks for less
+            yield from self._ends(found)
+
+    def _bracket(self, tolerance: float) -> Bracket:
+        inquiry = Inquiry(self.run.aside(), self.run.model, tolerance)
+        inquiry.dead_load_falls()  # which leaves forces that carry it
+        state = LimitState(
+            Outcome("given", 0.0, 0.0),
+            self.solution.load_factor,
+            self.forces,
+            self.mechanism,
+            self._internal(inquiry.certifier.strength),
+        )
+        return inquiry.bracketed(state)
+
+    def _internal(self, strength: Strength) -> FloatArray | None:
+        """The internal forces held, if they add up to what contacts transfer."""
+        internal = self.solution.internal
+        if not strength.is_internal or internal is None or self.forces is None:
+            return None
+        if len(internal) != strength.model.meaning.shape[1]:
+            return None
+        off = np.abs(strength.forces(internal) - self.forces).max()
+        return internal if off <= SLACK * np.abs(self.forces).max() else None
+
+    def _falls(self) -> Check:
+        """Rates on which the dead load does more work than contacts can take up."""
+        claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
+        inquiry = Inquiry(self.run.aside(), self.run.model)
+        loaded = inquiry.reductions.assemblage.alone(dead)
+        certifier = Certifier(loaded, inquiry.surfaces, self.run.formulation)
+        # a share of the dead load below what is all of it, or below half where it is all or nothing
+        enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
+        upper = certifier.certificate(None, None, self.mechanism).upper
+        if self.mechanism is None:
+            return Check(claim, False, "there is no mechanism that shows it")
+        return Check(claim, upper < enough, "by the mechanism")
+
+    def _harmless(self) -> Check:
+        claim = "the live load does no harm"
+        if self.forces is None:
+            return Check(claim, False, "there are no forces that show it")
+        inquiry = Inquiry(self.run.aside(), self.run.model)
+        surfaces, formulation = inquiry.certifier.strength.recession()
+        live = self.run.assemblage.statics.live
+        loaded = inquiry.reductions.assemblage.under(live, live)
+        strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
+        if strength_of(loaded).is_internal:
+            return Check(claim, False, "the file holds what contacts transfer, and not the "
+                         "pressures on them that show it")  # fmt: skip
+        is_carried = carried_exactly(loaded, strength_of, self.forces) is not None
+        return Check(claim, is_carried, "forces carry it alone" if is_carried else
+                     "the forces do not carry it alone")  # fmt: skip
+
+    # With interaction
+
+    def _with_interaction(self) -> Iterator[Check]:
+        solution, run = self.solution, self.run
+        reading = reading_of(solution.moments) if self.moments is None else None
+        if reading is None and self.moments is None:
+            raise InputError(
+                f"the solution of {solution.scene!r} rests on moments of one's own "
+                f"({solution.moments!r}), which no file holds: give them as moments=..."
+            )
+        run.moments = reading or parse_moments(self.moments or "")
+        if solution.status is Status.LIVE_LOAD_HARMLESS:
+            yield self._harmless_inside()
+        elif solution.status is Status.DEAD_LOAD_UNSTABLE:
+            yield self._cannot_stand()
+        else:
+            yield from self._held()
+            yield from self._ends([self._bracket_with_interaction()])
+
+    def _bracket_with_interaction(self) -> Bracket:
+        run, solution = self.run.aside(), self.solution
+        if self.mechanism is not None:
+            UpperBound(run).offer(self.mechanism)
+        if self.forces is not None and solution.load_factor is not None:
+            bound = LowerBounds(run.assemblage, run.moments).checked(
+                self.forces, solution.load_factor
+            )
+            run.best = bound.raising(run.best)
+        return run.best.bracket
+
+    def _cannot_stand(self) -> Check:
+        run, dead = self.run, self.run.assemblage.statics.dead
+        check = self._falls()
+        if check.is_met and run.moments.has_eq_24:  # what falls without interaction falls with it
+            return check
+        alone = run.aside(run.assemblage.alone(dead))
+        if self.mechanism is not None:
+            UpperBound(alone).offer(self.mechanism)
+        if alone.best.bracket.upper < 0.5:
+            return Check(check.claim, True, "by the mechanism")
+        return Check(check.claim, False, self._why_above("no proof"))
+
+    def _harmless_inside(self) -> Check:
+        claim, run = "the live load does no harm", self.run
+        live = run.assemblage.statics.live
+        loaded = run.assemblage.under(live, live)
+        strength = partial(TrueStrength, moments=run.moments)
+        found = None
+        if self.forces is not None:
+            found = carried_exactly(loaded, strength, self.forces, INSIDE, central_states)
+        return Check(claim, found is not None, "forces strictly inside Eq. 30 carry it alone"
+                     if found is not None else "the forces do not carry it alone")  # fmt: skip
+
+    # Without dilatancy
+
+    def _members(self) -> Iterator[Check]:
+        solution = self.solution
+        if not solution.members:
+            yield Check("load factor", False, f"flow {solution.flow!r} gives no bounds, and there "
+                        "is no solution whose conditions could be checked")  # fmt: skip
+            return
+        first, *others = solution.members
+        claim = f"a solution without dilatancy at {rounded_down(first.load_factor)}"
+        factor = solution.load_factor
+        if self.forces is None or factor is None or abs(factor - first.load_factor) > self._near:
+            yield Check(claim, False, "it is not that of the forces")
+        else:
+            state = LimitState(
+                Outcome("given", 0.0, 0.0), factor, self.forces, self.mechanism,
+                self.solution.internal,
+            )  # fmt: skip
+            verifier = Verifier(self.run)
+            try:
+                found = verifier.member(state, first.start, first.iterations)
+            except ModelError:  # internal forces that belong to nothing
+                found = None
+            worst = np.inf if found is None else found.residual
+            is_met = worst <= first.residual + SLACK
+            said = f"largest residual {worst:.1e}"
+            yield Check(claim, is_met, said if is_met else f"{said}, {first.residual:.1e} claimed")
+            yield from self._held()
+        if others:
+            yield Check(f"{len(others)} further solutions without dilatancy", False, "the file "
+                        "holds the forces of the lowest only")  # fmt: skip
+
+    # What all have
+
+    @property
+    def _near(self) -> float:
+        """What counts as the same load factor."""
+        factor = self.solution.load_factor
+        scale = self.run.scaling.unit(factor or 0.0)
+        return SLACK * max(scale, abs(factor or 0.0))
+
+    def _held(self) -> Iterator[Check]:
+        """That forces carry what they are said to, and that the mechanism is of live power 1."""
+        solution, statics = self.solution, self.run.assemblage.statics
+        factor, forces = solution.load_factor, self.forces
+        if factor is not None:
+            claim = f"load factor {factor:.9g}"
+            if forces is None or not np.isfinite(forces).all():
+                yield Check(claim, False, "there are no forces that carry it")
+            else:
+                live, length = statics.live, self.run.scaling.length
+                rest = statics.residual(forces, 0.0).ravel()
+                carried = -float(rest @ live) / float(live @ live)
+                left = np.abs(statics.residual(forces, factor))
+                left[:, 3:] /= length
+                total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
+                is_met = bool(left.max() <= RESIDUAL * total)
+                said = "" if is_met else f"residual {left.max() / total:.1e} of the total load"
+                if abs(carried - factor) > max(self._near, 10.0 * RESIDUAL * abs(factor)):
+                    is_met, said = False, f"the forces carry {carried:.9g}"
+                yield Check(claim, is_met, said or "the forces carry it")
+                inside = solution.bracket
+                if inside.clipped(factor) != factor:
+                    yield Check(claim, False, f"it is outside of its bracket {inside}")
+        if self.mechanism is not None and solution.status.has_answer:
+            power = float(statics.live @ self.mechanism.ravel())
+            if abs(power - 1.0) > 10.0 * RESIDUAL:
+                yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
+
+    def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
+        """Both bounds beside those found; any of these may be the one that was found first."""
+        held = self.solution.bracket
+        for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
+            value = float(getattr(held, end))
+            proved = bool(getattr(held, f"{end}_is_proved"))
+            if not np.isfinite(value):
+                if self.solution.status.is_good:
+                    yield Check(f"{end} bound", False, f"{self.solution.status} without it")
+                continue
+            ends = [(float(getattr(f, end)), bool(getattr(f, f"{end}_is_proved"))) for f in found]
+            claim = f"{end} bound {rounding(value, 9)}"
+            slack = SLACK * max(abs(value), self.run.scaling.unit(value))
+            near = [(at, holds) for at, holds in ends if abs(at - value) <= slack]
+            if any(holds or not proved for _, holds in near):
+                by = "the forces" if end == "lower" else "the mechanism"
+                under = "" if proved else ", under the assumption of the note"
+                yield Check(claim, True, f"by {by}{under}")
+            elif near:
+                yield Check(claim, False, "only with an assumption on sizes, and none is stated")
+            else:
+                yield Check(claim, False, self._why(end, ends[0][0], rounding(ends[0][0], 9)))
+
+    def _why(self, end: str, at: float, said: str) -> str:
+        if end == "upper":
+            shows = f"the mechanism shows {said}" if np.isfinite(at) else "no mechanism shows it"
+            return self._why_above(shows)
+        if not np.isfinite(at):
+            return "the forces are not admissible" if self.forces is not None else "no forces"
+        return f"the forces show {said}"
+
+    def _why_above(self, shows: str) -> str:
+        if "branch and bound" in self.solution.note:
+            return f"{shows}; it rests on branch and bound, whose tree no file holds"
+        return shows
