@@ -45,6 +45,7 @@ from cvxlimit.solution import Iterate as Iterate
 from cvxlimit.solution import Member as Member
 from cvxlimit.solution import Solution as Solution
 from cvxlimit.solution import Status as Status
+from cvxlimit.studies.proving import prove as prove
 from cvxlimit.studies.sweeping import sweep as sweep
 from cvxlimit.ties import Tie as Tie
 from cvxlimit.versions import __version__ as __version__

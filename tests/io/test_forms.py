@@ -188,7 +188,8 @@ SOLUTION = {
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
     "members": (MEMBER,), "iteration": Iteration(None, None, 0.1, 0.3, 20),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
-    "contact_names": ("a-b",), "units": Units("cm", "N"),
+    "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
+    "scene_digest": "ab12",
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}
 """Of a solution: they live in memory and pickles only; files have their names."""

@@ -28,6 +28,7 @@ from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
+from cvxlimit.cli.proving import prove_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
 from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
 from cvxlimit.cli.sweeping import sweep_command
@@ -89,6 +90,10 @@ for _name, _command, _epilog in (
     ("compare", compare_command, None),
     ("export-problem", export_command, None),
     ("domain", domain_command, None),
+    (
+        "prove", prove_command,
+        "Exit code: 0 all that is claimed is proved; 2 bad input; 4 something is not proved.",
+    ),
 ):  # fmt: skip
     app.command(_name, epilog=_epilog)(_command)
 

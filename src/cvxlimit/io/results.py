@@ -118,10 +118,10 @@ ITERATION = record(
 """Solves until the paper's criterion, the load factor then, and the band of the last iterates."""
 
 
-_RATES = ("ux", "uy", "uz", "rx", "ry", "rz")
+RATES_NAMED = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
-_NAMED = {"forces": list(COMPONENTS), "mechanism": list(_RATES)}
+_NAMED = {"forces": list(COMPONENTS), "mechanism": list(RATES_NAMED)}
 
 
 def _components(value: object, where: str, _: str) -> JsonObject:
@@ -165,7 +165,7 @@ SCENE_DIGEST = Form(
 """Of which scene the result is, so that it is not taken for one of another."""
 
 FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
-MECHANISM = keyed(row(_RATES, ANY_FINITE), "mechanism of block {key}")
+MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE), "mechanism of block {key}")
 
 
 def _solution(lower: float, upper: float, **given: Any) -> Solution:

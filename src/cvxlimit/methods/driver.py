@@ -404,7 +404,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
     scene, best = run.scene, run.best
     if not status.has_answer:
-        best = replace(best, load_factor=None, bracket=Bracket(), internal=None)
+        best = replace(best, load_factor=None, bracket=Bracket())
     if run.mortar is not None:
         members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
         forces = None if best.forces is None else run.mortar.original(best.forces)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -152,17 +152,22 @@ class _Again:
             yield self._harmless()
         else:
             yield from self._held()
-            found = [self._bracket(TOLERANCE)]
-            if not all(check.is_met for check in self._ends(found)):
-                found.append(self._bracket(1.0))  # as with a tolerance that asks for less
+            found = list[Bracket]()
+            # A bound depends a little on the states that it refers to, and these on how narrow a
+            # bracket was wanted; and load factors are held as their brackets clip them.
+            for factor in dict.fromkeys((self.solution.load_factor, self._carried)):
+                for tolerance in (TOLERANCE, 1.0, SLACK):
+                    found.append(self._bracket(factor, tolerance))
+                    if all(check.is_met for check in self._ends(found)):
+                        break
             yield from self._ends(found)
 
-    def _bracket(self, tolerance: float) -> Bracket:
+    def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
         inquiry = Inquiry(self.run.aside(), self.run.model, tolerance)
         inquiry.dead_load_falls()  # which leaves forces that carry it
         state = LimitState(
             Outcome("given", 0.0, 0.0),
-            self.solution.load_factor,
+            factor,
             self.forces,
             self.mechanism,
             self._internal(inquiry.certifier.strength),
@@ -204,9 +209,18 @@ class _Again:
         if strength_of(loaded).is_internal:
             return Check(claim, False, "the file holds what contacts transfer, and not the "
                          "pressures on them that show it")  # fmt: skip
-        is_carried = carried_exactly(loaded, strength_of, self.forces) is not None
+        is_carried = self._carries_live(self.forces)
+        is_carried &= carried_exactly(loaded, strength_of, self.forces) is not None
         return Check(claim, is_carried, "forces carry it alone" if is_carried else
                      "the forces do not carry it alone")  # fmt: skip
+
+    def _carries_live(self, forces: FloatArray) -> bool:
+        """True if forces as they stand are in equilibrium with the live load alone."""
+        statics, scaling = self.run.assemblage.statics, self.run.scaling
+        alone = statics.under(statics.live, statics.live)
+        left = np.abs(alone.residual(forces, 0.0))
+        left[:, 3:] /= scaling.length
+        return bool(left.max() <= RESIDUAL * scaling.force / scaling.ratio)
 
     # With interaction
 
@@ -256,7 +270,7 @@ class _Again:
         loaded = run.assemblage.under(live, live)
         strength = partial(TrueStrength, moments=run.moments)
         found = None
-        if self.forces is not None:
+        if self.forces is not None and self._carries_live(self.forces):
             found = carried_exactly(loaded, strength, self.forces, INSIDE, central_states)
         return Check(claim, found is not None, "forces strictly inside Eq. 30 carry it alone"
                      if found is not None else "the forces do not carry it alone")  # fmt: skip
@@ -302,6 +316,15 @@ class _Again:
         scale = self.run.scaling.unit(factor or 0.0)
         return SLACK * max(scale, abs(factor or 0.0))
 
+    @cached_property
+    def _carried(self) -> float | None:
+        """The load factor that the forces carry, as nearly as they carry any."""
+        if self.forces is None or not np.isfinite(self.forces).all():
+            return None
+        statics = self.run.assemblage.statics
+        rest = statics.residual(self.forces, 0.0).ravel()
+        return -float(rest @ statics.live) / float(statics.live @ statics.live)
+
     def _held(self) -> Iterator[Check]:
         """That forces carry what they are said to, and that the mechanism is of live power 1."""
         solution, statics = self.solution, self.run.assemblage.statics
@@ -311,9 +334,7 @@ class _Again:
             if forces is None or not np.isfinite(forces).all():
                 yield Check(claim, False, "there are no forces that carry it")
             else:
-                live, length = statics.live, self.run.scaling.length
-                rest = statics.residual(forces, 0.0).ravel()
-                carried = -float(rest @ live) / float(live @ live)
+                carried, length = self._carried or 0.0, self.run.scaling.length
                 left = np.abs(statics.residual(forces, factor))
                 left[:, 3:] /= length
                 total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)

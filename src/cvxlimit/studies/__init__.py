@@ -11,11 +11,12 @@ from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.exploring import explore
 from cvxlimit.studies.domains.search import load_domain
 from cvxlimit.studies.domains.supports import Support
+from cvxlimit.studies.proving import Proof, prove
 from cvxlimit.studies.store import read_sweep
 from cvxlimit.studies.sweeping import sweep
 from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
-    "DomainComparison", "LoadDomain", "Support", "compare_domains", "draws", "explore",
-    "load_domain", "read_domain", "read_sweep", "sweep", "varied", "write_domain",
+    "DomainComparison", "LoadDomain", "Proof", "Support", "compare_domains", "draws", "explore",
+    "load_domain", "prove", "read_domain", "read_sweep", "sweep", "varied", "write_domain",
 ]  # fmt: skip

@@ -175,7 +175,9 @@ def read_part(part: Path) -> DataFrame:
     """One file of a folder, which has to be whole."""
     pandas = needed("pandas", "frames", "sweeps")
     needed("pyarrow", "frames", "Parquet files")
-    cure = "delete it, and the same call solves its rows again"
+    is_proof = part.name.startswith("_")
+    both = f" and {part.name.replace('_proof', 'part')}" if is_proof else ""
+    cure = f"delete it{both}, and the same call solves its rows again"
     try:
         found: DataFrame = pandas.read_parquet(part, engine="pyarrow")
     except FileNotFoundError:
@@ -183,9 +185,20 @@ def read_part(part: Path) -> DataFrame:
     except Exception as error:  # pyarrow has many kinds
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{part}: this part of a sweep is damaged ({reason}): {cure}") from error
-    wanted = IDENTITY if part.name.startswith("_") else KEY
-    if wanted not in found.columns:
-        raise InputError(f"{part}: this part of a sweep lacks the column {wanted!r}: {cure}")
+    for wanted in (IDENTITY, PROOF) if is_proof else (KEY,):
+        if wanted not in found.columns:
+            raise InputError(f"{part}: this part of a sweep lacks the column {wanted!r}: {cure}")
+    return found
+
+
+def proofs_of(folder: Path) -> dict[str, str]:
+    """Texts of result files by the identity of their rows."""
+    found = dict[str, str]()
+    for part in sorted(folder.glob("part-*.parquet")):
+        proof = folder / f"_proof-{part.name.removeprefix('part-')}"
+        if proof.exists():
+            rows = read_part(proof)
+            found |= dict(zip(rows[IDENTITY], rows[PROOF], strict=True))
     return found
 
 

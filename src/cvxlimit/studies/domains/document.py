@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.checks import first_twice
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import Path, items, shown, text
+from cvxlimit.io.fields import ANY_FINITE, Path, items, shown, text
 from cvxlimit.io.forms import (
     HEADER,
     TEXT,
@@ -22,9 +22,11 @@ from cvxlimit.io.forms import (
     nullable,
     plain,
     record,
+    row,
 )
-from cvxlimit.io.results import FIGURE, RESULT
+from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT
 from cvxlimit.io.scenes import LOAD
+from cvxlimit.model.statics import DOF
 from cvxlimit.solution import Status
 from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.supports import Support
@@ -45,12 +47,20 @@ _FORMS: dict[str, Form] = {
     "point": nullable(VECTOR), "ray": nullable(VECTOR), "loaded": nullable(VECTOR),
     "offset": FIGURE, "solution": nullable(SOLUTION), "direction": VECTOR, "normal": VECTOR,
 }  # fmt: skip
+_ROWS = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}")
+RATES = Form(
+    lambda value, *place: {"rates": np.array(_ROWS.read(value, *place)).reshape(-1, DOF)},
+    lambda support, *place: None if support.rates is None else _ROWS.write(support.rates, *place),
+    _ROWS.schema,
+)
 SUPPORT = record(
     Support,
     {
         name: Key(_FORMS.get(name, FLAG), is_needed=True)
         for name in map(str, Support.__dataclass_fields__)
-    },
+        if name != "rates"
+    }
+    | {"rates": Key(RATES, is_needed=False, is_several=True)},
 )
 
 

@@ -75,6 +75,9 @@ class Support:
         Load factors that make the live load of ``solution``.
     solution : Solution or None
         With the forces and the mechanism.
+    rates : (free blocks, 6) or None
+        The mechanism behind the half-space where ``solution`` has none, as of loads that any
+        multiple is carried of.
     """
 
     direction: FloatArray
@@ -87,6 +90,7 @@ class Support:
     is_mirrored: bool = False
     loaded: FloatArray | None = None
     solution: Solution | None = field(default=None, repr=False)
+    rates: FloatArray | None = field(default=None, repr=False)
 
 
 class _Reach:
@@ -302,6 +306,7 @@ class Structure:
             normal=normal / self.units,
             loaded=loaded * self.units,
             solution=solution,
+            rates=raw.mechanism if solution.mechanism is None and np.isfinite(offset) else None,
         )
 
     def _towards(self, step: FloatArray) -> Certifier:
@@ -385,16 +390,19 @@ class Structure:
         push, run = float(made.normal @ about), self.run.aside()
         run.given = self.run.given.with_live(combined(self.loads, self.units * about))
         run.history = [raw.iterate]
+        internal = raw.given if self.certifier.strength.is_internal else None
         if made.ray is not None:
-            run.best = Answer(None, Bracket(), raw.forces, None)
+            run.best = Answer(None, Bracket(), raw.forces, None, internal=internal)
             return about, packed(Convex(), run, Status.LIVE_LOAD_HARMLESS)
         lower = -np.inf if made.point is None else float(made.point @ about) / float(about @ about)
         upper = made.offset / push if push > 1e-9 else np.inf
         proofs = made.point_is_proved, made.half_space_is_proved
         bracket = Bracket(lower, upper, *proofs, least=FLAT)
         power = 0.0 if raw.mechanism is None else float(self.forces @ about @ raw.mechanism.ravel())
-        mechanism = raw.mechanism / power if raw.mechanism is not None and power > 0.0 else None
-        run.best = Answer(size if size > FLAT else 0.0, bracket, raw.forces, mechanism)
+        is_its_own = power > 0.0 and np.isfinite(upper)
+        mechanism = raw.mechanism / power if raw.mechanism is not None and is_its_own else None
+        factor = size if size > FLAT else 0.0
+        run.best = Answer(factor, bracket, raw.forces, mechanism, internal=internal)
         good = bracket.is_within(self.tolerance)
         return about, packed(Convex(), run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
 

@@ -1,0 +1,51 @@
+"""``cvxlimit prove``: what a file or a folder says, proved again from what it holds."""
+
+# options are field() of dataclasses
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rich.text import Text
+
+from cvxlimit.cli.options import argument, option, taking
+from cvxlimit.cli.report import ExitCode, counted, refuse, show
+from cvxlimit.cli.solving import scene_named
+from cvxlimit.errors import InputError
+from cvxlimit.io.fields import one_line
+from cvxlimit.studies import prove
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claimed:
+    """What ``cvxlimit prove`` is asked."""
+
+    file: str = argument(
+        "Result file (solve --json), load domain (domain --json), or folder of a sweep "
+        "(sweep --output).",
+        "FILE|FOLDER",
+    )
+    scene: str | None = option(
+        "SCENE",
+        "Scene file, or name of a built-in scene, that was solved. Files hold a digest of their "
+        "scene only; a folder has the scene that was varied.",
+    )
+
+
+@taking(Claimed)
+def prove_command(asked: Claimed) -> ExitCode:
+    """Prove a result, a load domain or a sweep again from the forces and mechanisms that it holds;
+    numbers that were changed are not proved."""
+    scene = None if asked.scene is None else scene_named(asked.scene)
+    proof = prove(asked.file, scene)
+    show(Text(one_line(proof.about)), *(Text(f"  {one_line(str(c))}") for c in proof.checks))
+    if proof.is_proved:
+        return ExitCode.SOLVED
+    if not proof.checks:
+        raise InputError(f"{asked.file}: it claims nothing that could be proved")
+    missing = proof.missing
+    return refuse(
+        ExitCode.NOT_GOOD_ENOUGH,
+        f"{asked.file}: {len(missing)} of {counted(len(proof.checks), 'claim')} not proved; the "
+        f"first is {missing[0]}",
+    )

@@ -1,0 +1,294 @@
+"""A solution proved again: what is unchanged passes, and nothing that was changed does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from cvxlimit import Block, Certified, Load, Scene, Solution, Status, builtin_scene, prove, solve
+from cvxlimit.bracket import Bracket
+from cvxlimit.errors import InputError
+from cvxlimit.io import result_from_dict, result_to_dict
+from cvxlimit.methods.proving import SLACK
+from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from helpers import scenes
+
+X, DOWN = Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 0, -1))
+
+
+class Ellipse(YieldSurface):
+    """sqrt(V^2 + (MT / c_T)^2) <= mu N."""
+
+    name = "ellipse"
+
+    def conditions(self, contacts):
+        size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
+        return [Condition([size], {"N": contacts.friction})]
+
+
+def read(solution: Solution) -> Solution:
+    """As it is in a file."""
+    return result_from_dict(json.loads(json.dumps(result_to_dict(solution))))
+
+
+WALL, ARCH, STONE = (builtin_scene(name) for name in ("tuff-wall", "arch", "single-block"))
+CASES: dict[str, tuple[Scene, dict[str, Any]]] = {
+    "wall": (WALL, {}),
+    "arch": (ARCH, {}),
+    "dome": (builtin_scene("dome"), {}),
+    "facade": (builtin_scene("facade"), {}),
+    "buttress": (builtin_scene("flying-buttress"), {}),
+    "octagon": (WALL, {"surface": "octagon"}),
+    "parabola": (WALL, {"surface": "parabolic"}),
+    "full model": (ARCH, {"model": "full"}),
+    "wide": (WALL, {"tolerance": 1e-3}),
+    "cohesion": (WALL.with_cohesion(0.5), {}),
+    "mortar": (WALL.with_cohesion(2.0).with_strength(tensile=1.0), {}),
+    "crushing": (ARCH.with_strength(compressive=500.0), {}),
+    "interaction": (WALL, {"method": "certified", "tolerance": 0.05}),
+    "signed": (WALL, {"method": "certified", "moments": "signed", "tolerance": 0.05}),
+    "planar": (ARCH, {"method": "certified", "moments": "paper"}),
+    "falls": (ARCH.with_friction(0.05), {}),
+    "falls with interaction": (ARCH.with_friction(0.05), {"method": "certified"}),
+    "harmless": (STONE.with_live(DOWN), {}),
+    "harmless with interaction": (STONE.with_live(DOWN), {"method": "certified"}),
+}
+
+
+@cache
+def solved(case: str) -> Solution:
+    scene, options = CASES[case]
+    return read(solve(scene, **options))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_unchanged_is_proved(case: str) -> None:
+    proof = prove(solved(case), CASES[case][0])
+    assert proof.is_proved, str(proof)
+
+
+Change = Callable[[Solution], Solution]
+
+
+def times(factor: float, *ends: str) -> Change:
+    def change(s: Solution) -> Solution:
+        values = {end: factor * getattr(s, end) for end in ("lower", "upper")}
+        bracket = replace(s.bracket, **{end: values[end] for end in ends if end in values})
+        load_factor = s.load_factor * factor if "load_factor" in ends else s.load_factor
+        return replace(s, bracket=bracket, load_factor=load_factor)
+
+    return change
+
+
+def force(factor: float) -> Change:
+    def change(s: Solution) -> Solution:
+        forces = np.array(s.forces)
+        at = np.unravel_index(np.abs(forces).argmax(), forces.shape)
+        forces[at] *= factor
+        return replace(s, forces=forces)
+
+    return change
+
+
+def rate(factor: float) -> Change:
+    def change(s: Solution) -> Solution:
+        rates = {key: np.array(value) for key, value in s.mechanism.items()}
+        key = max(rates, key=lambda key: np.abs(rates[key]).max())
+        rates[key][np.abs(rates[key]).argmax()] *= factor
+        return replace(s, mechanism=rates)
+
+    return change
+
+
+def claimed(s: Solution) -> Solution:
+    return replace(s, bracket=replace(s.bracket, lower_is_proved=True, upper_is_proved=True))
+
+
+CHANGES: dict[str, Change] = {
+    "load factor up": times(1.001, "load_factor"),
+    "load factor and bracket": times(1.001, "load_factor", "lower", "upper"),
+    "load factor and bracket down": times(0.999, "load_factor", "lower", "upper"),
+    "lower": times(1.0001, "lower"),
+    "lower down": times(0.9, "lower"),
+    "upper": times(1.0001, "upper"),
+    "upper down": times(0.9, "upper"),
+    "a force": force(1.001),
+    "a force that turns": force(-1.0),
+    "all forces": lambda s: replace(s, forces=1.01 * s.forces),
+    "a rate": rate(1.01),
+    "all rates": lambda s: replace(s, mechanism={k: 2.0 * v for k, v in s.mechanism.items()}),
+    "no forces": lambda s: replace(s, forces=None),
+    "no mechanism": lambda s: replace(s, mechanism=None),
+    "no bounds": lambda s: replace(s, bracket=Bracket()),
+    "zero forces": lambda s: replace(s, forces=0.0 * s.forces),
+    "a reaction": lambda s: replace(s, quantity="least reaction of pier"),
+    "stands": lambda s: replace(s, status=Status.DEAD_LOAD_UNSTABLE),
+    "harmless": lambda s: replace(s, status=Status.LIVE_LOAD_HARMLESS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("case", ["wall", "arch", "interaction"])
+def test_what_was_changed_is_not(case: str, change: str) -> None:
+    assert_refuted(case, change)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("case", ["facade", "cohesion", "mortar", "crushing", "signed", "planar"])
+def test_what_was_changed_is_not_in_other_models(case: str, change: str) -> None:
+    assert_refuted(case, change)
+
+
+def assert_refuted(case: str, change: str) -> None:
+    proof = prove(CHANGES[change](solved(case)), CASES[case][0])
+    assert not proof.is_proved, str(proof)
+    assert all(check.found for check in proof.missing)
+
+
+@pytest.mark.parametrize(
+    ("case", "change"),
+    [
+        ("falls", rate(-1.0)),
+        ("falls", CHANGES["no mechanism"]),
+        ("falls with interaction", rate(-1.0)),
+        ("harmless", CHANGES["no forces"]),
+        ("harmless", CHANGES["zero forces"]),
+        ("harmless", lambda s: replace(s, forces=-1.0 * s.forces)),
+        ("harmless with interaction", lambda s: replace(s, forces=-1.0 * s.forces)),
+    ],
+)
+def test_no_answer_needs_its_proof(case: str, change: Change) -> None:
+    assert not prove(change(solved(case)), CASES[case][0]).is_proved
+
+
+def test_every_number_of_a_file_counts() -> None:
+    """Forces and rates that bear something, one by one, by a thousandth."""
+    held = solved("arch")
+    bearing = np.argwhere(np.abs(held.forces) > 1e-2 * np.abs(held.forces).max())
+    for row, column in bearing[::5]:
+        forces = np.array(held.forces)
+        forces[row, column] *= 1.001
+        assert not prove(replace(held, forces=forces), ARCH).is_proved, (row, column)
+
+
+@pytest.mark.parametrize("change", ["harder", "softer"])
+def test_bounds_of_another_strength_do_not_pass(change: str) -> None:
+    """The scene's friction, weights and loads are in its digest, and in the proof without one."""
+    held = replace(solved("wall"), scene_digest="")
+    other = WALL.with_friction(0.5 if change == "softer" else 0.9)
+    assert not prove(held, other).is_proved
+    with pytest.raises(InputError, match="of another scene"):
+        prove(solved("wall"), other)
+
+
+def test_what_rests_on_a_tree_is_said_for_each_bound() -> None:
+    """As branch and bound leaves it: an upper bound below that of the mechanism."""
+    held = solved("interaction")
+    better = replace(held.bracket, upper=0.99 * held.upper)
+    assert_rests_on_a_tree(replace(held, bracket=better, note="branch and bound, 9 nodes"))
+
+
+@pytest.mark.exhaustive
+def test_what_branch_and_bound_leaves_is_said() -> None:
+    held = read(solve(WALL, method=Certified(tolerance=0.02, branching_seconds=20.0)))
+    assert "branch and bound" in held.note
+    assert_rests_on_a_tree(held)
+
+
+def assert_rests_on_a_tree(held: Solution) -> None:
+    proof = prove(held, WALL)
+    (missing,) = proof.missing
+    assert missing.claim.startswith("upper bound")
+    assert "branch and bound, whose tree no file holds" in missing.found
+    assert sum(check.is_met for check in proof.checks) == 2
+
+
+@pytest.mark.parametrize("method", ["exact", "fixed-point", "gilbert"])
+def test_methods_whose_answers_no_file_proves_say_so(method: str) -> None:
+    proof = prove(read(solve(STONE, method=method)), STONE)
+    assert not proof.is_proved
+    assert len(proof.missing) == 1
+
+
+def test_a_solution_without_dilatancy_is_checked() -> None:
+    held = read(solve(STONE, method="zero-dilatancy"))
+    proof = prove(held, STONE)
+    first = next(c for c in proof.checks if c.claim.startswith("a solution without dilatancy"))
+    assert first.is_met
+    bad = prove(force(1.01)(held), STONE)
+    assert not all(c.is_met for c in bad.checks if c not in proof.missing)
+    for check in proof.missing:
+        assert "forces of the lowest only" in check.found
+
+
+def test_surfaces_of_ones_own_are_asked_for() -> None:
+    surface = [Rocking(), Ellipse()]
+    solution = solve(WALL, surface)
+    assert prove(solution).is_proved
+    held = read(solution)
+    with pytest.raises(InputError, match="give them as surface"):
+        prove(held, WALL)
+    assert prove(held, WALL, surface=surface).is_proved
+    assert not prove(held, WALL, surface="conic").is_proved
+
+
+def test_scenes_are_found_and_refused() -> None:
+    held = solved("arch")
+    assert prove(held).is_proved  # a built-in scene
+    mine = read(solve(ARCH.with_name("mine")))
+    with pytest.raises(InputError, match="does not hold its scene 'mine'"):
+        prove(mine)
+    assert prove(mine, ARCH).is_proved
+    with pytest.raises(InputError, match="of another scene"):
+        prove(held, builtin_scene("stack"))
+    with pytest.raises(InputError, match="free blocks"):
+        prove(replace(held, scene_digest=""), builtin_scene("stack"))
+    names = (*held.contact_names[:-1], "other")
+    with pytest.raises(InputError, match="names contact 'other'"):
+        prove(replace(held, contact_names=names), ARCH)
+
+
+@settings(max_examples=15)
+@given(scenes())
+def test_random_scenes_are_proved_again(scene: Scene) -> None:
+    held = read(solve(scene))
+    if held.bracket.has_any or not held.status.has_answer:
+        proof = prove(held, scene)
+        assert proof.is_proved, str(proof)
+
+
+@pytest.mark.exhaustive
+@settings(max_examples=400)
+@given(scenes())
+def test_many_random_scenes_are_proved_again_and_not_if_changed(scene: Scene) -> None:
+    held = read(solve(scene))
+    if not held.bracket.has_any:
+        return
+    assert prove(held, scene).is_proved
+    unit = max(abs(held.upper), held.bracket.least)
+    higher = replace(held.bracket, lower=held.lower + 20.0 * SLACK * unit + 1e-12)
+    assert not prove(replace(held, bracket=higher), scene).is_proved
+
+
+def test_a_block_by_hand() -> None:
+    """A block 1 x 1 x 2 tips at 1/2, and no bracket beside that is proved."""
+    ground, tower = (
+        Block.box("g", (-1, -1, -1), (2, 2, 0)),
+        Block.box("t", (0, 0, 0), (1, 1, 2), 1.0),
+    )
+    scene = Scene([ground, tower], ["g"], X, friction=0.9, name="by hand")
+    held = solve(scene)
+    assert held.load_factor == pytest.approx(0.5, rel=1e-6)
+    assert prove(held).is_proved
+    for factor in (0.4999, 0.5001):
+        bracket = Bracket(factor, factor, True, True)
+        proof = prove(replace(held, load_factor=factor, bracket=bracket))
+        assert len(proof.missing) >= 2
