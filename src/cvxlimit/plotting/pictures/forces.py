@@ -23,6 +23,10 @@ FAINTEST = 0.02
 """Forces below this share of the largest are not drawn: in a wall in space most joints carry a
 hundredth of it, and their lines hide the others."""
 
+THREADS = 0.1
+"""The same for thrust lines in space, of which a wall has hundreds: what is below a tenth were
+threads around the few lines by which the structure stands."""
+
 
 @dataclass(frozen=True)
 class _Numbers:
@@ -79,8 +83,8 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
 
     Where a block has two loaded joints the line joins their pressure centres, as in an arch; where
     it has more, lines meet in the mean of them, weighted by force. Lines are as wide and dark as
-    the force; what carries less than 2 % of the largest is left out. In space blocks are glass, and
-    lines behind fainter. Parameters and errors as for :func:`forces`.
+    the force; what carries less than 2 % of the largest is left out, in space less than 10 %. There
+    blocks are glass, and lines behind fainter. Parameters and errors as for :func:`forces`.
     """
     scene = solution.drawn_scene
     found = forces_of(scene, solution)
@@ -89,8 +93,8 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     share = size / largest
     _, place = pressure_centres(scene.contacts, found)
     drawing = _with_forces(
-        solution, viewer, f"thrust lines at collapse; the widest line carries {largest:.3g} "
-        f"{scene.units.force}", ends, share,
+        solution, viewer, f"thrust lines at collapse above {100 * _faintest(scene):g} % of the "
+        f"largest, {largest:.3g} {scene.units.force}", ends, share,
         Lines(ends, 0.4 + 3.6 * share, THRUST_COLOUR, "thrust"),
     )  # fmt: skip
     loaded = found[:, 2] > FAINTEST * float(found[:, 2].max(initial=0.0))
@@ -105,7 +109,7 @@ def _with_forces(
     scene = solution.drawn_scene
     is_flat = _is_planar(scene)
     front: Viewer = tuple((-thin_axis(scene)).tolist()) if is_flat else None
-    opacity = np.minimum(0.25 + share, 1.0)
+    opacity = np.minimum(0.4 + share, 1.0)
     drawing = at_rest(solution, viewer or front, caption, notes=annotated(scene), glass=not is_flat)
     if not is_flat and len(ends):
         depth = ends.mean(axis=1) @ drawing.camera.axes[2]
@@ -120,7 +124,7 @@ def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def thrust_of_blocks(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Thrust lines above 2 % of the largest: ends (k, 2, 3), shares of the largest, blocks (k,)."""
+    """Thrust lines that are drawn: ends (k, 2, 3), shares of the largest, blocks (k,)."""
     ends, size, block = _thrust(scene, found)
     largest = float(size.max(initial=0.0)) or 1.0
     return ends, size / largest, block
@@ -146,7 +150,17 @@ def _thrust(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, In
             ends += [np.stack([place[j], hub]) for j in own.tolist()]
             size += normal[own].tolist()
         inside += [block] * (len(ends) - len(inside))
-    return np.array(ends).reshape(-1, 2, 3), np.array(size), np.array(inside, dtype=np.int64)
+    carried = np.array(size)
+    drawn = carried > _faintest(scene) * carried.max(initial=0.0)
+    return (
+        np.array(ends).reshape(-1, 2, 3)[drawn],
+        carried[drawn],
+        np.array(inside, dtype=np.int64)[drawn],
+    )
+
+
+def _faintest(scene: Scene) -> float:
+    return FAINTEST if _is_planar(scene) else THREADS
 
 
 def _is_planar(scene: Scene) -> bool:
