@@ -77,9 +77,9 @@ class Scene(RemadeFromFields, SceneJoints):
     Raises
     ------
     InputError
-        For duplicate or unknown ids, a free block without density, no free block, a live load
-        that is zero everywhere, friction that is negative or not finite, anything that is not of
-        its kind. Geometric faults (overlap, loose blocks) are found with the contacts.
+        For duplicate or unknown ids, a free block without density, no support, no free block, a
+        live load that is zero everywhere, friction that is negative or not finite, anything that is
+        not of its kind. Geometric faults (overlap, loose blocks) are found with the contacts.
 
     Example
     -------
@@ -102,6 +102,11 @@ class Scene(RemadeFromFields, SceneJoints):
 
     def __post_init__(self) -> None:
         self._check({each.name for each in fields(self)})
+        if not self.supports:
+            raise InputError(
+                f"scene {self.name!r} has no support, so that nothing can stand: name the fixed "
+                f"blocks in its supports, as [{self.blocks[0].id!r}], or add a ground and name that"
+            )
 
     def _check(self, changed: Collection[str]) -> None:
         """Refuse what is wrong in, or with, the fields that have changed."""

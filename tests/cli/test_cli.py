@@ -705,3 +705,34 @@ def test_geometry_is_no_scene(run: Run) -> None:
     code, out, err = run("solve", "wall.obj")
     assert (code, out) == (2, "")
     assert err == "cvxlimit: wall.obj: this is geometry: cvxlimit import makes a scene of it\n"
+
+
+def test_import_names_all_that_is_missing_and_speaks_of_options(run: Run, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    rows = "g,0,0,0,1,1,1,,1\nb,0,0,1,1,1,1.0000001,20,\n"
+    table.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax,density,support\n" + rows)
+    outcome = run("import", str(table), "--friction", "0.5")
+    assert_refused(outcome, "give --output SCENE.json")
+    for name in ("--length-unit m", "--up x, y or z", "--live X,Y,Z", "none is guessed"):
+        assert name in outcome[2]
+    assert "--friction" not in outcome[2]
+    asked = ("import", str(table), "-o", "scene.json", "--length-unit", "m", "--up", "z",
+             "--friction", "0.5", "--live", "1,0,0")  # fmt: skip
+    for more, option in (("--joint-tolerance=-1", "--joint-tolerance must be"),):
+        outcome = run(*asked, more)
+        assert_refused(outcome, option)
+        assert "joint_tolerance" not in outcome[2]
+    table.write_text(table.read_text().replace("1.0000001", "1.5").replace("b,0,0,1", "b,0,0,0.9"))
+    assert_refused(run(*asked), "or raise --joint-tolerance if")
+
+
+@pytest.mark.parametrize("verb", ["solve", "explain", "show", "domain"])
+def test_a_scene_without_a_support_is_bad_input(run: Run, tmp_path: Path, verb: str) -> None:
+    path = tmp_path / "scene.json"
+    write_scene(tower(), path)
+    document = json.loads(path.read_text())
+    document["supports"] = []
+    document["blocks"][0]["density"] = 20.0
+    path.write_text(json.dumps(document))
+    outcome = run(verb, str(path))
+    assert_refused(outcome, "has no support, so that nothing can stand: name the fixed blocks")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import subprocess
 import sys
 from collections import Counter
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from broken_meshes import text_stl
+from broken_meshes import gltf, text_stl
 from cells import cells
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
@@ -622,3 +623,76 @@ def test_what_trimesh_gets_over_is_not_shown(tmp_path: Path) -> None:
     )
     assert found.stdout.count("\n") == 1
     assert found.stderr == ""
+
+
+# --- tables with decimal commas -----------------------------------------------------------------
+
+HEAD = "id;xmin;ymin;zmin;xmax;ymax;zmax;density;support\n"
+ASKED: dict[str, Any] = {"length_unit": "m", "up": "z", "friction": 0.7, "live": (1, 0, 0)}
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_table_with_decimal_commas(tmp_path: Path, separator: str) -> None:
+    """As a spreadsheet in German writes it: the stone of 1 x 1 x 1 tips at 0.5."""
+    rows = "boden;0;0;0;1,0;1;1;;1\nstein;0,25;0;1;1,25;1;2;20,0;0\n"
+    path = tmp_path / "tabelle.csv"
+    path.write_text("\ufeff" + (HEAD + rows).replace(";", separator))
+    scene = import_geometry(path, **ASKED).scene
+    assert scene.total_weight == pytest.approx(20.0)
+    assert solve(scene).load_factor == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("a;0;0;0;1,5;1;1;;1\nb;0.25;0;1;1;1;2;20;0\n", "'1,5' with a comma, and '0.25' stands"),
+        ("a;0;0;0;1,500;1;1;;1\nb;0;0;1;1;1;2;20;0\n", "part thousands as well as decimals"),
+        ("a;0;0;0;1,5,0;1;1;;1\nb;0;0;1;1;1;2;20;0\n", "must be a number"),
+    ],
+    ids=["both", "thousands", "two"],
+)
+def test_commas_that_may_be_something_else(tmp_path: Path, rows: str, message: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(HEAD + rows)
+    with pytest.raises(InputError, match=message):
+        read_bodies(path)
+
+
+def test_three_decimals_that_cannot_be_thousands(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(HEAD + "a;0;0;0;1,500;1;0,250;;1\n")
+    assert read_bodies(path)[0].vertices[1].tolist() == [1.5, 1.0, 0.25]
+
+
+def test_decimal_commas_between_commas(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text((HEAD + "a;0;0;0;1,5;1;1;;1\n").replace(";", ","))
+    with pytest.raises(InputError, match="part the cells by semicolons"):
+        read_bodies(path)
+
+
+# --- supports -----------------------------------------------------------------------------------
+
+
+def test_lowest_says_which_stones_of_the_structure_became_supports(tmp_path: Path) -> None:
+    path = export(builtin_scene("arch"), tmp_path / "arch.obj")[0]
+    bodies = [body.name for body in read_bodies(path)]
+    found = import_geometry(path, density=20, supports="lowest", **ASKED)
+    (note,) = found.notes
+    assert all(repr(name) in note for name in found.scene.supports)
+    assert "stones of the structure itself" in note
+    assert len(found.scene.supports) < len(bodies)
+    slab = Block.box("slab", (-50, -50, -3), (50, 50, -2))
+    standing = replace(WALL, blocks=(*WALL.blocks, slab), supports=(*WALL.supports, "slab"))
+    path = export(standing, tmp_path / "wall.obj")[0]
+    found = import_geometry(path, density=20, supports="lowest", **ASKED)
+    assert (found.scene.supports, found.notes) == (("slab",), ())
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_as_a_buffer_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.bin")
+    path = tmp_path / "scene.gltf"
+    path.write_text(json.dumps(gltf(buffers=[{"byteLength": 240, "uri": "pipe.bin"}])))
+    with pytest.raises(InputError, match="no regular file but a pipe"):
+        read_bodies(path)

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,16 @@ _NEEDED = {
 """What files do not say, and where the scene goes."""
 
 
+_OPTIONS = re.compile(
+    rf"\b({'|'.join(each.name for each in fields(Geometry) if '_' in each.name)})\b"
+)
+"""Names of arguments in refusals, which are options here."""
+
+
+def _spelt(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
 @taking(Geometry)
 def import_command(asked: Geometry) -> ExitCode:
     """Make a scene from geometry files, and report contacts found and repairs made.
@@ -100,11 +111,11 @@ def import_command(asked: Geometry) -> ExitCode:
     Needed are --output, --length-unit, --up, --friction and --live; --density and --supports where
     the files have none.
     """
-    for name, meaning in _NEEDED.items():
-        if getattr(asked, name) is None:
-            spelt = f"--{name.replace('_', '-')}"
-            why = "" if name == "output" else "; files do not say and none is guessed"
-            raise InputError(f"give {spelt} {meaning}{why}")
+    missing = [name for name in _NEEDED if getattr(asked, name) is None]
+    if missing:
+        given = ", and ".join(f"{_spelt(name)} {_NEEDED[name]}" for name in missing)
+        why = "" if missing == ["output"] else "; files do not say and none is guessed"
+        raise InputError(f"give {given}{why}")
     output, plot = asked.output or Path(), asked.plot
     vector("--live", asked.live or "", "0,1,0")
     inputs = dict.fromkeys(asked.geometry, "the geometry")
@@ -134,6 +145,7 @@ def _drawn_if_refused(asked: Geometry, plot: Path | None) -> tuple[Imported, int
     try:
         return interruptible(imported)
     except InputError as error:
+        error.args = (_OPTIONS.sub(lambda name: _spelt(name[0]), str(error)),)
         culprit = scene if scene or not isinstance(error, GeometryError) else sketch(error)
         if plot is not None and culprit is not None:
             plot_scene(culprit, plot, error)

@@ -7,6 +7,7 @@ import difflib
 import json
 import os
 import reprlib
+import stat
 import sys
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -220,12 +221,22 @@ def _json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0)
+
+
 def read_bytes(path: Path) -> bytes:
     try:
-        with open(path, "rb") as file:
+        # A pipe that nobody writes to would be waited for: it is opened without, and looked at.
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise InputError(
+                    "this is no regular file but a pipe or a device; save its content as a file"
+                )
             data = file.read(LARGEST_FILE + 1)
     except IsADirectoryError as error:
         raise InputError("this is a folder; give the file inside it") from error
+    except InputError:
+        raise
     except FileNotFoundError as error:
         raise InputError("there is no such file; check the path") from error
     except (OSError, ValueError) as error:

@@ -230,7 +230,9 @@ def sketch(error: GeometryError) -> Scene | None:
         centroid=body.vertices.mean(axis=0),
     )
     turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
-    return Scene((block,), (), turning, name=body.name)
+    below = replace(block, id=f"{body.name} below")  # and a support, neither of which is drawn
+    scene = Scene((block, below), (below.id,), turning, name=body.name)
+    return scene._copy(blocks=(block,), supports=())
 
 
 def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
@@ -365,7 +367,7 @@ def _supports(
                 "ids with commas between them)"
             )
         return marked
-    chosen = _lowest(bodies, up) if asked == LOWEST else set(_ids(asked, bodies))
+    chosen = _lowest(bodies, up, notes) if asked == LOWEST else set(_ids(asked, bodies))
     if marked and chosen != marked:
         notes.append(f"{len(marked)} supports marked in the files give way to those asked for")
     return chosen
@@ -381,14 +383,31 @@ def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
     return names
 
 
-def _lowest(bodies: Sequence[Body], up: FloatArray) -> set[str]:
+def _lowest(bodies: Sequence[Body], up: FloatArray, notes: list[str]) -> set[str]:
     heights = [body.vertices @ up for body in bodies]
     feet = np.array([h.min() if len(h) else np.nan for h in heights])
     bottom = float(np.nanmin(feet))
     height = max(float(h.max()) for h in heights if len(h)) - bottom
-    return {
-        b.name for b, f in zip(bodies, feet, strict=True) if f <= bottom + LOWEST_WITHIN * height
-    }
+    lowest = feet <= bottom + LOWEST_WITHIN * height
+    chosen = [body for body, is_low in zip(bodies, lowest.tolist(), strict=True) if is_low]
+    carried = [body for body in bodies if body not in chosen and len(body.vertices)]
+    if not (len(chosen) == 1 and carried and _is_ground(chosen[0], carried, up)):
+        names = ", ".join(shown(body.name) for body in chosen[:8])
+        more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
+        what = "is a stone" if len(chosen) == 1 else "are stones"
+        notes.append(
+            f"lowest, and so fixed: {names}{more}, which {what} of the structure itself, as the "
+            "files have no ground under all others; name other supports if these are to move"
+        )
+    return {body.name for body in chosen}
+
+
+def _is_ground(body: Body, others: Sequence[Body], up: FloatArray) -> bool:
+    """True for a body that reaches under all others on every side."""
+    plan = [k for k in range(3) if not up[k]]
+    points = np.concatenate([other.vertices for other in others])[:, plan]
+    own = body.vertices[:, plan]
+    return bool((own.min(0) <= points.min(0)).all() and (own.max(0) >= points.max(0)).all())
 
 
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:

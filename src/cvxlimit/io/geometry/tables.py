@@ -1,9 +1,13 @@
-"""A table of boxes: CSV with one axis-aligned block per row."""
+"""A table of boxes: CSV with one axis-aligned block per row.
+
+Where cells are parted by semicolons or tabs, numbers may have decimal commas: all of them or none.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 
 import numpy as np
 
@@ -27,11 +31,44 @@ def read_table(text: str) -> list[Body]:
         raise InputError(f"no table: {error}") from error
     names = [name.strip().lower() for name in rows[0]] if rows else []
     _check_columns(names)
-    return [
-        _box(dict(zip(names, [cell.strip() for cell in row], strict=True)), line)
+    cells = {
+        line: dict(zip(names, [cell.strip() for cell in row], strict=True))
         for line, row in enumerate(rows[1:], 2)
-        if _is_row(row, names, line)
+        if _is_row(row, names, line, dialect.delimiter)
+    }
+    if dialect.delimiter != ",":
+        _without_decimal_commas(cells)
+    return [_box(row, line) for line, row in cells.items()]
+
+
+def _without_decimal_commas(cells: dict[int, dict[str, str]]) -> None:
+    """Turn decimal commas into points; refused where a comma may be something else."""
+    numbers = [
+        (line, key, row[key])
+        for line, row in cells.items()
+        for key in (*CORNERS, "density")
+        if row.get(key)
     ]
+    commas = [(line, key, cell) for line, key, cell in numbers if "," in cell]
+    points = [cell for _, _, cell in numbers if "." in cell]
+    if not commas:
+        return
+    line, key, cell = commas[0]
+    if points:
+        raise InputError(
+            f"line {line} has {key} {shown(cell)} with a comma, and {shown(points[0])} stands in "
+            "the same table with a point: write all numbers with one of them"
+        )
+    if all(_THOUSANDS.fullmatch(cell) for _, _, cell in commas):
+        raise InputError(
+            f"line {line} has {key} {shown(cell)}: every comma of the table may part thousands as "
+            "well as decimals; write the numbers with points, or without thousands"
+        )
+    for line, key, cell in commas:
+        cells[line][key] = cell.replace(",", ".")
+
+
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
 def _check_columns(names: list[str]) -> None:
@@ -52,11 +89,13 @@ def _check_columns(names: list[str]) -> None:
         raise InputError(f"column {twice!r} is named twice; keep one of them")
 
 
-def _is_row(row: list[str], names: list[str], line: int) -> bool:
+def _is_row(row: list[str], names: list[str], line: int, delimiter: str) -> bool:
     if not any(cell.strip() for cell in row):
         return False
     if len(row) != len(names):
-        raise InputError(f"line {line} has {len(row)} cells, the first line {len(names)}")
+        commas = delimiter == "," and len(row) > len(names)
+        cure = "; with decimal commas, part the cells by semicolons" if commas else ""
+        raise InputError(f"line {line} has {len(row)} cells, the first line {len(names)}{cure}")
     return True
 
 
