@@ -279,6 +279,21 @@ class TestViewer:
         assert plain[0] == 0
         assert plain[1] > 100
 
+    def test_in_a_notebook_s_closed_frame_it_is_read_and_saved(self, tab, tmp_path: Path) -> None:
+        cell = solve(builtin_scene("single-block")).plot("page")._repr_html_()
+        page = tmp_path / "cell.html"
+        head = '<!DOCTYPE html><meta charset="utf-8"><body style="margin: 0">'
+        page.write_text(head + cell, "utf-8")
+        tab.opened(page, 1280, "light")
+        tab.driver.switch_to.frame(0)
+        tab.settled()
+        tab.point("#overlay", (0.5, 0.5), press=True)
+        assert tip(tab) != ""
+        tab.click("#save")
+        assert Image.open(io.BytesIO(tab.saved())).width > 600
+        tab.driver.switch_to.default_content()
+        assert tab.complaints == []
+
     def test_texts_of_a_scene_are_never_markup(self, tab, tmp_path: Path) -> None:
         nasty = '</script><img src=x onerror="document.title=1">'
         block = Block.box(nasty, (0, 0, 0), (1, 1, 2), density=20.0)

@@ -577,7 +577,7 @@ def test_page_in_a_notebook_is_a_closed_frame(hostile):
     reader = Reader(frame)
     ((tag, attributes),) = reader.elements
     assert tag == "iframe"
-    assert attributes["sandbox"] == "allow-scripts"
+    assert attributes["sandbox"] == "allow-scripts allow-downloads"
     assert attributes["srcdoc"] == page(*hostile)
 
 

@@ -42,7 +42,8 @@ class Page(str, Saved):
 
     def _repr_html_(self) -> str:
         return (
-            '<iframe style="width:100%;height:620px;border:1px solid #ddd" sandbox="allow-scripts" '
+            '<iframe style="width:100%;height:620px;border:1px solid #ddd" '
+            'sandbox="allow-scripts allow-downloads" '
             f'srcdoc="{html.escape(self)}"></iframe>'
         )
 
