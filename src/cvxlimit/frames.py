@@ -163,7 +163,9 @@ def _facts(solution: Solution) -> dict[str, Any]:
     names = ("scene", "surface", "load_factor", "lower", "upper", "interaction", "moments")
     band = {} if solution.iteration is None else {"iteration": asdict(solution.iteration)}
     facts = {name: getattr(solution, name) for name in names}
-    return {**facts, "status": str(solution.status), **band}
+    ends = {} if solution.interval is None else {"interval": solution.interval}
+    share = {} if solution.dilatancy is None else {"dilatancy": solution.dilatancy.share}
+    return {**facts, "status": str(solution.status), **band, **ends, **share}
 
 
 _TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {

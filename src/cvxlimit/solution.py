@@ -197,6 +197,39 @@ class Member:
         return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
 
 
+@dataclass(frozen=True, eq=False)
+class LowerEnd:
+    """The lower end of an interval of load factors: the dead load does not stand with less of the
+    live load.
+
+    Attributes
+    ----------
+    load_factor : float
+    bracket : Bracket
+        Of this end: forces show that ``upper`` is carried, the mechanism that no factor below
+        ``lower`` is.
+    forces : (contacts, 6) array or None
+        At this end, as :attr:`Solution.forces`.
+    mechanism : mapping of block id to (6,) array, or None
+        Rates with which blocks fall below it, scaled to live power -1.
+    """
+
+    load_factor: float
+    bracket: Bracket
+    forces: FloatArray | None = field(default=None, repr=False)
+    mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+
+    @property
+    def lower(self) -> float:
+        """No factor below it is carried; -inf without a bound."""
+        return self.bracket.lower
+
+    @property
+    def upper(self) -> float:
+        """It is carried; inf without a bound."""
+        return self.bracket.upper
+
+
 LOAD_FACTOR = "load factor"
 """What a solution is about unless it says otherwise."""
 
@@ -251,6 +284,9 @@ class Solution:
     internal : (p,) array or None
         Internal forces behind the lower bound, where strength is stated in these: the pressures on
         cells of contacts that crush, for example.
+    lower_end : LowerEnd or None
+        The lower end, where the dead load stands only together with a part of the live load, and
+        ``load_factor`` is the upper end; None where it stands alone.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -293,6 +329,7 @@ class Solution:
     dilatancy: Dilatancy | None = None
     iteration: Iteration | None = None
     internal: FloatArray | None = field(default=None, repr=False)
+    lower_end: LowerEnd | None = None
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
@@ -312,9 +349,9 @@ class Solution:
         if self.interaction != "none":
             what += f", {self.interaction} interaction, {self.moments} moments"
         if self.load_factor is None:
-            return f"Solution({what}: {self.standing})"
+            return f"Solution({what}: {self.range_text or self.standing})"
         inside = f" in {self.bracket}" if self.bracket.has_any else ""
-        value = f"{self.quantity} {rounded(self.load_factor)}"
+        value = f"{self.quantity} {self.range_text or rounded(self.load_factor)}"
         return f"Solution({what}: {value}{inside}, {self.standing})"
 
     @property
@@ -326,6 +363,8 @@ class Solution:
             if not self.status.is_good:
                 return f"{self.status}, {self.iteration.band}"
             width = self.iteration.width
+        if self.is_answered and not self.status.is_good:
+            return "certified, without an upper end"
         if width <= 1e-6 or not self.status.is_good:
             return str(self.status)
         return f"{self.status} within {rounded_up(100.0 * width, 2)} %"
@@ -339,6 +378,41 @@ class Solution:
     def upper(self) -> float:
         """Upper end of the bracket; inf without one."""
         return self.bracket.upper
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Least and largest load factor that are carried, the latter infinite if any are, where
+        the dead load stands only together with a part of the live load; else None.
+
+        Example
+        -------
+        >>> from cvxlimit import Block, Load, Scene, solve
+        >>> blocks = [Block.box("ground", (0, 0, -1), (1, 1, 0))]
+        >>> blocks += [Block.box("slab", (0, 0, 0), (1, 1, 0.5), density=20.0)]
+        >>> leaning = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))  # beyond friction of 0.5
+        >>> back = Load(acceleration=(-1, 0, 0))
+        >>> solution = solve(Scene(blocks, ["ground"], back, leaning, friction=0.5))
+        >>> [round(end, 6) for end in solution.interval]
+        [0.1, 1.1]
+        """
+        if self.lower_end is None:
+            return None
+        largest = float("inf") if self.load_factor is None else self.load_factor
+        return self.lower_end.load_factor, largest
+
+    @property
+    def range_text(self) -> str:
+        """The interval in words; empty if the dead load stands alone."""
+        if self.interval is None:
+            return ""
+        low, high = (rounded(end, 6) for end in self.interval)
+        return f"{low} and more" if self.load_factor is None else f"{low} to {high}"
+
+    @property
+    def is_answered(self) -> bool:
+        """True when the answer keeps its promise: the status is good, or the lower end of an
+        interval without an upper one is certified."""
+        return self.status.is_good or (self.lower_end is not None and not self.status.has_answer)
 
     @property
     def gap(self) -> float:

@@ -29,7 +29,7 @@ from cvxlimit.io import (
 from cvxlimit.io.fields import laid_out
 from cvxlimit.joints import Dilatancy
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.solution import Iterate, Iteration, Member
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member
 from cvxlimit.strengths import PROPERTIES
 from malformed_scenes import GOLDEN
 
@@ -187,6 +187,7 @@ SOLUTION = {
     "note": "so it is",
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
     "members": (MEMBER,), "iteration": Iteration(None, None, 0.1, 0.3, 20),
+    "lower_end": LowerEnd(0.1, Bracket(**EVERY[Bracket]), np.ones((1, 6)), {"b": np.arange(6.0)}),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
     "scene_digest": "ab12",
@@ -204,10 +205,15 @@ def test_a_result_comes_back_with_every_field() -> None:
             )
     given = Solution(**SOLUTION)  # type: ignore[arg-type]
     back = result_from_dict(json.loads(laid_out(result_to_dict(given))))
-    assert_same_fields(given, back, (*NOT_IN_FILES, "members", "mechanism"))
+    assert_same_fields(given, back, (*NOT_IN_FILES, "members", "mechanism", "lower_end"))
+    assert given.lower_end is not None
+    assert_same_fields(given.lower_end, back.lower_end, ("mechanism",))
     assert_same_fields(given.members[0], back.members[0])
     assert back.mechanism is not None
     assert back.mechanism["b"].tolist() == [0, 1, 2, 3, 4, 5]
+    assert back.lower_end is not None
+    assert back.lower_end.mechanism is not None
+    assert back.lower_end.mechanism["b"].tolist() == [0, 1, 2, 3, 4, 5]
 
 
 # ------------------------------------------------- the schema

@@ -21,7 +21,7 @@ from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
+from cvxlimit.solution import LOAD_FACTOR, Iterate, LowerEnd, Solution, Status
 
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
@@ -131,10 +131,10 @@ def summary(
     solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
 ) -> Table:
     blocks = counted(solution.blocks, "free block")
-    value = _text(solution.load_factor) or "none"
+    value = solution.range_text or _text(solution.load_factor) or "none"
     if solution.quantity != LOAD_FACTOR and solution.solved_scene is not None:
         value += f" {solution.solved_scene.units.force}"
-    value += "" if solution.status.is_good else f" ({solution.status})"
+    value += "" if solution.is_answered else f" ({solution.status})"
     asked = "" if tolerance is None else f" (asked: {tolerance:g})"
     bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
     interaction = solution.interaction
@@ -154,14 +154,22 @@ def summary(
             ("interaction", interaction),
             (solution.quantity, Text(value, style="bold")),
             ("bracket", bracket if solution.bracket.has_any else ""),
+            ("lower end", _lower_end(solution.lower_end)),
             ("basis", "" if solution.note == advice(solution) else basis),
             ("dilatancy", Text(sliding, style="yellow")),
-            ("status", Text(solution.standing, style=_style(solution.status))),
+            ("status", Text(solution.standing, style=_style(solution))),
             ("solver", ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in solvers.items())),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
             *(("written", file) for file in files),
         ]
     )
+
+
+def _lower_end(end: LowerEnd | None) -> str:
+    if end is None:
+        return ""
+    found = end.bracket
+    return f"{found}, relative width {found.width:.1e}" if found.has_any else "none"
 
 
 def _friction(scene: Scene | None) -> str:
@@ -255,10 +263,10 @@ def _columns(header: bool = False) -> Table:
     return Table(box=None, show_header=header, pad_edge=False, padding=(0, 2, 0, 0))
 
 
-def _style(status: Status) -> str:
-    if status.is_good:
+def _style(solution: Solution) -> str:
+    if solution.is_answered:
         return "green"
-    return "yellow" if status.has_answer else "red"
+    return "yellow" if solution.status.has_answer else "red"
 
 
 def counted(number: int, thing: str) -> str:

@@ -168,7 +168,7 @@ def deliver(
                 show(Text(), history(solution.history))
     warn_of_near_misses(scene)
     status = solution.status
-    if status.is_good:
+    if solution.is_answered:
         return ExitCode.SOLVED
     code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
     return refuse(code, verdict(solution))

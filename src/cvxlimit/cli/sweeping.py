@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,11 +112,15 @@ def _value(text: str) -> float | str:
 
 def _printed(table: DataFrame, parameters: Sequence[str]) -> Table:
     result = Table(box=None, pad_edge=False, header_style="bold")
-    for name in (*parameters, "load factor", "lower", "upper", "status"):
+    ends: dict[str, Callable[[float], str]] = {}
+    if table["least_factor"].notna().any():
+        ends["least_factor"] = rounded
+    ends |= {"load_factor": rounded, "lower": rounded_down, "upper": rounded_up}
+    names = (name.replace("_", " ") for name in ends)
+    for name in (*parameters, *names, "status"):
         result.add_column(one_line(name))
     for row in table.head(40).to_dict("records"):
-        ends = ("load_factor", rounded), ("lower", rounded_down), ("upper", rounded_up)
-        found = [shown(row[name]) if np.isfinite(row[name]) else "" for name, shown in ends]
+        found = [shown(row[name]) if np.isfinite(row[name]) else "" for name, shown in ends.items()]
         inputs = [f"{v:g}" if isinstance(v, float) else str(v) for v in map(row.get, parameters)]
         result.add_row(*map(one_line, inputs), *found, one_line(row["error"] or row["status"]))
     return result
@@ -133,7 +137,12 @@ def _counted(table: DataFrame, output: Path | None) -> str:
 
 def _verdict(table: DataFrame, parameters: Sequence[str]) -> ExitCode:
     statuses = [None if row.error else Status(row.status) for row in table.itertuples()]
-    bad = [i for i, status in enumerate(statuses) if status is None or not status.is_good]
+    is_interval = table["least_factor"].notna()  # which may have no upper end
+    bad = [
+        i
+        for i, status in enumerate(statuses)
+        if status is None or not (status.is_good or (is_interval[i] and not status.has_answer))
+    ]
     if not bad:
         return ExitCode.SOLVED
     row = table.iloc[bad[0]]

@@ -31,7 +31,7 @@ from cvxlimit.io.forms import (
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
 from cvxlimit.joints import Dilatancy
-from cvxlimit.solution import Iterate, Iteration, Member, Solution, Status
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
 
 _NOT_FINITE = ("nan", "inf", "-inf")
 
@@ -168,6 +168,27 @@ FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
 MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE), "mechanism of block {key}")
 
 
+def _lower_end(lower: float, upper: float, **given: Any) -> LowerEnd:
+    basis = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
+    mechanism = given.get("mechanism")
+    if mechanism is not None:
+        given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
+    return LowerEnd(bracket=Bracket(lower, upper, **basis), **given)
+
+
+LOWER_END = record(
+    LowerEnd,
+    {
+        "load_factor": Key(FIGURE),
+        **{end: Key(form) for end, form in BOUNDS.items()},
+        "bracket": Key(BRACKET, is_needed=False, is_several=True),
+        "forces": Key(nullable(FORCES), is_needed=True),
+        "mechanism": Key(nullable(MECHANISM), is_needed=True),
+    },
+    _lower_end,
+)
+
+
 def _solution(lower: float, upper: float, **given: Any) -> Solution:
     basis = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
     forces, mechanism = given["forces"], given["mechanism"]
@@ -207,6 +228,7 @@ RESULT: Document[Solution] = Document(
             "quantity": Key(TEXT, "{key}"),
             "flow": Key(TEXT, "{key}"),
             "members": Key(listed(MEMBER), "{key}"),
+            "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),

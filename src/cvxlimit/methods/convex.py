@@ -11,10 +11,18 @@ import numpy as np
 from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import known
+from cvxlimit.bracket import Bracket, known
 from cvxlimit.checks import not_negative, ratio
 from cvxlimit.methods.admissible import carried_exactly
-from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.methods.standing import (
+    Held,
+    about_the_lower_end,
+    held,
+    lower_end,
+    refuse_an_interval,
+    told,
+)
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
@@ -95,11 +103,20 @@ class Convex(Method):
 def dead_load_falls(run: Run) -> bool:
     """True if the dead load cannot stand: the run then has the mechanism, and says so. A positive
     load factor would not show it: pushed, a block may stay on a slope that is too steep.
+
+    Raises
+    ------
+    ModelError
+        If it stands together with a part of the live load: the answer is an interval then.
     """
     inquiry = Inquiry(run.aside(), "full")
     if not inquiry.dead_load_falls():
         return False
+    found = inquiry.held()
+    refuse_an_interval(found.factor)
     run.best, run.remarks = inquiry.run.best, inquiry.run.remarks
+    if found.remark:
+        run.remarks.append(found.remark)
     return True
 
 
@@ -124,6 +141,7 @@ class Inquiry:
         self.surfaces = needed_surfaces(run.surfaces)
         self.asked: set[str] = set()
         self.without_duals: list[str] = []
+        self.reference: tuple[FloatArray, float] | None = None
         self._take(model)
 
     def _take(self, model: str) -> None:
@@ -134,6 +152,8 @@ class Inquiry:
             self.certifier = Certifier(
                 self.reductions.assemblage, self.surfaces, run.formulation, width=self.tolerance
             )
+            if self.reference is not None:
+                self.certifier.offer_dead_state(*self.reference)
         self._state(None)
 
     def _state(self, dead_state: FloatArray | None) -> None:
@@ -168,8 +188,12 @@ class Inquiry:
     def ladder_climbed(self) -> Steps:
         """All rungs with the model that suffices, then with the full one."""
         if self.dead_load_falls():
-            return Status.DEAD_LOAD_UNSTABLE
+            return (yield from self._between())
         self._leave_out_what_stands()
+        status = yield from self._bounded()
+        return (yield from self._between()) if status is Status.DEAD_LOAD_UNSTABLE else status
+
+    def _bounded(self) -> Steps:
         status = yield from self._climbed()
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")
@@ -179,6 +203,50 @@ class Inquiry:
         if status is None and not is_harmful and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
         return status or Status.NOT_CERTIFIED
+
+    def held(self) -> Held:
+        """With which part of the live load the dead load stands that does not stand alone."""
+        found = self.reductions
+        return held(self.run, found.assemblage, self.surfaces, found.best(), self.certifier)
+
+    def _between(self) -> Steps:
+        """Both ends of the interval of load factors, where the dead load does not stand alone.
+
+        The lower end is minus the largest factor of the live load turned round. Both brackets refer
+        to one state inside, which carries a load factor of its own. If that is negative all are,
+        since 0 is not: no part of the live load helps then.
+        """
+        run, (alone,) = self.run, self.run.remarks[-1:]
+        falls, found = (run.best, run.remarks), self.held()
+        if found.state is None or not found.factor > 0.0:
+            run.remarks = [alone, found.remark] if found.remark else [alone]
+            return Status.DEAD_LOAD_UNSTABLE
+        run.best, run.remarks = Answer(bracket=Bracket(least=run.scaling.least)), []
+        self._refer_to(found.state, found.factor)
+        upper = yield from self._bounded()
+        dead, live = run.assemblage.statics.dead, run.assemblage.statics.live
+        turned = run.aside(run.assemblage.under(dead, -live))
+        back = Inquiry(turned, run.model, self.tolerance, self.budget)
+        back._refer_to(found.state, -found.factor)
+        lower = yield from back._bounded()
+        run.history += [about_the_lower_end(iterate) for iterate in turned.history]
+        end = lower_end(turned, found.factor)
+        if run.best.bracket.upper < end.bracket.lower - run.scaling.least:
+            run.best, run.remarks = falls  # each end excludes what the other one leaves
+            return Status.DEAD_LOAD_UNSTABLE
+        has_end = upper is not Status.LIVE_LOAD_HARMLESS
+        best = run.best if has_end else Answer(forces=run.best.forces)
+        run.best = replace(best, lower_end=end)
+        run.remarks = [told(run.best, turned.best.bracket, alone), *run.remarks]
+        ends = upper, lower
+        if all(end in (Status.CERTIFIED, Status.LIVE_LOAD_HARMLESS) for end in ends):
+            return upper
+        return Status.NOT_CERTIFIED
+
+    def _refer_to(self, state: FloatArray, factor: float) -> None:
+        self.asked.add("dead load")
+        self.reference = state, factor
+        self.certifier.offer_dead_state(state, factor)
 
     def _climbed(self) -> _Ends:
         is_cut, stalled = False, set[str]()
@@ -192,7 +260,8 @@ class Inquiry:
             if settings.name == "BLOCKWISE" and state.outcome.status == OPTIMAL_INACCURATE:
                 stalled.add(settings.name)  # by rounding, on a way that no tolerance changes
             bracket = self.run.best.bracket
-            if bracket.is_below_zero and self._falls(*self._late_fall()):
+            is_alone = self.reference is None
+            if is_alone and bracket.is_below_zero and self._falls(*self._late_fall()):
                 return Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 return Status.CERTIFIED

@@ -29,7 +29,7 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.progressbar import LOG
 from cvxlimit.proof.certificate import assumptions
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Iterate, Iteration, Member, Solution, Status
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of
@@ -102,6 +102,8 @@ class Answer:
         How far an iteration without bounds has been.
     internal : (p,) array or None
         The internal forces behind the lower bound, where strength is stated in these.
+    lower_end : LowerEnd or None
+        The lower end, where the answer is an interval.
     """
 
     load_factor: float | None = None
@@ -111,6 +113,7 @@ class Answer:
     members: tuple[Member, ...] = ()
     iteration: Iteration | None = None
     internal: FloatArray | None = None
+    lower_end: LowerEnd | None = None
 
     def raised(
         self,
@@ -311,6 +314,13 @@ class Run:
         there."""
         return load_factor is not None and abs(load_factor) > _N.boundless * self.scaling.ratio
 
+    def by_block(self, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
+        """Rates (6,) of the free blocks, by id."""
+        if mechanism is None:
+            return None
+        ids = [self.scene.blocks[i].id for i in self.scene.free]
+        return dict(zip(ids, np.reshape(mechanism, (-1, DOF)), strict=True))
+
     def aside(self, assemblage: Assemblage | None = None) -> Run:
         """A run for an auxiliary question: the same clock, a record of its own."""
         result = copy(self)
@@ -409,6 +419,9 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
         forces = None if best.forces is None else run.mortar.original(best.forces)
         best = replace(best, forces=forces, members=tuple(members))
+        if best.lower_end is not None and best.lower_end.forces is not None:
+            end = replace(best.lower_end, forces=run.mortar.original(best.lower_end.forces))
+            best = replace(best, lower_end=end)
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
         run.remarks.insert(0, _CONTRADICTION)
@@ -419,14 +432,12 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     words: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         words[method.axis] = method.name
-    mechanism = None if best.mechanism is None else np.reshape(best.mechanism, (-1, DOF))
-    ids = [scene.blocks[i].id for i in scene.free]
     dilatancy = _dilatancy(method, run, best)
     return Solution(
         **words,
         scene=scene.name,
         moments=run.moments.name,
-        blocks=len(ids),
+        blocks=len(scene.free),
         contacts=len(run.contacts),
         load_factor=None if best.load_factor is None else best.bracket.clipped(best.load_factor),
         bracket=best.bracket,
@@ -434,13 +445,14 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         history=tuple(run.history),
         seconds={**run.clock.seconds, "total": run.clock.elapsed},
         forces=best.forces,
-        mechanism=None if mechanism is None else dict(zip(ids, mechanism, strict=True)),
+        mechanism=run.by_block(best.mechanism),
         note=_note(method, run, status, dilatancy),
         versions=versions(run.solvers),
         members=best.members,
         dilatancy=dilatancy,
         iteration=best.iteration,
         internal=best.internal,
+        lower_end=best.lower_end,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
@@ -463,7 +475,7 @@ def _dilatancy(method: Method, run: Run, best: Answer) -> Dilatancy | None:
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:
     basis = method.basis(run) if run.best.bracket.has_any else ""
     if not status.has_answer:
-        parts = [*run.remarks, status.advice]
+        parts = [*run.remarks, "" if run.best.lower_end is not None else status.advice]
     elif status is Status.SOLVER_FAILED:
         parts = [run.failure, status.advice]
     elif status.is_good or status is Status.NOT_CERTIFIED:

@@ -13,6 +13,7 @@ from cvxlimit.checks import count, ratio
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.methods.standing import refuse_an_interval
 from cvxlimit.model.point_friction import ExactFlow, PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
@@ -90,6 +91,8 @@ class ExactFriction(Method):
         aside = run.aside()
         aside.surfaces, aside.formulation = (Rocking(),), PointFriction(placing, divisions)
         status = yield from Convex(0.1 * self.tolerance).steps(aside)
+        if aside.best.lower_end is not None:
+            refuse_an_interval(aside.best.lower_end.load_factor)
         is_inside = placing is at_centroids
         for iterate in aside.history:
             side = f"{iterate.solver}, {'inside' if is_inside else 'outside'}"

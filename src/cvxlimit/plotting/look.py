@@ -150,17 +150,19 @@ def title(solution: Solution) -> str:
         what += f", {_BENDING[solution.interaction]} ({solution.moments} moments)"
     elif solution.interaction != "none":
         what += f", {solution.interaction}"
+    symbol = printable(solution.quantity)
+    symbol += " \N{GREEK SMALL LETTER ALPHA} =" if symbol == "load factor" else ""
     if solution.load_factor is None:
-        return f"{what}: {solution.status}"
+        reach = f"{symbol} {solution.range_text}" if solution.range_text else solution.status
+        return f"{what}: {reach}"
     standing = solution.standing
     says = standing != "certified" and standing != str(Status.CONVERGED)
     is_narrow = solution.status.is_good and solution.gap <= 10.0**-DIGITS
     has_bracket = solution.bracket.has_any and not is_narrow
     inside = f" in {solution.bracket.shown(DIGITS)}" if has_bracket else ""
-    symbol = printable(solution.quantity)
-    symbol += " \N{GREEK SMALL LETTER ALPHA} =" if symbol == "load factor" else ""
     doubt = f" ({standing})" if says else ""
-    return f"{what}: {symbol} {rounded(solution.load_factor, DIGITS)}{inside}{doubt}"
+    value = solution.range_text or rounded(solution.load_factor, DIGITS)
+    return f"{what}: {symbol} {value}{inside}{doubt}"
 
 
 def scene_title(scene: Scene) -> str:

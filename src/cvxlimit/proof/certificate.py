@@ -130,7 +130,9 @@ class Certifier:
     *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium (the
     least change). If they then exceed a yield function by y, and the dead-load state x_d (exactly
     in equilibrium, strictly inside) keeps a reserve m there, the mixture (1 - t) x + t x_d with
-    t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound.
+    t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound. Where the dead load stands
+    only together with a part of the live load, x_d carries a factor alpha_d of its own, and
+    (1 - t) alpha + t alpha_d is the bound.
 
     *Upper bound.* The mechanism u, scaled to live power 1, misses openings s at contacts. If a
     field u_0 opens every contact with r to spare, u + t u_0 with t = max s / r is admissible,
@@ -182,10 +184,12 @@ class Certifier:
         result.witnesses.strength = result.strength
         return result
 
-    def offer_dead_state(self, forces: ArrayLike) -> bool:
+    def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
 
-        They are not trusted: they are put into equilibrium, and must be inside after that.
+        They are not trusted: they are put into equilibrium, and must be inside after that. Where
+        they carry ``factor`` times the live load besides, this factor is put into balance with them
+        and replaces whatever was known.
 
         Raises
         ------
@@ -195,12 +199,15 @@ class Certifier:
         given = self.strength.state(forces)
         if given is None:
             return False
-        balanced = self.strength.balanced(given, 0.0, self.statics)
-        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)):
+        if factor:
+            factor = self.strength.balancing(given, factor, self.statics)
+        balanced = self.strength.balanced(given, factor, self.statics)
+        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, factor)):
             return False
-        reserve, present = self._reserve(balanced), self.witnesses.easy_dead_state
+        reserve = self._reserve(balanced)
+        present = None if factor else self.witnesses.easy_dead_state
         if reserve > (0.0 if present is None else self._reserve(present)):
-            self.witnesses.dead_state = balanced
+            self.witnesses.dead_state, self.witnesses.factor = balanced, factor
         return reserve > 0.0
 
     def offer_opening_field(self, rates: ArrayLike) -> bool:
@@ -300,15 +307,16 @@ class Certifier:
         over = sum(float(np.maximum(y, 0.0).sum()) for y in self.strength.excess(x))
         error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
-        reserve = self.witnesses.dead_state
-        if reserve is None or not (self._is_balanced(x, alpha) and self._is_balanced(reserve, 0.0)):
+        reserve, known = self.witnesses.dead_state, self.witnesses.factor
+        is_balanced = self._is_balanced(x, alpha)
+        if reserve is None or not (is_balanced and self._is_balanced(reserve, known)):
             return assumed, False, residual, excess
         share = self._mixing_share(x, reserve)
-        lower = (1.0 - share) * alpha
+        lower = alpha + share * (known - alpha)
         hidden = self._hidden(x + share * (reserve - x), lower, u)
-        lower = max(0.0, lower - hidden) if lower > 0.0 else lower - hidden
+        lower = max(known, lower - hidden) if lower > known else lower - hidden
         if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
-            lower = max(0.0, lower - _N.unresisted * self.assemblage.scaling.ratio)
+            lower = max(known, lower - _N.unresisted * self.assemblage.scaling.ratio)
         return lower, True, residual, excess
 
     def _hidden(self, state: FloatArray, alpha: float, u: FloatArray | None) -> float:

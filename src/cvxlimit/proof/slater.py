@@ -241,6 +241,18 @@ class Strength:
         found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
         return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
 
+    def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:
+        """The load factor, near a given one, whose loads the least change of forces balances."""
+        balance = self.balance
+        if not balance.is_supported:
+            return load_factor
+        residual = statics.residual(self.forces(state), load_factor).ravel()
+        live = statics.live
+        if balance.rates is not None:
+            residual, live = (np.asarray(balance.rates @ load) for load in (residual, live))
+        by_live = balance.solve(live)
+        return load_factor - float(by_live @ residual) / float(by_live @ live)
+
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """The state with the least change that balances the loads of ``statics``."""
         if not self.balance.is_supported:
@@ -279,6 +291,9 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
 class Witnesses:
     """Reference states of one assemblage under its dead load.
 
+    The dead state carries ``factor`` times the live load besides: nothing, unless the dead load
+    does not stand alone.
+
     Projections know plain corner compressions only; other states come from a solver or not at all.
     """
 
@@ -288,6 +303,7 @@ class Witnesses:
         self._balance = strength.balance
         self._can_project = self._balance.is_supported and not strength.is_internal
         self._dead_state: FloatArray | None = None
+        self.factor = 0.0
         self._attempted = 0
 
     @property

@@ -42,7 +42,7 @@ from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
 
-FIGURES = ("load_factor", "lower", "upper", "gap")
+FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor")
 TEXTS = ("status", "note", "error", "solver")
 RESULTS = (*FIGURES, *TEXTS, "seconds")
 """Columns of a sweep besides its parameters."""
@@ -267,6 +267,9 @@ class Study:
             "lower": solution.lower,
             "upper": solution.upper,
             "gap": solution.gap,
+            "least_factor": np.nan
+            if solution.lower_end is None
+            else solution.lower_end.load_factor,
             "status": str(solution.status),
             "note": solution.note,
             "solver": solution.history[-1].solver if solution.history else "",

@@ -1,0 +1,157 @@
+"""Dead loads that stand only together with a part of the live load: the interval of factors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.bracket import Bracket, rounded
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.driver import Answer, Run
+from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.problem import LimitProblem, Terms
+from cvxlimit.model.variables import ForceVariables
+from cvxlimit.proof.certificate import REFERENCE, Certifier, assumptions
+from cvxlimit.solution import Iterate, LowerEnd
+from cvxlimit.surfaces.base import YieldSurface
+
+_RUNGS = 2
+"""Of the ladder: forces inside, and a mechanism that is exact enough, are all that is asked for."""
+
+
+class LargestShare:
+    """Objective: the largest share, at most all, of the dead load that is carried beside any
+    multiple of the live load, either way."""
+
+    def __init__(self) -> None:
+        self.share = cp.Variable(name="share", nonneg=True)
+
+    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
+        dead, live = self.share * assemblage.scaled.dead, alpha * assemblage.scaled.live
+        return Terms(self.share, dead, live, [self.share <= 1.0])
+
+
+class Held(NamedTuple):
+    """A state of forces that carries the dead load with ``factor`` of the live load; None for both
+    where there is none: contact forces below ``resistance`` could not hold it then (infinite if
+    none could), and 0 if the question is open."""
+
+    state: FloatArray | None
+    factor: float
+    resistance: float
+
+    @property
+    def remark(self) -> str:
+        """Where no part of the live load holds it: whether the live load turned round does."""
+        if self.state is None:
+            return "" if self.resistance else "whether a part of the live load holds it is open"
+        if self.factor > 0.0:
+            return ""
+        return (
+            f"turned round, {-self.factor:.3g} times the live load would hold it: solve that for "
+            "both ends"
+        )
+
+
+def held(
+    run: Run,
+    assemblage: Assemblage,
+    surfaces: Sequence[YieldSurface],
+    reduction: Reduction,
+    certifier: Certifier,
+) -> Held:
+    """With which part of the live load the dead load stands, or a proof that it does with none.
+
+    An interior-point solver ends among all states that carry the whole dead load, so that the one
+    it gives is well inside where any is. Where there is none, rates on which the live load does no
+    power, and the dead load does, show it.
+    """
+    run.tell("checking whether a part of the live load holds the dead load")
+    with run.clock.phase("compile"):
+        goal = LargestShare()
+        problem = LimitProblem(
+            assemblage, surfaces, run.formulation, objective=goal, reduction=reduction
+        )
+    near = Held(None, 0.0, 0.0)
+    for settings in (run.ladder or problem.ladder())[:_RUNGS]:
+        state = run.solve(problem.solve, settings)
+        label = f"{settings}, dead load with a part of the live load"
+        run.note(replace(state, load_factor=None), label)
+        given, share = certifier.given(state), goal.share.value
+        with run.clock.phase("certify"):
+            if given is not None and state.load_factor is not None and float(share) > 0.5:
+                scale = float(share) if certifier.strength.is_cone else 1.0
+                near = Held(given / scale, state.load_factor / scale, 0.0)
+                if certifier.offer_dead_state(given / scale, near.factor):
+                    return near
+            if state.mechanism is not None:
+                resistance = _resistance(run, certifier, state.mechanism)
+                if resistance > 0.0:
+                    return Held(None, 0.0, resistance)
+    return near if near.factor > 0.0 else Held(None, 0.0, 0.0)
+
+
+def _resistance(run: Run, certifier: Certifier, mechanism: FloatArray) -> float:
+    """Contact forces that it would take to hold the dead load on a mechanism on which no multiple
+    of the live load of any natural size does: infinite if the flow rule allows it, 0 if it shows
+    nothing."""
+    statics, opened = certifier.statics, certifier.opened(mechanism)
+    rates = opened.rates.ravel()
+    power = float(statics.dead @ rates) - opened.dissipation
+    live = abs(float(statics.live @ rates))
+    if not (power > 0.0 and (live == 0.0 or run.is_boundless(power / live))):
+        return 0.0
+    if opened.is_allowed:
+        return np.inf
+    acting = float(np.abs(statics.dead).sum())
+    resistance = power / opened.missing if opened.missing > 0.0 else np.inf
+    return resistance if resistance > REFERENCE * acting else 0.0
+
+
+def refuse_an_interval(factor: float) -> None:
+    """For methods that ask for a dead load that stands alone.
+
+    Raises
+    ------
+    ModelError
+        If the dead load stands with ``factor`` times the live load instead, which is above 0.
+    """
+    if factor > 0.0:
+        raise ModelError(
+            "the dead load stands only together with a part of the live load, as with "
+            f"{factor:.3g} times it, and this method needs a dead load that stands alone: method "
+            "'convex' finds both ends; or make that part of the live load a part of the dead load, "
+            "and count load factors from there"
+        )
+
+
+def lower_end(turned: Run, known: float) -> LowerEnd:
+    """What a run with the live load turned round says about the least load factor; ``known`` is one
+    that is carried."""
+    best, found = turned.best, turned.best.bracket
+    proofs = found.upper_is_proved, found.lower_is_proved
+    bracket = Bracket(-found.upper, -found.lower, *proofs, found.least)
+    factor = known if best.load_factor is None else bracket.clipped(-best.load_factor)
+    return LowerEnd(factor, bracket, best.forces, turned.by_block(best.mechanism))
+
+
+def about_the_lower_end(iterate: Iterate) -> Iterate:
+    """As it stands in the history: its numbers are those of another load."""
+    label = f"{iterate.solver}, least load factor"
+    return replace(iterate, solver=label, load_factor=None, lower=None, upper=None)
+
+
+def told(answer: Answer, turned: Bracket, alone: str) -> str:
+    """The interval in a sentence; ``turned`` is the bracket of the live load turned round, whose
+    bounds are those of the lower end the other way about, and ``alone`` says what the dead load
+    does without it."""
+    said = f"the dead load stands only together with a part of the live load ({alone} without it)"
+    if answer.load_factor is None and answer.lower_end is not None:
+        said += f", and with any multiple of it from {rounded(answer.lower_end.load_factor, 6)} on"
+    basis = assumptions(turned).replace("lower bound", "\0").replace("upper bound", "lower bound")
+    return f"{said}; at the lower end {basis.replace(chr(0), 'upper bound')}"
