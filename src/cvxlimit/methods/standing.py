@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.arrays import FloatArray
@@ -14,26 +13,22 @@ from cvxlimit.bracket import Bracket, rounded
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProblem, Terms
-from cvxlimit.model.variables import ForceVariables
+from cvxlimit.model.problem import LimitProblem, Stated
 from cvxlimit.proof.certificate import REFERENCE, Certifier, assumptions
 from cvxlimit.solution import Iterate, LowerEnd
-from cvxlimit.surfaces.base import YieldSurface
+from cvxlimit.surfaces.base import YieldSurface, times
 
 _RUNGS = 2
 """Of the ladder: forces inside, and a mechanism that is exact enough, are all that is asked for."""
 
 
-class LargestShare:
-    """Objective: the largest share, at most all, of the dead load that is carried beside any
-    multiple of the live load, either way."""
-
-    def __init__(self) -> None:
-        self.share = cp.Variable(name="share", nonneg=True)
-
-    def terms(self, assemblage: Assemblage, forces: ForceVariables, alpha: cp.Variable) -> Terms:
-        dead, live = self.share * assemblage.scaled.dead, alpha * assemblage.scaled.live
-        return Terms(self.share, dead, live, [self.share <= 1.0])
+def largest_share(stated: Stated) -> Any:
+    """Goal: the largest share, at most all, of the dead load that is carried beside any multiple of
+    the live load, either way."""
+    share = stated.own["share"] = stated.into.new(name="share", nonneg=True)
+    stated.into.nonneg(1.0 - share)
+    stated.dead = times(stated.dead, share)
+    return share
 
 
 class Held(NamedTuple):
@@ -73,19 +68,19 @@ def held(
     """
     run.tell("checking whether a part of the live load holds the dead load")
     with run.clock.phase("compile"):
-        goal = LargestShare()
         problem = LimitProblem(
-            assemblage, surfaces, run.formulation, objective=goal, reduction=reduction
-        )
+            assemblage, surfaces, formulation=run.formulation, reduction=reduction,
+            goal=largest_share,
+        )  # fmt: skip
     near = Held(None, 0.0, 0.0)
     for settings in (run.ladder or problem.ladder())[:_RUNGS]:
-        state = run.solve(problem.solve, settings)
+        state = run.solve(problem.run, settings)
         label = f"{settings}, dead load with a part of the live load"
         run.note(replace(state, load_factor=None), label)
-        given, share = certifier.given(state), goal.share.value
+        given, share = certifier.given(state), float(state.own.get("share", [0.0])[0])
         with run.clock.phase("certify"):
-            if given is not None and state.load_factor is not None and float(share) > 0.5:
-                scale = float(share) if certifier.strength.is_cone else 1.0
+            if given is not None and state.load_factor is not None and share > 0.5:
+                scale = share if certifier.strength.is_cone else 1.0
                 near = Held(given / scale, state.load_factor / scale, 0.0)
                 if certifier.offer_dead_state(given / scale, near.factor):
                     return near
