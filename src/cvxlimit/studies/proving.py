@@ -18,7 +18,7 @@ from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.loads import combined
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.proving import SLACK, Check, solution_checks
+from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
@@ -326,6 +326,7 @@ class _Domain:
                 continue
             again = structure.proved(raw)
             yield from self._compared(i, s, again)
+            yield from self._own(i, s, raw, again)
 
     def _raw(self, s: Support) -> Raw | None:
         """What a solver may have said, of which nothing is believed."""
@@ -379,6 +380,25 @@ class _Domain:
             holds = is_near and (again.half_space_is_proved or not s.half_space_is_proved)
             yield Check(f"half-space {i}", holds, "" if holds else
                         "the mechanism shows another one, or none")  # fmt: skip
+
+    def _own(self, i: int, s: Support, raw: Raw, again: Support) -> Iterator[Check]:
+        """That forces as they are held carry the loads, and the solution's own bracket."""
+        structure = self.structure
+        load = structure.forces @ raw.factors + (0.0 if raw.is_ray else structure.dead)
+        taken = structure.assemblage.statics.matrix @ raw.forces.ravel()
+        left, size = np.abs(taken + load).max(), np.abs(load).max()
+        rests_on_forces = s.point is not None or s.ray is not None
+        if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
+            yield Check(f"forces {i}", False, f"they miss equilibrium by {left / size:.1e}")
+        held, found = s.solution, again.solution
+        if held is None or found is None:
+            return
+        for end in ("lower", "upper"):
+            first, second = getattr(held, end), getattr(found, end)
+            if end == "lower" and again.point is None:  # that of the dead load alone, see above
+                continue
+            if first != second and not _is_near(np.array([first]), np.array([second])):
+                yield Check(f"{end} bound of {i}", False, f"{second:.7g} is shown")
 
     def _without_forces(self, i: int, s: Support) -> Iterator[Check]:
         """Loads whose sum is none; the dead load alone, if a state that carries it is known."""
