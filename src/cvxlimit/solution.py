@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from cvxlimit.arrays import FloatArray
@@ -17,6 +18,8 @@ from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from cvxlimit.model.problem import LimitProblem
 
 
 Table = Literal["contacts", "blocks", "history"]
@@ -428,7 +431,8 @@ class Solution:
         """Surfaces of a script, a notebook or a function could not be read anywhere else."""
         kinds = [type(surface) for surface in self.surfaces]
         lasts = all(k.__module__ != "__main__" and "<locals>" not in k.__qualname__ for k in kinds)
-        return vars(self) if lasts else vars(self) | {"surfaces": ()}
+        kept = {name: value for name, value in vars(self).items() if name != "problem"}
+        return kept if lasts else kept | {"surfaces": ()}
 
     def of(self, scene: Scene, surfaces: Sequence[YieldSurface] = ()) -> Solution:
         """The same solution with its scene, which tables and pictures need.
@@ -473,6 +477,30 @@ class Solution:
                 "solution.of(scene) gives it back"
             )
         return self.solved_scene
+
+    @cached_property
+    def problem(self) -> LimitProblem:
+        """The CVXPY problem without interaction, of which this is a solution: the one that was
+        solved, or the one of its scene and surfaces; to look at, to change, and to solve again.
+
+        Raises
+        ------
+        InputError
+            If the solution has no scene, as after reading a file.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> problem = solve(builtin_scene("single-block")).problem
+        >>> problem.add("prop", problem.V1 >= -2.0)
+        >>> round(problem.solve().load_factor, 4)
+        0.2083
+        """
+        from cvxlimit.model.problem import LimitProblem
+
+        found = LimitProblem(self.drawn_scene, self.surfaces or self.surface)
+        found.surface = self.surface
+        return found
 
     def to_dataframe(self, what: Table = "contacts") -> DataFrame:
         """The results as a table: a row per contact, per block, or per solve.

@@ -63,7 +63,8 @@ CONVENIENCES = {
         "plotting.__init__", "plotting.drawing", "plotting.notebook", "reductions.choice",
         "studies.domains.exploring",
     ),
-    "solution": ("plotting.__init__", "plotting.notebook", "frames"),
+    "solution": ("plotting.__init__", "plotting.notebook", "frames", "model.problem"),
+    "model.problem": ("methods.modelling",),
 }  # fmt: skip
 """Arrows that point up: methods that call what is above them, imported when they are called.
 

@@ -131,13 +131,20 @@ def fallen(scene: Scene, rates: FloatArray) -> str:
 
 class Inquiry:
     """What is asked of a scene without interaction: the load factor, and what loads do alone. The
-    certificate is that of the full scene however much ``model`` there is.
+    certificate is that of the full scene however much ``model`` there is. A ``problem`` that exists
+    is solved in place of a new one, and keeps the reference states of its last certificate.
     """
 
     def __init__(
-        self, run: Run, model: str, tolerance: float = TOLERANCE, budget: float = np.inf
+        self,
+        run: Run,
+        model: str,
+        tolerance: float = TOLERANCE,
+        budget: float = np.inf,
+        problem: LimitProblem | None = None,
     ) -> None:
         self.run, self.tolerance, self.budget = run, tolerance, budget
+        self._given = problem
         self.surfaces = needed_surfaces(run.surfaces)
         self.asked: set[str] = set()
         self.without_duals: list[str] = []
@@ -154,6 +161,8 @@ class Inquiry:
             )
             if self.reference is not None:
                 self.certifier.offer_dead_state(*self.reference)
+            if self._given is not None and self._given.reference is not None:
+                self.certifier.start_from(self._given.reference)
         self._state(None)
 
     def _state(self, dead_state: FloatArray | None) -> None:
@@ -161,7 +170,7 @@ class Inquiry:
         with run.clock.phase("compile"):
             reduction = found.best(dead_state)
             run.reductions = reduction.names
-            self.problem = LimitProblem(
+            self.problem = self._given or LimitProblem(
                 found.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
             )
 
@@ -376,7 +385,8 @@ class Inquiry:
         enough = 0.5 if self.certifier.strength.is_cone else _N.whole
         with run.clock.phase("compile"):
             problem = self.problem
-            if problem.reduction.still is not None:  # forces that carry some of it already
+            # forces that carry some of it already, or loads that are not the scene's
+            if problem.reduction.still is not None or self._given is not None:
                 whole = self.reductions.best()
                 problem = LimitProblem(self.reductions.assemblage, run.surfaces, reduction=whole)
             problem = problem.dead_alone()

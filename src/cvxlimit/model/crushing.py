@@ -13,7 +13,14 @@ from typing import ClassVar
 import numpy as np
 
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import DIVISIONS, ForceModel, Formulation, model_of, with_field
+from cvxlimit.model.formulations import (
+    DIVISIONS,
+    ForceModel,
+    Formulation,
+    is_weak,
+    model_of,
+    with_field,
+)
 from cvxlimit.model.points import Placing, at_centroids
 
 
@@ -41,7 +48,7 @@ class PlasticField:
     sees_to_strength: ClassVar[bool] = True
 
     def __call__(self, contacts: Contacts) -> ForceModel:
-        weak = np.flatnonzero(np.isfinite(contacts.compressive_strength))
+        weak = np.flatnonzero(is_weak(contacts))
         model = self.formulation(contacts)
         if not len(weak):
             return model

@@ -13,6 +13,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from cvxlimit.surfaces.base import (
     YieldSurface,
     check_condition,
     express,
+    is_some,
+    product,
     stated,
     times,
 )
@@ -254,16 +257,24 @@ def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
             f"cvxlimit.model.formulations.resultants; got {formulation!r}"
             + ("" if model is formulation else f", which returns {model!r:.80}")
         )
-    is_weak = np.isfinite(contacts.compressive_strength)
-    if not is_weak.any() or getattr(formulation, "sees_to_strength", False):
+    weak = is_weak(contacts)
+    if not weak.any() or getattr(formulation, "sees_to_strength", False):
         return model
-    rectangles = np.flatnonzero(is_weak & contacts.is_rectangle)
-    others = np.flatnonzero(is_weak & ~contacts.is_rectangle)
+    rectangles = np.flatnonzero(weak & contacts.is_rectangle)
+    others = np.flatnonzero(weak & ~contacts.is_rectangle)
     if len(rectangles):
         model = _with_effective_rectangles(model, rectangles)
     if len(others):
         model = with_field(model, others, at_centroids, np.full(len(contacts), DIVISIONS))
     return model
+
+
+def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
+    """Contacts that may crush, (n,): all where the strength is a Parameter."""
+    strength = contacts.compressive_strength
+    if isinstance(strength, cp.Expression):
+        return np.ones(len(contacts), dtype=bool)
+    return np.isfinite(strength)
 
 
 def corner_compressions(contacts: Contacts) -> ForceModel:
@@ -312,9 +323,9 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
     """
     j = contacts.corner_contact
     resistance: dict[str, Coefficient] = {"n": contacts.friction[j]}
-    if np.any(contacts.cohesion):
+    if is_some(contacts.cohesion):
         corners = np.diff(contacts.corner_start)
-        resistance[CONSTANT] = (contacts.cohesion * contacts.area / corners)[j]
+        resistance[CONSTANT] = product(contacts.cohesion, contacts.area / corners)[j]
     parts, coulomb = friction_at(j, contacts.corner_xy, resistance)
     return ForceModel(contacts, [compressions_at(j, contacts.corner_xy), *parts], [coulomb])
 
@@ -322,7 +333,7 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
 def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
     contacts = model.contacts
     l1, l2 = contacts.sides[weak].T
-    most = (contacts.compressive_strength * contacts.area)[weak]
+    most = product(contacts.compressive_strength, contacts.area)[weak]
     effective = [
         _product("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
         for i in (-1, 1)
@@ -362,7 +373,7 @@ def with_field(
         )
     points = placing(contacts.take(weak), divisions[weak])
     j = weak[points.contact]
-    most = points.share * (contacts.compressive_strength * contacts.area)[j]
+    most = product(points.share, product(contacts.compressive_strength, contacts.area)[j])
     corner = model.parts[names.index(_COMPRESSIONS)]
     kept = ~np.isin(corner.contact, weak)
     gives = {c: v if np.ndim(v) == 0 else np.asarray(v)[kept] for c, v in corner.gives.items()}

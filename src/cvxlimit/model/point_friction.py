@@ -17,7 +17,7 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.model.flow import Shortfall, corner_openings
 from cvxlimit.model.formulations import ForceModel, compressions_at, friction_at
 from cvxlimit.model.points import Placing, Points, at_centroids, at_corners
-from cvxlimit.surfaces.base import CONSTANT, Coefficient
+from cvxlimit.surfaces.base import CONSTANT, Coefficient, is_some, product
 from cvxlimit.surfaces.exact_torsion import Edges
 
 __all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners"]
@@ -50,9 +50,9 @@ class PointFriction:
     def __call__(self, contacts: Contacts) -> ForceModel:
         points = self.points(contacts)
         j, resistance = points.contact, dict[str, Coefficient]()
-        resistance["N"] = points.share * contacts.friction[j]
-        if np.any(contacts.cohesion):
-            resistance[CONSTANT] = points.share * (contacts.cohesion * contacts.area)[j]
+        resistance["N"] = product(points.share, contacts.friction[j])
+        if is_some(contacts.cohesion):
+            resistance[CONSTANT] = product(points.share * contacts.area[j], contacts.cohesion[j])
         parts, coulomb = friction_at(j, points.xy, resistance)
         n = compressions_at(contacts.corner_contact, contacts.corner_xy)
         return ForceModel(contacts, [n, *parts], [coulomb])

@@ -16,10 +16,12 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.given import Given
 from cvxlimit.model.limits import ContactForces, OwnLimits
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import (
@@ -27,6 +29,7 @@ from cvxlimit.surfaces.base import (
     LinearForm,
     YieldSurface,
     admissible,
+    product,
     times,
 )
 from cvxlimit.surfaces.cones import Cone
@@ -92,6 +95,11 @@ class LargestFactor:
 LARGEST_FACTOR = LargestFactor()
 
 
+def _size(load: Any) -> FloatArray:
+    """Sizes of a load, one where they are open."""
+    return np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
+
+
 def largest_self_stress(stated: Stated) -> Any:
     """Sum of all compressions without any load, none above one: whether blocks hold each other.
 
@@ -143,21 +151,56 @@ class LimitProblem:
         scene: Scene | Assemblage,
         surface: str | Cone | Sequence[YieldSurface] = "conic",
         *,
+        friction: Any = None,
+        cohesion: Any = None,
+        compressive_strength: Any = None,
+        tensile_strength: Any = None,
+        live: Any = None,
+        weights: Any = None,
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
         goal: Goal = LARGEST_FACTOR,
         repeats: Any = None,
     ) -> None:
-        self.assemblage = assemblage = Assemblage.of(scene)
-        self.surfaces = needed_surfaces(surfaces_of(surface)[0])
-        self.reduction = reduction or Reduction.none(assemblage.statics, formulation)
+        joints = {
+            "friction": friction, "cohesion": cohesion, "tensile_strength": tensile_strength,
+            "compressive_strength": compressive_strength,
+        }  # fmt: skip
+        self.given = Given.of(scene, joints, live, weights)
+        self.assemblage = assemblage = self.given.assemblage
+        surfaces, self.surface = surfaces_of(surface)
+        self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
+        if reduction is not None and self.given.is_symbolic:
+            raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
+        own = Reduction.none(assemblage.statics, formulation)
+        self.reduction = reduction or replace(own, contacts=self.given.contacts)
         self.goal, self.repeats, self.scaling = goal, repeats, assemblage.scaling
         self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        self.reference: Any = None
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
         self._limits: dict[str, tuple[cp.Constraint, ...]] = {}
         self._aim: cp.Expression | None = None
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
         self._values_before: FloatArray | None = None  # of coefficients, in the run before
+
+    def __repr__(self) -> str:
+        scene, limits = self.assemblage.scene, {**self.constraints, **self._limits}
+        sizes = [
+            f"{name} {sum(limit.size for limit in limits[name]):,}"
+            for name in limits
+            if limits[name]
+        ]
+        variables = sum(variable.size for variable in self._in_cvxpy[0].into.unknowns)
+        parts = [
+            f"{len(scene.free):,} blocks, {len(scene.contacts):,} contacts",
+            f"{variables:,} variables",
+            f"limits: {', '.join(sizes)}",
+        ]
+        own = self.given.parameters() + self.problem.parameters()
+        names = [f"{p.name()} {p.shape or ''}".strip() for p in dict.fromkeys(own)]
+        parts += [f"Parameters: {', '.join(names)}"] if names else []
+        parts += ["maximises an aim of one's own"] if self._aim is not None else []
+        return f"LimitProblem({scene.name!r}, {self.surface}: {'; '.join(parts)})"
 
     # The statement
 
@@ -241,11 +284,31 @@ class LimitProblem:
             meaning = sp.csr_array(sp.hstack([meaning, sp.csr_array(still.reshape(-1, 1))]))
             internal = cp.hstack([internal, 1.0])
         for component, k in COLUMN.items():
-            matrix = cp.Constant(meaning[k::DOF], name=component)
-            found[component] = ContactForces(matrix, internal, names)
+            rows, unknown = meaning[k::DOF], internal
+            if component == "N" and self.given.pull is not None:
+                rows = sp.csr_array(sp.hstack([rows, -sp.eye_array(len(names))]))
+                unknown = cp.hstack([internal, self.given.pull])
+            found[component] = ContactForces(cp.Constant(rows, name=component), unknown, names)
         return found
 
     # What users add
+
+    @property
+    def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:
+        """Limits that were added, by name."""
+        return dict(self._limits)
+
+    @property
+    def has_own(self) -> bool:
+        """True if limits were added, or something else is maximised."""
+        return bool(self._limits) or self._aim is not None
+
+    @property
+    def said_own(self) -> str:
+        """What was added, for notes."""
+        names = ", ".join(map(repr, self._limits))
+        parts = [f"limits {names}" if names else "", "an aim" if self._aim is not None else ""]
+        return " and ".join(filter(None, parts))
 
     @cached_property
     def _own(self) -> OwnLimits | None:
@@ -348,16 +411,63 @@ class LimitProblem:
     @cached_property
     def _shared(self) -> ConeProgram | None:
         """The rows that scenes like this one share, under this one's loads."""
+        if self.repeats is None or self.given.is_symbolic:
+            return None
         about = strength_key(self.surfaces, self.model.contacts)
-        is_full = self._is_whole and len(self.equilibrium.rows) == self._loads.shape[1]
+        is_full = self._is_whole and len(self.equilibrium.rows) == len(self._loads[0])
         is_full = is_full and self._own is None
-        if self.repeats is None or about is None or not is_full or self.goal != LARGEST_FACTOR:
+        if about is None or not is_full or self.goal != LARGEST_FACTOR:
             return None
         what, contacts = ("program", about, self.scaling.force), self.model.contacts
         found = self.repeats.shared(what, contacts, lambda: self._in_rows[1].at_present())
         dead, live = self._loads
         shared: ConeProgram = found.under(dead, live)
         return shared
+
+    def solve(
+        self,
+        solver: str | SolverSettings | None = None,
+        *,
+        tolerance: float = 1e-5,
+        verbose: bool = False,
+        **options: Any,
+    ) -> Solution:
+        """The load factor at the Parameters' present values, with its bracket.
+
+        Solved again after a Parameter has changed, it starts from the solve before, and keeps the
+        reference states of the certificate that still hold. With limits of one's own, or another
+        aim, there is no bracket, and the note says so.
+
+        Parameters
+        ----------
+        solver : str, SolverSettings or None
+            The one solver to use; None is the tested order.
+        tolerance : float
+            Relative width of the bracket that is asked for.
+        verbose : bool
+            True hands through what solvers print.
+        options
+            The solver's own, as ``max_iter=50``.
+
+        Raises
+        ------
+        ModelError, InputError
+            For a solver that is not installed, and for Parameters without a value or with one that
+            no scene can have.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> mu = cp.Parameter(value=0.7)
+        >>> problem = LimitProblem(builtin_scene("single-block"), friction=mu)
+        >>> found = [round(problem.solve().load_factor, 5)]
+        >>> mu.value = 0.3
+        >>> [*found, round(problem.solve().load_factor, 5)]
+        [0.4, 0.3]
+        """
+        from cvxlimit.methods.modelling import solved
+
+        return solved(self, solver, tolerance, verbose, options)
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
@@ -449,7 +559,8 @@ class LimitProblem:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        return Equilibrium.of(self._matrix, self._loads, self.scaling, self.reduction.rates)
+        loads = np.stack([_size(load) for load in self._loads])
+        return Equilibrium.of(self._matrix, loads, self.scaling, self.reduction.rates)
 
     @cached_property
     def _down(self) -> FloatArray:
@@ -458,10 +569,11 @@ class LimitProblem:
         return np.tile(units, len(self.assemblage.statics.dead) // DOF)
 
     @cached_property
-    def _loads(self) -> FloatArray:
-        """Scaled dead and live load (2, 6 free blocks)."""
-        statics, scaling = self.assemblage.statics, self.scaling
-        return self._down * np.stack([statics.dead / scaling.force, statics.live / scaling.live])
+    def _loads(self) -> tuple[Any, Any]:
+        """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
+        units, loads = (self.scaling.force, self.scaling.live), (self.given.dead, self.given.live)
+        dead, live = (product(self._down / u, load) for u, load in zip(units, loads, strict=True))
+        return dead, live
 
     @cached_property
     def _is_whole(self) -> bool:
@@ -485,6 +597,16 @@ class LimitProblem:
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()
         return matrix
+
+    def at_present(self) -> Assemblage:
+        """The mechanics at the Parameters' present values.
+
+        Raises
+        ------
+        ModelError, InputError
+            For a Parameter without a value, or with one that a scene refuses.
+        """
+        return self.given.at_present()
 
     # The same rows under another load
 

@@ -316,6 +316,17 @@ class Witnesses:
         self._dead_state = forces
 
     @property
+    def known_dead_state(self) -> FloatArray | None:
+        """The same as far as it is known already."""
+        return self._dead_state
+
+    @property
+    def known_opening_field(self) -> FloatArray | None:
+        """Rates that open every contact, as far as they are known already."""
+        found: FloatArray | None = self.__dict__.get("opening_field")
+        return found
+
+    @property
     def easy_dead_state(self) -> FloatArray | None:
         """The same, if a few projections find it; a solver may be quicker where they do not."""
         return self._sought(1)

@@ -315,7 +315,13 @@ def number(coefficient: Coefficient) -> float | FloatArray:
     return coefficient
 
 
-def product(first: Coefficient, second: Coefficient) -> Coefficient:
+def is_some(coefficient: Coefficient) -> bool:
+    """False for a coefficient that is zero everywhere, whatever Parameters are."""
+    return isinstance(coefficient, cp.Expression) or bool(np.any(coefficient))
+
+
+def product(first: Coefficient, second: Coefficient) -> Any:
+    """Entry by entry: between CVXPY's vectors ``*`` is the dot product."""
     if isinstance(first, cp.Expression) or isinstance(second, cp.Expression):
         return cp.multiply(first, second)
     return first * second

@@ -6,12 +6,19 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal
 
-import numpy as np
-
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.strengths import PROPERTIES
-from cvxlimit.surfaces.base import CONSTANT, Coefficient, Condition, LinearForm, Norm, YieldSurface
+from cvxlimit.surfaces.base import (
+    CONSTANT,
+    Coefficient,
+    Condition,
+    LinearForm,
+    Norm,
+    YieldSurface,
+    is_some,
+    product,
+)
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone
 from cvxlimit.surfaces.exact_torsion import parabola_arm
 
@@ -35,8 +42,8 @@ class Rocking(YieldSurface):
 def slip_resistance(contacts: Contacts) -> LinearForm:
     """mu N (Eq. 10), and c A where the scene has cohesion: the most that slip works against."""
     friction: dict[str, Coefficient] = {"N": contacts.friction}
-    if np.any(contacts.cohesion):
-        friction[CONSTANT] = contacts.cohesion * contacts.area
+    if is_some(contacts.cohesion):
+        friction[CONSTANT] = product(contacts.cohesion, contacts.area)
     return friction
 
 

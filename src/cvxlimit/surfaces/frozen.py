@@ -53,7 +53,7 @@ class TorsionShearBending(YieldSurface):
             Norm({"V2": 1}, weight=at.e1),
             Norm({"MT": 1 / contacts.torsion_arm}),
         ]
-        return [Condition(norms, {"N": contacts.friction * at.arm}), _coulomb(contacts)]
+        return [Condition(norms, {"N": product(contacts.friction, at.arm)}), _coulomb(contacts)]
 
     @classmethod
     def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
@@ -82,7 +82,7 @@ class SignedTorsionShearBending(TorsionShearBending):
         at = self.eccentricity
         torsion = {"MT": 1 / contacts.torsion_arm, "V2": -at.e1, "V1": at.e2}
         norms = [Norm({"V1": 1}, {"V2": 1}, weight=at.arm), Norm(torsion)]
-        return [Condition(norms, {"N": contacts.friction * at.arm}), _coulomb(contacts)]
+        return [Condition(norms, {"N": product(contacts.friction, at.arm)}), _coulomb(contacts)]
 
     @classmethod
     def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
@@ -106,7 +106,7 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         torsion = Norm({"MT": 1 / contacts.torsion_arm})
-        most = {"N": contacts.friction * self.eccentricity.arm}
+        most = {"N": product(contacts.friction, self.eccentricity.arm)}
         return [*super().conditions(contacts), Condition([torsion], most)]
 
     @classmethod

@@ -1,0 +1,198 @@
+"""What a limit problem is given in place of a scene's own numbers: strengths and loads that may be
+CVXPY Parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from cvxpy.atoms.affine.promote import promote
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.loads import Load
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.sinks import check_values
+from cvxlimit.model.statics import DOF
+from cvxlimit.scene import Scene
+from cvxlimit.strengths import PROPERTIES
+from cvxlimit.surfaces.base import number, product
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A scene whose strengths and loads may be expressions of Parameters.
+
+    Attributes
+    ----------
+    assemblage : Assemblage
+        The scene's mechanics, with those numbers that were given.
+    contacts : Contacts
+        What surfaces and formulations see: strengths are expressions where Parameters were given.
+    dead, live : array or expression (6 free blocks,)
+    pull : array or expression (n,), or None
+        What the compressions of contacts that bear tension have too much, as they are stated.
+    joints : mapping of property to expression (n,), weights : expression (free blocks,) or None
+        Those that were given as Parameters.
+    """
+
+    assemblage: Assemblage
+    contacts: Contacts
+    dead: Any
+    live: Any
+    joints: Mapping[str, Any]
+    weights: Any = None
+    pull: Any = None
+
+    @property
+    def is_symbolic(self) -> bool:
+        """True if anything was given as a Parameter."""
+        loads = isinstance(self.dead, cp.Expression) or isinstance(self.live, cp.Expression)
+        return bool(self.joints) or loads
+
+    @classmethod
+    def of(
+        cls, scene: Scene | Assemblage, joints: Mapping[str, Any], live: Any, weights: Any
+    ) -> Given:
+        given = {name: value for name, value in joints.items() if value is not None}
+        if not given and live is None and weights is None and isinstance(scene, Assemblage):
+            statics = scene.statics
+            return cls(scene, statics.contacts, statics.dead, statics.live, {})
+        plain = scene.scene if isinstance(scene, Assemblage) else scene
+        n, free = len(plain.contacts), len(plain.free)
+        values = {name: _shaped(name, value, n, "contacts") for name, value in given.items()}
+        numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
+        if numbers:
+            plain = _jointed(plain, numbers)
+        if isinstance(live, Load):
+            plain, live = plain.with_live(live), None
+        weight = None if weights is None else _shaped("weights", weights, free, "free blocks")
+        if weight is not None and not isinstance(weight, cp.Expression):
+            plain, weight = _weighing(plain, weight), None
+        symbols = {k: v for k, v in values.items() if isinstance(v, cp.Expression)}
+        is_same = plain is (scene.scene if isinstance(scene, Assemblage) else scene)
+        whole = Assemblage.of(scene if is_same else plain)
+        loads = whole.statics.dead, whole.statics.live
+        if live is not None or weight is not None:
+            loads = _loads(plain, live, weight)
+        return _with_tension(cls(whole, plain.contacts, *loads, symbols, weight))
+
+    def at_present(self) -> Assemblage:
+        """With the Parameters' present values in the scene's place."""
+        if not self.is_symbolic:
+            return self.assemblage
+        check_values(self.parameters())
+        scene = self.assemblage.scene
+        values = {name: np.array(number(value)) for name, value in self.joints.items()}
+        if self.weights is not None:
+            scene = _weighing(scene, np.array(number(self.weights)))
+        if isinstance(self.live, cp.Expression):
+            forces = np.asarray(number(self.live)).reshape(-1, DOF)
+            ids = [scene.blocks[i].id for i in scene.free]
+            scene = scene.with_live(Load(forces=dict(zip(ids, map(tuple, forces), strict=True))))
+        if values:
+            scene = _jointed(scene, values)
+        return self.assemblage.like(scene)
+
+    def parameters(self) -> list[cp.Parameter]:
+        """All that were given."""
+        every = [*self.joints.values(), self.dead, self.live]
+        found = [p for e in every if isinstance(e, cp.Expression) for p in e.parameters()]
+        return list(dict.fromkeys(found))
+
+
+def _shaped(what: str, value: Any, count: int, of: str) -> Any:
+    """One for each: numbers, or an expression."""
+    if isinstance(value, (list, tuple)) and any(isinstance(v, cp.Expression) for v in value):
+        value = cp.hstack(list(value))
+    is_symbolic = isinstance(value, cp.Expression)
+    shape = value.shape if is_symbolic else np.shape(value)
+    if shape not in ((), (count,)):
+        raise ModelError(f"{what} must be one number or one for each of {count} {of}, got {shape}")
+    if is_symbolic:
+        return promote(value, (count,)) if shape == () else value
+    return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
+def _jointed(scene: Scene, values: Mapping[str, FloatArray]) -> Scene:
+    """The scene whose contacts have these strengths, checked as a scene's own."""
+    for what, each in values.items():
+        worst = int(np.argmin(np.where(np.isnan(each), -np.inf, each)))
+        for j in {worst, int(np.argmax(each))}:
+            name = f"{what} of contact {scene.contacts.names[j]!r}"
+            PROPERTIES[what].metadata["check"](float(each[j]), name)
+    return scene._with_contacts(scene.contacts.with_values(**values))
+
+
+def _weighing(scene: Scene, weights: FloatArray) -> Scene:
+    """The scene whose free blocks have these weights."""
+    blocks = list(scene.blocks)
+    for i, weight in zip(scene.free.tolist(), weights.tolist(), strict=True):
+        blocks[i] = replace(blocks[i], density=weight / blocks[i].volume)
+    return scene._copy(blocks=tuple(blocks))
+
+
+def _loads(scene: Scene, live: Any, weights: Any) -> tuple[Any, Any]:
+    """Dead and live load (6 free blocks,) where one of them, or weights, are expressions."""
+    blocks = [scene.blocks[i] for i in scene.free.tolist()]
+    own, every = np.array([block.weight for block in blocks]), sp.eye_array(len(blocks))
+    repeated = sp.csr_array(sp.kron(every, np.ones((3, 1))))
+    spread = sp.csr_array(sp.kron(every, np.eye(DOF, 3)))  # forces at centroids
+
+    def acting(load: Load, forces: FloatArray) -> Any:
+        if weights is None:
+            return forces.ravel()
+        along = [
+            np.add(load.gravity or 0.0, load.acceleration or 0.0)
+            + np.array(load.weights.get(block.id, (0.0, 0.0, 0.0)))
+            for block in blocks
+        ]
+        per_weight = sp.csr_array(spread @ sp.diags_array(np.ravel(along)) @ repeated)
+        return per_weight @ weights + (forces.ravel() - per_weight @ own)
+
+    dead = acting(scene.dead, scene.dead_forces)
+    if live is None:
+        return dead, acting(scene.live, scene.live_forces)
+    if isinstance(live, Sequence):
+        live = cp.hstack(list(live))
+    if not isinstance(live, cp.Expression):
+        live = cp.Constant(np.asarray(live, dtype=float))
+    if live.shape == (len(blocks), DOF):
+        return dead, cp.vec(live, order="C")
+    if live.shape == (DOF * len(blocks),):
+        return dead, live
+    if live.shape != (3,):
+        raise ModelError(
+            "live must be a Load, an acceleration of three numbers or Parameters, or forces "
+            f"({len(blocks)}, 6) on the free blocks, got shape {live.shape}"
+        )
+    three = sp.csr_array(np.tile(np.eye(3), (len(blocks), 1)))
+    each = np.repeat(own, 3) if weights is None else repeated @ weights
+    return dead, spread @ cp.multiply(each, three @ live)
+
+
+def _with_tension(given: Given) -> Given:
+    """What surfaces see: strengths as they were given, and mortar's tension as a dead load besides
+    (:class:`~cvxlimit.model.mortar.Mortar`)."""
+    contacts, whole = given.contacts, given.assemblage
+    values = {name: given.joints.get(name, getattr(contacts, name)) for name in PROPERTIES}
+    tension = values["tensile_strength"]
+    has_tension = isinstance(tension, cp.Expression) or bool(np.any(tension))
+    if not given.joints and not has_tension:
+        return given
+    dead, pull = given.dead, None
+    if has_tension:
+        values["cohesion"] = values["cohesion"] - product(values["friction"], tension)
+        values["compressive_strength"] = values["compressive_strength"] + tension
+        values["tensile_strength"] = np.zeros(len(contacts))
+        pull = product(contacts.area, tension)
+        dead = dead - whole.statics.matrix[:, COLUMN["N"] :: len(COMPONENTS)] @ pull
+    seen = copy(contacts)
+    seen.__dict__.update(values, take=contacts.take)
+    return replace(given, contacts=seen, dead=dead, pull=pull)

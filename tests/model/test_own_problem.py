@@ -1,0 +1,257 @@
+"""A limit problem that its user changes: Parameters, limits and aims of one's own."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from cvxlimit import Load, Scene, Status, builtin_scene, solve
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.masonry import single_block
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.solvers import settings_for
+from helpers import assert_certified
+from rows import assert_same_rows
+
+MORTAR = builtin_scene("tuff-wall").with_cohesion(3.0).with_strength(tensile=1.0, compressive=900.0)
+
+
+def with_values(scene: Scene, **values: Any) -> Scene:
+    return scene._with_contacts(scene.contacts.with_values(**values))
+
+
+def random(scene: Scene, low: float, high: float) -> np.ndarray:
+    return np.random.default_rng(3).uniform(low, high, len(scene.contacts))
+
+
+CASES = {
+    "friction": (builtin_scene("tuff-wall"), "friction", lambda s: 0.5),
+    "friction, one per contact": (
+        builtin_scene("tuff-wall"),
+        "friction",
+        lambda s: random(s, 0.4, 0.8),
+    ),
+    "friction with mortar": (MORTAR, "friction", lambda s: random(s, 0.4, 0.8)),
+    "cohesion": (MORTAR, "cohesion", lambda s: 2.0),
+    "tensile_strength": (MORTAR, "tensile_strength", lambda s: random(s, 0.0, 2.0)),
+    "compressive_strength": (builtin_scene("tuff-wall"), "compressive_strength", lambda s: 300.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_strengths_as_parameters_are_those_of_a_scene(name: str) -> None:
+    """Both brackets are proved, and on each other; rows and CVXPY's constraints say the same."""
+    scene, what, value = CASES[name]
+    given = value(scene)
+    parameter = cp.Parameter(np.shape(given), value=np.full(np.shape(given), 0.6), name=what)
+    if what == "compressive_strength":
+        parameter.value = 500.0
+    problem = LimitProblem(scene, **{what: parameter})
+    problem.solve()
+    parameter.value = given
+    assert_same_rows(problem)
+    own, anew = problem.solve(), solve(with_values(scene, **{what: given}))
+    for solution in (own, anew):
+        assert solution.status is Status.CERTIFIED
+    assert own.lower <= anew.upper
+    assert anew.lower <= own.upper
+    forces = own.forces[:, 2]
+    np.testing.assert_allclose(problem.N.value, forces, atol=1e-3 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "list", "forces", "weights", "weights and live"])
+def test_loads_as_parameters_are_those_of_a_scene(kind: str) -> None:
+    scene = builtin_scene("tuff-wall")
+    weights = np.array([scene.blocks[i].weight for i in scene.free])
+    push = np.array([0.3, 1.0, 0.1])
+    a, w = cp.Parameter(3, value=[0.0, 1.0, 0.0]), cp.Parameter(len(weights), value=weights)
+    other = weights * np.random.default_rng(1).uniform(0.5, 1.5, len(weights))
+    forces = cp.Parameter((len(weights), 6), value=scene.live_forces)
+    given: dict[str, Any] = {
+        "acceleration": {"live": a},
+        "list": {"live": [a[0], a[1], 0.1]},
+        "forces": {"live": forces},
+        "weights": {"weights": w},
+        "weights and live": {"weights": w, "live": a},
+    }[kind]
+    problem = LimitProblem(scene, **given)
+    problem.solve()
+    expected = scene
+    if "weights" in given:
+        w.value = other
+        blocks = list(scene.blocks)
+        for i, weight in zip(scene.free, other, strict=True):
+            object.__setattr__(block := pickle.loads(pickle.dumps(blocks[i])), "density",
+                               weight / blocks[i].volume)  # fmt: skip
+            blocks[i] = block
+        expected = Scene(blocks, scene.supports, scene.live, friction=scene.friction)
+    if "live" in given:
+        a.value = push
+        forces.value = 2.0 * scene.live_forces
+        live = {"live": Load(acceleration=tuple(push))}
+        if kind == "forces":
+            live["live"] = Load(acceleration=(0.0, 2.0, 0.0))
+        expected = expected.with_live(live["live"])
+    if kind != "weights and live":  # a product of Parameters, which CVXPY compiles afresh
+        assert_same_rows(problem)
+    own, anew = problem.solve(), solve(expected)
+    assert own.status is anew.status is Status.CERTIFIED
+    assert own.lower <= anew.upper * (1.0 + 1e-12)
+    assert anew.lower <= own.upper * (1.0 + 1e-12)
+
+
+def test_numbers_in_place_of_a_scenes_own() -> None:
+    """A slab slides at mu in any direction, whatever its weight."""
+    scene = single_block((1.0, 1.0, 0.2), friction=0.9)
+    problem = LimitProblem(scene, friction=0.3, live=Load(acceleration=(0, 1, 0)), weights=7.0)
+    solution = problem.solve()
+    assert_certified(solution)
+    assert solution.load_factor == pytest.approx(0.3, rel=1e-7)
+    assert solution.forces[0, 2] == pytest.approx(7.0)
+
+
+def test_only_what_changed_is_solved_from_where_the_last_solve_ended() -> None:
+    """Solved again without a change it is the same, bit for bit; after one it is certified anew."""
+    mu = cp.Parameter(value=0.6, name="mu")
+    problem = LimitProblem(builtin_scene("tuff-wall"), friction=mu)
+    first, again = problem.solve(), problem.solve()
+    assert (first.load_factor, first.lower, first.upper) == (
+        again.load_factor, again.lower, again.upper
+    )  # fmt: skip
+    for value in (0.1, 0.7, 3.0, 0.0):
+        mu.value = value
+        solution = problem.solve()
+        anew = solve(builtin_scene("tuff-wall").with_friction(value))
+        assert anew.status is solution.status
+        if value < 1.0:  # with 3 the live load does no harm
+            assert solution.load_factor == pytest.approx(anew.load_factor, rel=1e-5)
+
+
+@pytest.mark.parametrize("solver", ["CLARABEL", "BLOCKWISE", "cvxpy"])
+def test_a_prop_takes_what_it_may(solver: str) -> None:
+    """A slab on mu = 0.5 with its shear limited to a fifth of its weight, then to a third."""
+    scene = single_block((1.0, 1.0, 0.2), friction=0.5, live=Load(acceleration=(1, 0, 0)))
+    problem, most = LimitProblem(scene), cp.Parameter(name="most")
+    weight, name = scene.total_weight, scene.contacts.names[0]
+    problem.add("weak joint", cp.abs(problem.V1[name]) <= most, cp.abs(problem.V2[name]) <= most)
+    rung = settings_for("CLARABEL" if solver == "cvxpy" else solver)
+    with pytest.raises(ModelError, match=r"Parameter 'most' has no value"):
+        problem.run(rung)
+    for share in (0.2, 1.0 / 3.0):
+        most.value = share * weight
+        state = problem.run(rung, has_rows=solver != "cvxpy")
+        assert state.load_factor == pytest.approx(share, rel=1e-6)
+        assert problem.factor.value == pytest.approx(share, rel=1e-6)
+        duals = [float(abs(limit.dual_value)) for limit in problem.limits["weak joint"]]
+        # a unit more of the joint's strength is one over the weight more of the load factor
+        unit = 1.0 if problem.scaling.load_factor(1.0) == 0.0 else problem.scaling.load_factor(1.0)
+        assert max(duals) * unit == pytest.approx(1.0 / weight, rel=1e-4)
+    problem.remove("weak joint")
+    assert problem.run(rung).load_factor == pytest.approx(0.5, rel=1e-6)
+
+
+def test_limits_and_aims_are_cvxpys() -> None:
+    """Over contacts, with the load factor, cones, variables and quadratic aims of one's own: rows
+    and CVXPY agree, to the root of their gaps where forces are squared."""
+    scene = builtin_scene("tuff-wall")
+    problem, spare = LimitProblem(scene), cp.Variable(nonneg=True, name="spare")
+    first, second, *_ = scene.contacts.names
+    unit = scene.total_weight
+    problem.add("sum", problem.N[first] + 2.0 * problem.N[second] <= 0.01 * unit * problem.factor)
+    problem.add("cone", cp.norm(cp.hstack([problem.V1[3], problem.V2[3]])) <= spare)
+    problem.add("spare", spare <= 1e-4 * unit)
+    rung = settings_for("CLARABEL")
+    both = [problem.run(rung, has_rows).load_factor for has_rows in (True, False)]
+    assert both[0] == pytest.approx(both[1], rel=1e-6)
+    assert spare.value == pytest.approx(float(spare.value))
+    problem.add("load", problem.factor == 0.2)
+    problem.maximise(problem.N[3])
+    found = [problem.run(rung, has_rows).forces[3, 2] for has_rows in (True, False)]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    assert problem.factor.value == pytest.approx(0.2)
+    problem.maximise(-cp.sum_squares(problem.N[:3]))
+    found = [problem.run(rung, has_rows).forces[:3, 2] for has_rows in (True, False)]
+    np.testing.assert_allclose(found[0], found[1], atol=1e-4 * unit)
+
+
+def test_the_solution_says_that_there_is_no_bracket() -> None:
+    problem = solve(builtin_scene("tuff-wall")).problem
+    name = problem.assemblage.contacts.names[0]
+    problem.add("tie", problem.N[name] <= 0.01)
+    solution = problem.solve("CLARABEL")
+    assert solution.status is Status.NOT_CERTIFIED
+    assert not solution.bracket.has_any
+    assert "no bracket: limits 'tie' of one's own" in solution.note
+    assert solution.problem is problem
+    assert pickle.loads(pickle.dumps(solution)).load_factor == solution.load_factor
+    problem.remove("tie")
+    assert_certified(problem.solve())
+
+
+def test_limits_that_no_load_factor_satisfies_are_named() -> None:
+    problem = LimitProblem(builtin_scene("tuff-wall"))
+    weight = problem.assemblage.scene.total_weight
+    problem.add("fair", problem.N[0] >= 0.0)
+    problem.add("too much", problem.N[1] >= 50.0 * weight)
+    solution = problem.solve()
+    assert solution.load_factor is None
+    assert "limit 'too much' cannot hold under these loads" in solution.note
+    assert "fair" not in solution.note
+
+
+def test_every_constraint_has_its_label() -> None:
+    problem = LimitProblem(builtin_scene("arch"), "octagon")
+    problem.add("own", problem.N[0] <= 1.0)
+    assert set(problem.constraints) == {"rocking", "torsion-shear", "equilibrium"}
+    if hasattr(cp.Constraint, "set_label"):
+        labels = {str(limit.label).split(" ")[0] for limit in problem.problem.constraints}
+        assert labels == {"rocking", "torsion-shear", "equilibrium", "own"}
+
+
+def test_it_shows_what_it_is() -> None:
+    mu = cp.Parameter(value=0.5, name="mu")
+    problem = LimitProblem(builtin_scene("arch"), friction=mu)
+    problem.add("roof tie", problem.N[0] <= 3.0)
+    shown = repr(problem)
+    assert "'arch', conic" in shown
+    assert "20 blocks, 21 contacts" in shown
+    assert "roof tie 1" in shown
+    assert "Parameters: mu" in shown
+    assert len(shown) < 300
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: p.add("a", 3.0), "limit 'a' must be a CVXPY constraint"),
+        (lambda p: p.add("rocking", p.N >= 0), "there is a limit 'rocking' already"),
+        (lambda p: p.add("a", cp.norm(p.N) >= 1.0), "limit 'a' is not convex"),
+        (lambda p: p.remove("a"), "there is no added limit 'a': there are none"),
+        (lambda p: p.maximise(p.N), "only one number that is concave"),
+        (lambda p: p.maximise(cp.sum_squares(p.N)), "only one number that is concave"),
+        (lambda p: p.N["groun-b1.1"], "there is no contact 'groun-b1.1': did you mean"),
+    ],
+)
+def test_refused_changes(change: Any, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        change(LimitProblem(builtin_scene("tuff-wall")))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"friction": cp.Parameter(name="mu")}, "Parameter 'mu' has no value: set its .value to a"),
+        ({"friction": cp.Parameter(value=-0.1)}, "friction of contact '.*' must be .*not negative"),
+        ({"friction": [0.5, -0.1, *[0.5] * 144]}, "friction of contact '.*' must be .*negative"),
+        ({"friction": np.ones(3)}, "friction must be one number or one for each of 146 contacts"),
+        ({"live": cp.Parameter(4)}, r"live must be a Load, an acceleration.*got shape \(4,\)"),
+        ({"weights": [1.0, 2.0]}, "weights must be one number or one for each of 54 free blocks"),
+    ],
+)
+def test_refused_values(given: dict[str, Any], message: str) -> None:
+    with pytest.raises((ModelError, InputError), match=message):
+        LimitProblem(builtin_scene("tuff-wall"), **given).solve()
