@@ -20,6 +20,11 @@ OPTIONS = (
 HEIGHTS = {390: 844, 1280: 800}
 """Of the windows that are tried, by width: a phone and a laptop."""
 
+VIEWS = [(width, scheme) for width in HEIGHTS for scheme in ("light", "dark")]
+
+RIGHT, UP = "\ue014", "\ue013"
+"""Arrow keys, as WebDriver calls them."""
+
 PATIENCE = 30.0
 """Seconds after which a page that does not do what it should has failed."""
 
