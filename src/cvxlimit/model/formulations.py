@@ -202,14 +202,17 @@ class ForceModel:
         for part in self.parts:
             unit, size = length if part.is_moment else 1.0, len(part.contact)
             form = gives.get(part.name, {})
-            for name in [name for name in form if name not in forces]:
+            for name in [name for name in form if name not in {**forces, **forces.parts}]:
                 forces[name] = into.new(size, name)
             if form:
-                forces[part.name] = express(form, forces)
-                internal.append(forces[part.name] / unit)
+                force = express(form, forces)
+                internal.append(force / unit)
             else:
                 internal.append(into.new(size, part.name, part.nonneg))
-                forces[part.name] = times(unit, internal[-1])
+                force = times(unit, internal[-1])
+            forces.parts[part.name] = force
+            if part.name not in (*COMPONENTS, CONSTANT):  # these always mean the contact's
+                forces[part.name] = force
         return forces, internal
 
 
@@ -218,11 +221,12 @@ class _Forces(dict[str, Any]):
 
     def __init__(self, model: ForceModel) -> None:
         self._model = model
+        self.parts: dict[str, Any] = {}
 
     def __missing__(self, component: str) -> Any:
         parts, n = self._model.parts, len(self._model.contacts)
         terms = [
-            gathered(self[p.name], p.contact, n, p.gives.get(component, 0.0))
+            gathered(self.parts[p.name], p.contact, n, p.gives.get(component, 0.0))
             for p in [p for p in parts if component in p.gives] or parts[:1]
         ]
         self[component] = sum(terms[1:], start=terms[0])
