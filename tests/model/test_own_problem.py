@@ -255,3 +255,57 @@ def test_refused_changes(change: Any, message: str) -> None:
 def test_refused_values(given: dict[str, Any], message: str) -> None:
     with pytest.raises((ModelError, InputError), match=message):
         LimitProblem(builtin_scene("tuff-wall"), **given).solve()
+
+
+def test_what_was_added_as_rows_on_forces_of_contacts() -> None:
+    """For proofs: rows hold what the limits say, with the multipliers of any solver; and the power
+    of mechanism and multipliers is the load factor (strong duality, with no strength that resists
+    besides friction)."""
+    scene = builtin_scene("tuff-wall")
+    problem, most = LimitProblem(scene), cp.Parameter(value=0.02, name="most")
+    first, second, third, *_ = scene.contacts.names
+    mixed = problem.N[first] - 2.0 * problem.M1[second] + 0.1 * problem.factor
+    problem.add("mixed", mixed <= most)
+    problem.add("even", problem.V1[third] == 0.5 * problem.V1[second])
+    state = problem.run(settings_for("CLARABEL"))
+    for value in (0.02, 0.03):
+        most.value = value
+        state = problem.run(settings_for("BLOCKWISE"))
+        rows = problem.linear_limits()
+        assert rows.names == ("even", "mixed")
+        assert rows.is_equation.tolist() == [True, False]
+        left = rows.matrix @ state.forces.ravel() + rows.factor * state.load_factor
+        k = scene.contacts.names.index
+        said = state.forces[k(first), 2] - 2.0 * state.forces[k(second), 3]
+        assert left[1] == pytest.approx(said + 0.1 * state.load_factor, rel=1e-9)
+        assert rows.right.tolist() == pytest.approx([0.0, value])
+        assert left[0] == pytest.approx(0.0, abs=1e-7)
+        # u . f_L + multipliers . factor = 1, and -u . f_D + multipliers . right = load factor
+        multipliers = state.own["multipliers"]
+        assert multipliers[1] >= 0.0
+        power = float((state.mechanism * scene.live_forces).sum()) + multipliers @ rows.factor
+        assert power == pytest.approx(1.0, rel=1e-6)
+        given = multipliers @ rows.right - float((state.mechanism * scene.dead_forces).sum())
+        assert given == pytest.approx(state.load_factor, rel=1e-6)
+
+
+def test_duals_are_those_of_cvxpy() -> None:
+    problem = LimitProblem(builtin_scene("tuff-wall"))
+    problem.add("load", problem.factor == 0.2)
+    problem.add("tie", problem.N[3] <= 0.2)
+    problem.maximise(problem.N[3] + problem.N[5])
+    found = []
+    for has_rows in (True, False):
+        problem.run(settings_for("CLARABEL"), has_rows)
+        found.append([float(c.dual_value) for named in problem.limits.values() for c in named])
+    assert found[0] == pytest.approx(found[1], rel=1e-2)  # duals are not unique to more
+    assert any(value != 0.0 for value in found[0])
+
+
+def test_what_is_not_linear_on_contacts_says_so() -> None:
+    problem, own = LimitProblem(builtin_scene("tuff-wall")), cp.Variable(name="own")
+    problem.add("cone", cp.norm(problem.N[:2]) <= 1.0)
+    assert "are cones" in problem.linear_limits()
+    problem.remove("cone")
+    problem.add("variable", problem.N[0] <= own)
+    assert "variables of one's own, as 'own'" in problem.linear_limits()

@@ -24,8 +24,9 @@ from cvxlimit.model.formulations import (
     resultants,
     vertex_forces,
 )
+from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.point_friction import PointFriction, at_corners
-from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.reserve import LeastUse
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions

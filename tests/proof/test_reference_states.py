@@ -13,7 +13,8 @@ from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.gluing import with_contacts
-from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
+from cvxlimit.model.goals import LargestFactor, largest_self_stress
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
 from cvxlimit.solvers import SolverSettings, default_ladder

@@ -25,7 +25,8 @@ from cvxlimit.methods.standing import (
 )
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LargestFactor, LimitProblem, largest_self_stress
+from cvxlimit.model.goals import LargestFactor, largest_self_stress
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions

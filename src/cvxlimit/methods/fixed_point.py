@@ -20,7 +20,8 @@ from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import FORCES
-from cvxlimit.model.problem import LARGEST_FACTOR, Goal, LimitProblem, Stated
+from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder

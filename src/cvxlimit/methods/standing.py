@@ -13,7 +13,8 @@ from cvxlimit.bracket import Bracket, rounded
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProblem, Stated
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import REFERENCE, Certifier, assumptions
 from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.surfaces.base import YieldSurface, times

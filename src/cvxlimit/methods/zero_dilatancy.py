@@ -24,7 +24,8 @@ from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.flow import FlowRule, corner_openings
-from cvxlimit.model.problem import LimitProblem, Stated
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status

@@ -17,9 +17,10 @@ from cvxpy.atoms.affine.binary_operators import MulExpression
 from cvxpy.error import DCPError, DPPError, SolverError
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.sinks import Form, Rows, check_values
+from cvxlimit.model.statics import DOF
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.program import ConeProgram
 
@@ -38,13 +39,16 @@ class LinearLimits:
     factor, right : (k,)
     is_equation : (k,) array of bool
         True for rows that are equations.
+    aim : (row (1, 6 n), coefficient of the load factor, constant) or None
+        What is maximised in place of the load factor.
     """
 
     names: tuple[str, ...]
     matrix: sp.csr_array
     factor: FloatArray
     right: FloatArray
-    is_equation: FloatArray
+    is_equation: BoolArray
+    aim: tuple[sp.csr_array, float, float] | None = None
 
 
 class ContactForces(MulExpression):
@@ -85,7 +89,7 @@ class OwnLimits:
         self, limits: Mapping[str, Sequence[cp.Constraint]], aim: cp.Expression | None
     ) -> None:
         every = [limit for named in limits.values() for limit in named]
-        self.names = [name for name, named in limits.items() for _ in named]
+        self.names, self._aim = [name for name, named in limits.items() for _ in named], aim
         self.problem = cp.Problem(cp.Maximize(0.0 if aim is None else aim), every)
         check_values(self.problem.parameters())
         if not self.problem.is_dcp():
@@ -174,29 +178,71 @@ class OwnLimits:
     def tell(self, x: FloatArray, duals: FloatArray) -> None:
         """Give variables and limits their values, of unknowns x of all rows and duals of these."""
         raw = SimpleNamespace(
-            status="Solved", x=x[self.columns], z=duals / self.unit, obj_val=0.0,
+            status="Solved", x=x[self.columns], z=self.multipliers(duals), obj_val=0.0,
             obj_val_dual=0.0, solve_time=0.0, iterations=0,
         )  # fmt: skip
         self.problem.unpack_results(raw, self._chain, self._inverse)
 
-    def rows(self) -> tuple[list[int], sp.csr_array, FloatArray, FloatArray] | None:
-        """Variables' ids, and A x <= b of equations and inequalities at present; None where there
-        are cones."""
-        if not self.has_rows or self.dims.soc:
-            return None
-        _, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        ids = [variable.id for variable in self._compiled.variables]
-        return ids, sp.csr_array(-matrix), np.asarray(right), self._labels()
+    def linear(self, internal: Mapping[int, slice], factor: int, meaning: sp.csr_array) -> Any:
+        """The limits and the aim on contact forces, at present, or a sentence on why they are not.
 
-    def _labels(self) -> Any:
+        ``internal`` says where variables stand among the internal forces (p,), ``factor`` which is
+        the load factor, both scaled as ``meaning`` (6 n, p + 1) is: in the user's units it gives
+        contact forces, and in its last column the load factor, per unknown.
+        """
+        if not self.has_rows or self.dims.soc:
+            return "only linear limits have a bracket, and some of these are cones"
+        cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        forces, load = meaning[:-1, :-1], float(meaning[-1, -1])
+        rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
+        whole, start = sp.lil_array((rows.shape[0], forces.shape[1])), 0
+        alpha = np.zeros(rows.shape[0])
+        for variable in self._compiled.variables:
+            own = rows[:, start : start + variable.size].toarray()
+            start += variable.size
+            if variable.id == factor:
+                alpha = own.ravel() / load
+            elif variable.id in internal:
+                whole[:, internal[variable.id]] = own
+            elif abs(own).sum() > 0.0:
+                return (
+                    f"limits with variables of one's own, as {variable.name()!r}, have no bracket"
+                )
+        found = _on_contacts(sp.csr_array(whole), sp.csr_array(forces))
+        if found is None:
+            return "limits on more than the forces of contacts have no bracket"
+        aim = None if self._aim is None else (found[[-1]], float(alpha[-1]), -float(offset))
+        labels, zero = self._labels(), np.arange(len(right)) < self.dims.zero
+        return LinearLimits(tuple(labels), found[:-1], alpha[:-1], np.asarray(right), zero, aim)
+
+    def multipliers(self, duals: FloatArray) -> FloatArray:
+        """What the objective gains per unit of each row's right-hand side, of the rows' duals."""
+        signs = np.where(np.arange(len(duals)) < self.dims.zero, -1.0, 1.0)  # equations: A x = b
+        return signs * duals / self.unit
+
+    def _labels(self) -> list[str]:
         """Label of every row."""
-        of = {
-            limit.id: name for name, limit in zip(self.names, self.problem.constraints, strict=True)
-        }
+        pairs = zip(self.problem.constraints, self.names, strict=True)
+        of = {limit.id: name for limit, name in pairs}
         found: list[str] = []
         for stated in self._compiled.constraints:
             found += [of.get(stated.id, "")] * stated.size
         return found
+
+
+def _on_contacts(rows: sp.csr_array, meaning: sp.csr_array) -> sp.csr_array | None:
+    """Rows (k, 6 n) on contact forces that are rows (k, p) on internal forces, by contact, or None
+    where they are not."""
+    n = meaning.shape[0] // DOF
+    square = sp.bsr_array(meaning @ meaning.T, blocksize=(DOF, DOF)).tocoo()
+    at, place = (np.asarray(index, np.int64) for index in square.coords)
+    inside = at // DOF == place // DOF
+    blocks = np.zeros((n, DOF, DOF))
+    blocks[at[inside] // DOF, at[inside] % DOF, place[inside] % DOF] = square.data[inside]
+    inverse = np.linalg.pinv(blocks, hermitian=True)
+    found = rows @ meaning.T @ sp.block_diag(list(inverse), format="csr")
+    rest = abs(found @ meaning - rows)
+    return sp.csr_array(found) if rest.max() <= 1e-9 * abs(rows).max() else None
 
 
 def broken(problem: cp.Problem, limits: Mapping[str, Sequence[cp.Constraint]]) -> list[str]:

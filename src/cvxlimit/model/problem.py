@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.given import Given
-from cvxlimit.model.limits import ContactForces, OwnLimits
+from cvxlimit.model.goals import LARGEST_FACTOR, Goal, LargestFactor, Stated
+from cvxlimit.model.limits import ContactForces, LinearLimits, OwnLimits
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
@@ -40,78 +41,9 @@ DPP_LIMIT = 3_000
 them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
 
 
-@dataclass(eq=False)
-class Stated:
-    """A limit problem on its way into a sink, for goals: all in forms of that sink, scaled.
-
-    Attributes
-    ----------
-    assemblage : Assemblage
-    into : Sink
-        Takes unknowns and limits of the goal's own.
-    forces : dict of component or part to form (n,)
-        Over the unit of force; :data:`CONSTANT` is the user's unit over it.
-    internal : sequence of form
-        The forces of the formulation's parts, over the units of force and length.
-    factor : form
-        The load factor.
-    dead, live : array or form (6 free blocks,)
-        The load that forces balance is ``dead + factor * live``; a goal may put others.
-    own : mapping of str to form
-        Unknowns of the goal's own whose values are asked for.
-    before : int
-        Equations stated before those of equilibrium, in rows.
-    """
-
-    assemblage: Assemblage
-    into: Constraints | Rows
-    forces: dict[str, Any]
-    internal: Sequence[Any]
-    factor: Any
-    dead: Any
-    live: Any
-    own: dict[str, Any] = field(default_factory=dict)
-    before: int = 0
-
-
-Goal = Callable[[Stated], Any]
-"""What a problem maximises: a form, with limits of its own stated on the way. With an attribute
-``is_quadratic`` it is an expression of CVXPY's alone, and such problems have no rows."""
-
-
-@dataclass(frozen=True)
-class LargestFactor:
-    """The load factor, at most ``most`` where only its reach is asked for."""
-
-    most: float | None = None
-
-    def __call__(self, stated: Stated) -> Any:
-        if self.most is not None:
-            most = self.most / stated.assemblage.scaling.load_factor(1.0)
-            stated.into.nonneg(most - stated.factor)
-        return stated.factor
-
-
-LARGEST_FACTOR = LargestFactor()
-
-
 def _size(load: Any) -> FloatArray:
     """Sizes of a load, one where they are open."""
     return np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
-
-
-def largest_self_stress(stated: Stated) -> Any:
-    """Sum of all compressions without any load, none above one: whether blocks hold each other.
-
-    If the value is 0, the duals of equilibrium open every contact by at least 1 more than the flow
-    rule asks for: forces that balance themselves do no work on any rates, but positive work where
-    every contact opens. If it is positive, duals mean nothing.
-    """
-    pressure = stated.forces["N"]
-    stated.into.nonneg(1.0 - pressure)
-    stated.into.zero(stated.factor)
-    stated.dead, stated.live = 0.0 * stated.dead, 0.0 * stated.live
-    return np.ones(pressure.size) @ pressure
 
 
 class LimitProblem:
@@ -292,6 +224,22 @@ class LimitProblem:
         return found
 
     # What users add
+
+    def linear_limits(self) -> LinearLimits | str:
+        """What was added, as rows on contact forces and load factor at the Parameters' present
+        values, for proofs; or a sentence on why it is none of that kind. The multipliers of a state
+        are its ``own["multipliers"]``: what the objective gains per unit of ``right``."""
+        if self._own is None:
+            return "nothing was added"
+        found, _ = self._in_cvxpy
+        if self._written[0] or self.reduction.forces is not None:
+            return "limits have a bracket on full models without unknowns of their own only"
+        starts = self.model.start.values()
+        internal = {v.id: at for v, at in zip(found.internal, starts, strict=True)}
+        units = sp.diags_array(self.scaling.force * self._unit)
+        factor = sp.csr_array([[self.scaling.load_factor(1.0)]])
+        meaning = sp.block_diag([self.model.meaning @ units, factor], format="csr")
+        return self._own.linear(internal, found.factor.id, meaning)
 
     @property
     def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:
@@ -503,9 +451,15 @@ class LimitProblem:
             found, _ = self._in_rows
             for variable, form in self._pairs(found):
                 variable.value = form.values(x).reshape(variable.shape)
+        multipliers = None
         if self._own is not None and x is not None and y is not None:
-            self._own.tell(x, y[self._own.places(program)])
-        return self.state(outcome, x, y)
+            duals = y[self._own.places(program)]
+            self._own.tell(x, duals)
+            gain = 1.0 if self._aim is not None else self.scaling.load_factor(1.0)
+            multipliers = gain * self._own.multipliers(duals)
+        state = self.state(outcome, x, y)
+        own = state.own if multipliers is None else {**state.own, "multipliers": multipliers}
+        return replace(state, own=own)
 
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
         size = sum(parameter.size for parameter in self.problem.parameters())

@@ -11,7 +11,8 @@ import numpy as np
 
 from cvxlimit.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem, Stated
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.base import YieldSurface, admissible, stated
 

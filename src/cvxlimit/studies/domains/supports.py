@@ -20,7 +20,8 @@ from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.problem import LargestFactor, LimitProblem, Stated, largest_self_stress
+from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength

@@ -22,7 +22,8 @@ from cvxlimit.methods.interaction.states.pressure import centres
 from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
-from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.model.goals import LargestFactor
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses

@@ -19,7 +19,8 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.model.problem import LargestFactor, LimitProblem
+from cvxlimit.model.goals import LargestFactor
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import SolverSettings
 
 
