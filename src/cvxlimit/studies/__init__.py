@@ -2,9 +2,11 @@
 
 :func:`sweep` solves all variations of a structure in one call and returns a table; :func:`draws`
 draws variations at random.
-:func:`load_domain` encloses all load vectors that a structure carries.
+:func:`load_domain` encloses all load vectors that a structure carries. :func:`prove` checks what
+was stored from the forces and mechanisms in it.
 """
 
+from cvxlimit.methods.proving import Check
 from cvxlimit.studies.domains.comparing import DomainComparison, compare_domains
 from cvxlimit.studies.domains.document import read_domain, write_domain
 from cvxlimit.studies.domains.domain import LoadDomain
@@ -17,6 +19,7 @@ from cvxlimit.studies.sweeping import sweep
 from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
-    "DomainComparison", "LoadDomain", "Proof", "Support", "compare_domains", "draws", "explore",
-    "load_domain", "prove", "read_domain", "read_sweep", "sweep", "varied", "write_domain",
+    "Check", "DomainComparison", "LoadDomain", "Proof", "Support", "compare_domains", "draws",
+    "explore", "load_domain", "prove", "read_domain", "read_sweep", "sweep", "varied",
+    "write_domain",
 ]  # fmt: skip
