@@ -19,6 +19,7 @@ from cvxlimit.io import result_from_dict, result_to_dict
 from cvxlimit.methods.proving import SLACK
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from helpers import scenes
+from intervals import leaning
 
 X, DOWN = Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 0, -1))
 
@@ -209,6 +210,43 @@ def assert_rests_on_a_tree(held: Solution) -> None:
     assert missing.claim.startswith("upper bound")
     assert "branch and bound, whose tree no file holds" in missing.found
     assert sum(check.is_met for check in proof.checks) == 2
+
+
+def interval() -> Scene:
+    """A cube that slides but for a push against it: 0.1 to 1.1 times it."""
+    ground, cube = (
+        Block.box("g", (-5, -5, -1), (5, 5, 0)),
+        Block.box("c", (0, 0, 0), (1, 1, 0.5), 1.0),
+    )
+    dead = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))
+    return Scene([ground, cube], ["g"], Load(acceleration=(-1, 0, 0)), dead, friction=0.5)
+
+
+def test_both_ends_of_an_interval_are_proved_again() -> None:
+    held, scene = read(solve(interval())), interval()
+    end = held.lower_end
+    assert (end.load_factor, held.load_factor) == pytest.approx((0.1, 1.1))
+    proof = prove(held, scene)
+    assert proof.is_proved, str(proof)
+    assert len(proof.checks) == 6
+    for changed in (
+        replace(held, lower_end=replace(end, load_factor=0.2)),
+        replace(held, lower_end=replace(end, bracket=replace(end.bracket, lower=0.05))),
+        replace(held, lower_end=replace(end, bracket=replace(end.bracket, upper=0.05))),
+        replace(held, lower_end=replace(end, forces=1.1 * end.forces)),
+        replace(held, lower_end=replace(end, mechanism=held.mechanism)),
+        replace(held, lower_end=replace(end, forces=None)),
+        replace(held, lower_end=None),
+        replace(held, bracket=replace(held.bracket, upper=1.2)),
+    ):
+        assert not prove(changed, scene).is_proved
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_leaning_piles_are_proved_again(seed: int) -> None:
+    scene = leaning(seed)
+    proof = prove(read(solve(scene)), scene)
+    assert proof.is_proved, str(proof)
 
 
 @pytest.mark.parametrize("method", ["exact", "fixed-point", "gilbert"])

@@ -232,12 +232,12 @@ class Inquiry:
             run.remarks = [alone, found.remark] if found.remark else [alone]
             return Status.DEAD_LOAD_UNSTABLE
         run.best, run.remarks = Answer(bracket=Bracket(least=run.scaling.least)), []
-        self._refer_to(found.state, found.factor)
+        self.refer_to(found.state, found.factor)
         upper = yield from self._bounded()
         dead, live = run.assemblage.statics.dead, run.assemblage.statics.live
         turned = run.aside(run.assemblage.under(dead, -live))
         back = Inquiry(turned, run.model, self.tolerance, self.budget)
-        back._refer_to(found.state, -found.factor)
+        back.refer_to(found.state, -found.factor)
         lower = yield from back._bounded()
         run.history += [about_the_lower_end(iterate) for iterate in turned.history]
         end = lower_end(turned, found.factor)
@@ -253,7 +253,9 @@ class Inquiry:
             return upper
         return Status.NOT_CERTIFIED
 
-    def _refer_to(self, state: FloatArray, factor: float) -> None:
+    def refer_to(self, state: FloatArray, factor: float) -> None:
+        """Take a state inside, which carries the dead load with ``factor`` times the live load, in
+        place of one that carries it alone."""
         self.asked.add("dead load")
         self.reference = state, factor
         self.certifier.offer_dead_state(state, factor)

@@ -8,8 +8,10 @@ number that comes out otherwise is not proved, whoever changed it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -34,7 +36,7 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
@@ -117,15 +119,53 @@ class _Again:
         moments: str | Moments | None,
         formulation: Formulation,
     ) -> None:
-        self.solution, self.moments = solution, moments
-        self.run = Run(solution.drawn_scene, surfaces, formulation=formulation)
-        rates = solution.mechanism
+        self.run, self.moments = (
+            Run(solution.drawn_scene, surfaces, formulation=formulation),
+            moments,
+        )
+        self.reference: tuple[FloatArray | None, float] | None = None
+        self._take(solution)
+
+    def _take(self, solution: Solution) -> None:
+        self.solution, rates = solution, solution.mechanism
+        self.__dict__.pop("_carried", None)  # of another end
         ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
-        self.mechanism = None if rates is None else np.array([rates[key] for key in ids])
+        is_whole = rates is not None and set(ids) == set(rates)
+        self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
         self.forces = solution.forces
         if self.forces is not None and self.run.mortar is not None:
             self.forces = np.array(self.forces)
             self.forces[:, COLUMN["N"]] += self.run.mortar.pull
+
+    def _turned(self, end: LowerEnd) -> _Again:
+        """The lower end of an interval as a largest load factor, of the live load turned round."""
+        again, statics = copy(self), self.run.assemblage.statics
+        state, factor = self._state_between
+        again.reference = state, -factor
+        again.run = self.run.aside(self.run.assemblage.under(statics.dead, -statics.live))
+        held = end.bracket
+        proofs = held.upper_is_proved, held.lower_is_proved
+        again._take(
+            replace(
+                self.solution,
+                load_factor=-end.load_factor,
+                forces=end.forces,
+                internal=None,
+                bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
+                mechanism=end.mechanism,
+                lower_end=None,
+            )
+        )
+        return again
+
+    @cached_property
+    def _state_between(self) -> tuple[FloatArray | None, float]:
+        """Forces inside that carry the dead load with a part of the live load, and that part."""
+        inquiry = Inquiry(self.run.aside(), self.run.model)
+        if not inquiry.dead_load_falls():
+            return None, 0.0
+        found = inquiry.held()
+        return found.state, found.factor
 
     def checks(self) -> Iterator[Check]:
         """All claims, by what kind of answer it is."""
@@ -146,25 +186,41 @@ class _Again:
     # Without interaction
 
     def _plain(self) -> Iterator[Check]:
+        end = self.solution.lower_end
+        if end is not None:
+            self.reference = self._state_between
+            if self.reference[0] is None:
+                yield Check("interval", False, "no forces carry the dead load with a part of the "
+                            "live load, or it stands alone")  # fmt: skip
+                return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._falls()
         elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
             yield self._harmless()
         else:
-            yield from self._held()
-            found = list[Bracket]()
-            # A bound depends a little on the states that it refers to, and these on how narrow a
-            # bracket was wanted; and load factors are held as their brackets clip them.
-            for factor in dict.fromkeys((self.solution.load_factor, self._carried)):
-                for tolerance in (TOLERANCE, 1.0, SLACK):
-                    found.append(self._bracket(factor, tolerance))
-                    if all(check.is_met for check in self._ends(found)):
-                        break
-            yield from self._ends(found)
+            yield from self._certified()
+        if end is not None:
+            for check in self._turned(end)._certified():
+                yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
+
+    def _certified(self) -> Iterator[Check]:
+        """The load factor and both bounds. A bound depends a little on the states that it refers
+        to, and these on how narrow a bracket was wanted; and load factors are held as their
+        brackets clip them. So several are tried, and one has to be as it is held."""
+        yield from self._held()
+        factors, found = (self.solution.load_factor, self._carried), list[Bracket]()
+        for factor, tolerance in product(dict.fromkeys(factors), (TOLERANCE, 1.0, SLACK)):
+            found.append(self._bracket(factor, tolerance))
+            if all(check.is_met for check in self._ends(found)):
+                break
+        yield from self._ends(found)
 
     def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
         inquiry = Inquiry(self.run.aside(), self.run.model, tolerance)
-        inquiry.dead_load_falls()  # which leaves forces that carry it
+        if self.reference is None:
+            inquiry.dead_load_falls()  # which leaves forces that carry it
+        elif self.reference[0] is not None:
+            inquiry.refer_to(self.reference[0], self.reference[1])
         state = LimitState(
             Outcome("given", 0.0, 0.0),
             factor,
