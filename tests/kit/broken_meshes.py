@@ -202,7 +202,7 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
         "a.json", '{"dtype": "compas", "data": ' * 400 + "{}" + "}" * 400,
         "a.json: a COMPAS object",
     ),
-    "json-of-others": ("a.json", '{"type": "FeatureCollection"}', "was not written by COMPAS"),
+    "json-of-others": ("a.json", '{"type": "FeatureCollection"}', "holds no blocks that are known"),
     "json-no-blocks": ("a.json", '{"dtype": "compas/Mesh", "data": {}}', "neither elements nor"),
     "json-no-mesh": ("a.json", assembly({"brep": 1}), "block '7' is no mesh"),
     "json-open": ("a.json", assembly(cube_mesh(face={"0": [0, 1, 2, 3]})), "'7'"),

@@ -36,8 +36,8 @@ class Geometry:
     """What ``cvxlimit import`` is to make a scene of, and with what."""
 
     geometry: list[str] = argument(
-        "Files or folders: .obj, .stl, .ply, .glb, .gltf, COMPAS .json, or .csv with a box per row "
-        "(id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).",
+        "Files or folders: .obj, .stl, .ply, .glb, .gltf, .off, .dxf, COMPAS .json, or .csv with a "
+        "box per row (id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).",
         "GEOMETRY...",
     )
     output: Path | None = output_option("SCENE.json", "Scene file to write.")

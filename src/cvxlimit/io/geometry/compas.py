@@ -1,8 +1,9 @@
 """COMPAS assemblies in JSON, read as plain data: compas_assembly, compas_cra and compas_dem.
 
 An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
-materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. No code of
-COMPAS runs and no object of it is made.
+materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. COMPAS 0.x
+has no such layers and no names of types: an assembly is a network beside a table of its blocks, a
+mesh its vertices and faces. No code of COMPAS runs and no object of it is made.
 """
 
 from __future__ import annotations
@@ -24,11 +25,22 @@ _DEEPEST = 12
 
 
 def is_compas(document: object) -> bool:
-    return isinstance(document, dict) and "compas" in str(document.get("dtype", ""))
+    if isinstance(document, list):  # of meshes
+        return bool(document) and all(map(is_compas, document))
+    if not isinstance(document, dict):
+        return False
+    is_old = document.keys() >= {"assembly", "blocks"} or document.keys() >= {"vertex", "face"}
+    return is_old or "compas" in str(document.get("dtype", ""))
 
 
 def read_compas(document: object) -> list[Body]:
+    if isinstance(document, list):
+        return [_block(str(i), _content(mesh), None, None) for i, mesh in enumerate(document)]
     content = _content(document)
+    if "assembly" in content and "blocks" in content:
+        return list(_of_network(content))
+    if "vertex" in content and "face" in content:
+        return [_block("", content, None, None)]
     if "elements" in content:
         return list(_of_model(content))
     graph = _content(content.get("graph", content))
@@ -52,6 +64,23 @@ def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
         own = attributes.get("density") if isinstance(attributes, dict) else None
         stated = node.get("density", own)
         yield _block(key, mesh, bool(node.get("is_support")) if marked else None, stated)
+
+
+def _of_network(content: Mapping[str, Any]) -> Iterator[Body]:
+    """As COMPAS 0.x writes it; its networks call nodes vertices, in some versions."""
+    network = mapping(content["assembly"], "the assembly")
+    nodes = mapping(network.get("node") or network.get("vertex") or {}, "nodes of the assembly")
+    blocks = mapping(content["blocks"], "blocks of the assembly")
+    lost = [key for key in nodes if key not in blocks]
+    if lost or not blocks:
+        raise InputError(f"node {shown(lost[0])} of the assembly has no block" if lost else
+                         "the assembly has no blocks")  # fmt: skip
+    known = {key: mapping(nodes.get(key, {}), f"node {shown(key)}") for key in blocks}
+    marked = any(node.get("is_support") for node in known.values())
+    for key in sorted(blocks, key=_by_number):
+        mesh = mapping(blocks[key], f"block {shown(key)}")
+        yield _block(key, mesh, bool(known[key].get("is_support")) if marked else None,
+                     known[key].get("density"))  # fmt: skip
 
 
 def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:

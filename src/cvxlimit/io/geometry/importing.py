@@ -28,8 +28,10 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import is_compas, read_compas
+from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
+from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.tables import read_table
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, Units
@@ -90,10 +92,11 @@ def import_geometry(
     name: str | None = None,
     to_unit: str | None = None,
 ) -> Imported:
-    """A scene from OBJ, STL, PLY, glTF, COMPAS or CSV files.
+    """A scene from OBJ, STL, PLY, glTF, OFF, DXF, COMPAS or CSV files.
 
     Every object of an OBJ file is a block (every group where there is one object), every node of a
-    COMPAS assembly, every row of a table, and every closed shell of an STL, PLY or glTF mesh.
+    COMPAS assembly, every row of a table, every closed shell of an STL, PLY, glTF or OFF mesh, and
+    every solid, mesh, closed polyline with a thickness or shell of 3D faces of a DXF drawing.
     Geometry files do not state units, supports and friction: these are arguments.
 
     Parameters
@@ -132,7 +135,7 @@ def import_geometry(
         If a file cannot be read, a body is no block, or something that was asked for is missing:
         one line naming the file and the block.
     ModelError
-        If a format needs trimesh and it is not installed.
+        If a format needs trimesh or ezdxf and it is not installed.
 
     Example
     -------
@@ -262,7 +265,10 @@ def _read_json(path: Path) -> list[Body]:
     if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
         raise InputError("this is a scene already: solve it, there is nothing to import")
     if not is_compas(document):
-        raise InputError("this JSON was not written by COMPAS (no 'dtype' that says so)")
+        raise InputError(
+            "this JSON holds no blocks that are known: neither a 'dtype' of COMPAS nor, as its "
+            "versions before 1 write them, 'assembly' beside 'blocks', or 'vertex' beside 'face'"
+        )
     return read_compas(document)
 
 
@@ -270,6 +276,8 @@ READERS: dict[str, Callable[[Path], list[Body]]] = {
     ".obj": lambda path: read_obj(decoded(read_bytes(path))),
     ".json": _read_json,
     ".csv": lambda path: read_table(decoded(read_bytes(path))),
+    ".off": lambda path: read_off(decoded(read_bytes(path))),
+    ".dxf": read_dxf,
     **dict.fromkeys(MESHES, read_mesh),
 }
 """Reader by suffix: add a format with one line."""

@@ -1,0 +1,264 @@
+"""DXF through ezdxf (the extra ``mesh``), which is imported when it is used.
+
+What encloses a volume becomes blocks: closed polylines with a thickness, each the prism over it;
+polyface meshes, meshes and solids, each as it is; 3D faces and faces without a thickness, all of a
+layer together, whose bodies are told apart afterwards. Lines, texts and dimensions are left alone.
+Blocks of the drawing are taken wherever they are inserted.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.errors import InputError
+from cvxlimit.extras import needed
+from cvxlimit.io.fields import one_line, read_bytes, shown
+from cvxlimit.io.geometry.bodies import Body, merged
+
+Polygons = tuple[FloatArray, list[list[int]]]
+
+_MOST = 100_000
+"""Entities that a drawing may have once its blocks are inserted: more is a mistake, or meant to
+exhaust memory, as blocks of blocks of blocks."""
+
+_STEP = np.pi / 32.0
+"""Angle of an arc's chords: both sides of a joint are cut alike, within 0.12 % of the radius."""
+
+_SKIPPED = {
+    "LINE", "POINT", "TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH",
+    "ATTRIB", "ATTDEF", "VIEWPORT", "IMAGE", "RAY", "XLINE", "TOLERANCE", "WIPEOUT", "ARC",
+    "OLE2FRAME", "LIGHT", "SUN", "CAMERA",
+}  # fmt: skip
+"""Entities that bound nothing by themselves."""
+
+
+def read_dxf(path: Path) -> list[Body]:
+    """The bodies of a drawing's model space.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or holds something that may be a block and is not closed or known.
+    """
+    recover, disassemble = (
+        needed(f"ezdxf.{module}", "mesh", ".dxf files") for module in ("recover", "disassemble")
+    )
+    data = read_bytes(path)
+    if not data.rstrip().endswith(b"EOF"):  # ezdxf would read what there is
+        raise InputError("the DXF file has no EOF at its end: it is cut off, or it is not text")
+    log = logging.getLogger("ezdxf")
+    log.addHandler(logging.NullHandler())
+    was, log.propagate = log.propagate, False  # it logs what it mends
+    try:
+        document, _ = recover.read(io.BytesIO(data))
+        _check_size(document)
+        entities = disassemble.recursive_decompose(document.modelspace())
+        return _bodies(entities)
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise InputError("the file claims more than fits into memory") from error
+    except Exception as error:  # ezdxf lets through whatever its parsers stumble over
+        reason = one_line(f"{type(error).__name__}: {error}")[:200]
+        raise InputError(f"cannot be read as DXF ({reason}); save it as text again") from error
+    finally:
+        log.propagate = was
+
+
+def _check_size(document: Any) -> None:
+    """Refuse drawings with too many entities, counted without inserting any."""
+    counts: dict[str, int] = {}
+
+    def count(name: str, layout: Any, above: tuple[str, ...]) -> int:
+        if name in above:
+            raise InputError(f"block {shown(name)} of the drawing contains itself")
+        if name not in counts:
+            counts[name] = 0
+            for entity in layout:
+                times, inside = 1, ""
+                if entity.dxftype() == "INSERT":
+                    inside = str(entity.dxf.get("name", ""))
+                if inside in document.blocks:
+                    times = max(entity.mcount, 1)
+                    times *= count(inside, document.blocks.get(inside), (*above, name))
+                counts[name] += times
+        return counts[name]
+
+    total = count("*Model_Space", document.modelspace(), ())
+    if total > _MOST:
+        raise InputError(
+            f"it has more than {_MOST} entities once its blocks are inserted; export less"
+        )
+
+
+def _bodies(entities: Iterator[Any]) -> list[Body]:
+    solids: list[tuple[str, Polygons]] = []
+    loose: dict[str, list[FloatArray]] = defaultdict(list)
+    left_open = ""
+    for entity in entities:
+        layer, kind = str(entity.dxf.get("layer", "0")), entity.dxftype()
+        if kind in _SKIPPED:
+            continue
+        if kind == "3DFACE":
+            loose[layer].append(np.array([v.xyz for v in entity.wcs_vertices()]))
+        elif kind in ("SOLID", "TRACE"):
+            outline = np.array(
+                [v.xyz for v in entity.vertices()]
+            )  # 1 2 4 3 in the file, 1 2 3 4 here
+            _add_outline(entity, outline, solids, loose, layer)
+        elif kind in ("LWPOLYLINE", "POLYLINE") and not _is_mesh(entity):
+            closed = _outline(entity)
+            if closed is None:
+                left_open = left_open or f", but an open polyline on layer {shown(layer)}"
+                continue
+            _add_outline(entity, closed, solids, loose, layer)
+        else:
+            solids += [(layer, polygons) for polygons in _meshes(entity, kind, layer)]
+    for layer, faces in loose.items():
+        points = np.concatenate(faces)
+        ends = np.cumsum([len(face) for face in faces])[:-1]
+        solids.append(
+            (layer, (points, [x.tolist() for x in np.split(np.arange(len(points)), ends)]))
+        )
+    if not solids:
+        raise InputError(
+            f"the drawing has nothing that encloses a block{left_open}: draw closed polylines with "
+            "a thickness, 3D faces, meshes or solids"
+        )
+    return _named(solids)
+
+
+def _named(solids: Sequence[tuple[str, Polygons]]) -> list[Body]:
+    """Bodies named for their layers, and numbered where a layer has several."""
+    times, seen, result = Counter(layer for layer, _ in solids), Counter[str](), []
+    for layer, (points, faces) in solids:
+        seen[layer] += 1
+        name = layer if times[layer] == 1 else f"{layer}.{seen[layer]}"
+        result.append(_body("" if layer == "0" and times[layer] == 1 else name, points, faces))
+    return result
+
+
+def _body(name: str, points: FloatArray, faces: list[list[int]]) -> Body:
+    """Equal corners made one; a corner listed twice in a row, as in 3D faces of three, is one."""
+    kept, number = merged(points, np.arange(len(points)))
+    loops = [[int(number[i]) for i in face] for face in faces]
+    loops = [[i for k, i in enumerate(loop) if i != loop[k - 1]] for loop in loops]
+    return Body(name, kept, [loop for loop in loops if len(loop) > 2])
+
+
+def _is_mesh(entity: Any) -> bool:
+    return entity.dxftype() == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh)
+
+
+def _add_outline(
+    entity: Any,
+    outline: FloatArray,
+    solids: list[tuple[str, Polygons]],
+    loose: dict[str, list[FloatArray]],
+    layer: str,
+) -> None:
+    """The prism over a closed outline in the plane of its entity; without a thickness its face."""
+    height = float(entity.dxf.get("thickness", 0.0))
+    is_flat = entity.dxftype() != "POLYLINE" or entity.is_2d_polyline
+    system = entity.ocs()
+    if is_flat:
+        outline = np.array([system.to_wcs(tuple(p)) for p in outline.tolist()])
+    if not height or not is_flat:
+        loose[layer].append(outline)
+        return
+    up = height * np.array(system.to_wcs((0.0, 0.0, 1.0)))
+    k = len(outline)
+    sides = [[i, (i + 1) % k, k + (i + 1) % k, k + i] for i in range(k)]
+    faces = [list(range(k))[::-1], list(range(k, 2 * k)), *sides]
+    solids.append((layer, (np.vstack([outline, outline + up]), faces)))
+
+
+def _outline(entity: Any) -> FloatArray | None:
+    """Corners of a closed polyline in its own plane, arcs cut into chords; None if it is open."""
+    if entity.dxftype() == "LWPOLYLINE":
+        height = float(entity.dxf.elevation)
+        rows = [(x, y, height, bulge) for x, y, bulge in entity.get_points("xyb")]
+        closed = bool(entity.closed)
+    else:
+        height = float(entity.dxf.elevation[2]) if entity.is_2d_polyline else 0.0
+        rows = [
+            (*v.dxf.location.vec2, v.dxf.location.z or height, v.dxf.get("bulge", 0.0))
+            for v in entity.vertices
+        ]
+        closed = bool(entity.is_closed)
+    points = np.array([row[:3] for row in rows], dtype=float).reshape(-1, 3)
+    bulges = [float(row[3]) for row in rows]
+    if len(points) > 1 and (points[0] == points[-1]).all():  # drawn back to where it began
+        points, bulges, closed = points[:-1], bulges[:-1], True
+    if not closed or len(points) < (3 if not any(bulges) else 2):
+        return None
+    result = []
+    for start, end, bulge in zip(points, np.roll(points, -1, axis=0), bulges, strict=True):
+        result += [start, *_arc(start, end, bulge)]
+    return np.array(result)
+
+
+def _arc(start: FloatArray, end: FloatArray, bulge: float) -> list[FloatArray]:
+    """Points between the ends of an arc whose quarter angle has the tangent ``bulge``."""
+    if not bulge:
+        return []
+    angle = 4.0 * np.arctan(bulge)
+    chord = end - start
+    aside = np.array([-chord[1], chord[0], 0.0])
+    centre = 0.5 * (start + end) + aside * (1.0 - bulge**2) / (4.0 * bulge)
+    spoke = start - centre
+    steps = np.linspace(0.0, angle, max(2, int(np.ceil(abs(angle) / _STEP))) + 1)[1:-1]
+    across = np.array([-spoke[1], spoke[0], 0.0])
+    return [centre + np.cos(t) * spoke + np.sin(t) * across for t in steps]
+
+
+def _meshes(entity: Any, kind: str, layer: str) -> Iterator[Polygons]:
+    """Bodies that an entity holds by itself; refused where only its program could read them."""
+    from ezdxf.render import MeshBuilder
+
+    if kind == "POLYLINE":
+        made = [MeshBuilder.from_polyface(entity)]
+    elif kind == "MESH":
+        if entity.dxf.get("subdivision_levels", 0) > 0:
+            raise InputError(
+                f"a mesh on layer {shown(layer)} is smoothed, so that its faces are not what is "
+                "drawn: convert it to a polyface mesh, or set its smoothness to none"
+            )
+        made = [MeshBuilder.from_mesh(entity)]
+    elif kind in ("3DSOLID", "BODY"):
+        made = _acis(entity, layer)
+    else:
+        raise InputError(
+            f"{kind} on layer {shown(layer)} is no body that can be read: draw closed polylines "
+            "with a thickness, 3D faces, meshes or solids, or move it out of the drawing"
+        )
+    for mesh in made:
+        points = np.array([v.xyz for v in mesh.vertices], dtype=float).reshape(-1, 3)
+        yield points, [[int(i) for i in face] for face in mesh.faces]
+
+
+def _acis(entity: Any, layer: str) -> list[Any]:
+    from ezdxf.acis import api
+
+    cure = "explode it into 3D faces, or convert it to a mesh"
+    try:
+        bodies = api.load_dxf(entity)
+        made = [mesh for body in bodies for mesh in api.mesh_from_body(body)]
+    except Exception as error:
+        raise InputError(
+            f"a solid on layer {shown(layer)} is stored in a way that cannot be read "
+            f"({one_line(str(error))[:100]}): {cure}"
+        ) from error
+    if not made or not any(mesh.faces for mesh in made):
+        raise InputError(
+            f"a solid on layer {shown(layer)} has no flat faces that can be read: {cure}"
+        )
+    return made
