@@ -25,9 +25,11 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import sys
 import sysconfig
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +83,7 @@ def on_an_index(text: str, address: str = "") -> str:
 
 SOLVERS = "cvxlimit/solvers"
 SOURCES = ("cholesky.c", "interior/batch.c", "interior/small.c")
-FLAGS = {"unix": ["-O3", "-g0", "-fno-math-errno"], "msvc": ["/O2"]}
+FLAGS = {"unix": ["-O3", "-g0", "-fno-math-errno"], "msvc": ["/O2", "/std:c11"]}
 STABLE = "0x030B0000"  # Python 3.11
 
 
@@ -111,17 +113,21 @@ class Compiled(BuildHookInterface[Any]):
                 build_data |= {"pure_python": False, "tag": f"cp311-abi3-{platform}"}
 
 
-def compiled(source: Path, folder: Path) -> Path | None:
-    """The extension ``_NAME`` of NAME.c in the folder, or None if it cannot be built here."""
+def compiled(source: Path, folder: Path, flags: Sequence[str] = ()) -> Path | None:
+    """The extension ``_NAME`` of NAME.c in the folder, or None if it cannot be built here; further
+    ``flags`` go to compiler and linker."""
     from setuptools import Distribution, Extension
     from setuptools.errors import BaseError, CCompilerError
 
     name = f"_{source.stem}"
+    solvers = next(path for path in source.parents if path.name == "solvers")
+    digest = runpy.run_path(str(solvers / "sources.py"))["digest"](solvers)
     extension = Extension(
         name,
         [str(source)],
-        define_macros=[("Py_LIMITED_API", STABLE)],
-        extra_compile_args=FLAGS["msvc" if sys.platform == "win32" else "unix"],
+        define_macros=[("Py_LIMITED_API", STABLE), ("SOURCES", f'"{digest}"')],
+        extra_compile_args=[*FLAGS["msvc" if sys.platform == "win32" else "unix"], *flags],
+        extra_link_args=[*flags],
         py_limited_api=True,
     )
     command = Distribution({"name": name, "ext_modules": [extension]}).get_command_obj("build_ext")

@@ -28,13 +28,13 @@ static void forgotten(PyObject *capsule) {
     freed(PyCapsule_GetPointer(capsule, "factor"));
 }
 
-/* Elimination tree of a matrix whose lower half is given by columns (J. W. H. Liu, 1990). */
+/* Elimination tree of a matrix whose lower half is given by columns (J. W. H. Liu, 1990). All are rooms for
+ * n numbers. */
 static void set_tree(Py_ssize_t n, const int64_t *indptr, const int64_t *indices, Py_ssize_t *parent,
-                     Py_ssize_t *head, Py_ssize_t *next, Py_ssize_t *oldest) {
+                     Py_ssize_t *head, Py_ssize_t *next, Py_ssize_t *oldest, Py_ssize_t *list) {
     /* Rows are visited in order: entries of each row are linked by the column in which they stand. */
     Py_ssize_t *at = head; /* the next entry of a column that has not been visited */
     for (Py_ssize_t j = 0; j < n; j++) parent[j] = oldest[j] = next[j] = -1, at[j] = indptr[j];
-    Py_ssize_t *list = malloc(sizeof(Py_ssize_t) * n);
     for (Py_ssize_t j = 0; j < n; j++) list[j] = -1;
     for (Py_ssize_t i = 0; i < n; i++) {
         if (at[i] < indptr[i + 1] && indices[at[i]] == i) at[i]++;
@@ -52,7 +52,6 @@ static void set_tree(Py_ssize_t n, const int64_t *indptr, const int64_t *indices
         }
         if (at[i] < indptr[i + 1]) next[i] = list[indices[at[i]]], list[indices[at[i]]] = i;
     }
-    free(list);
 }
 
 static int compared(const void *a, const void *b) {
@@ -113,7 +112,7 @@ static Py_ssize_t merged(Py_ssize_t n, const Py_ssize_t *parent, const Py_ssize_
 
 static Factor *analysis(Py_ssize_t n, Py_ssize_t entries, const int64_t *indptr, const int64_t *indices) {
     Factor *f = calloc(1, sizeof(Factor));
-    Py_ssize_t *room = malloc(sizeof(Py_ssize_t) * (6 * n + 1)), *sizes = room + 5 * n;
+    Py_ssize_t *room = malloc(sizeof(Py_ssize_t) * (6 * n + 1)), *sizes = room ? room + 5 * n : NULL;
     Py_ssize_t **structs = calloc(n + 1, sizeof(Py_ssize_t *));
     int is_good = f && room && structs;
     if (is_good) {
@@ -123,7 +122,7 @@ static Factor *analysis(Py_ssize_t n, Py_ssize_t entries, const int64_t *indptr,
         is_good = f->first && f->owner && f->place;
     }
     if (is_good) {
-        set_tree(n, indptr, indices, room, room + n, room + 2 * n, room + 3 * n);
+        set_tree(n, indptr, indices, room, room + n, room + 2 * n, room + 3 * n, room + 4 * n);
         is_good = set_structure(n, indptr, indices, room, structs, sizes, room + n, room + 2 * n, room + 3 * n);
     }
     if (is_good) {
@@ -140,7 +139,7 @@ static Factor *analysis(Py_ssize_t n, Py_ssize_t entries, const int64_t *indptr,
     }
     if (is_good) {
         f->rows = malloc(sizeof(Py_ssize_t) * (f->start[f->count] + 1));
-        f->values = malloc(sizeof(double) * (f->panel[f->count] + 4)); /* a quad may be read beyond */
+        f->values = malloc(sizeof(double) * (f->panel[f->count] + LANES)); /* as many may be read beyond */
         is_good = f->rows && f->values;
     }
     for (Py_ssize_t s = 0; is_good && s < f->count; s++) {
@@ -164,9 +163,10 @@ static int numeric(Factor *f, const double *data) {
     Py_ssize_t *room = malloc(sizeof(Py_ssize_t) * (3 * f->count + f->n + 1));
     double *update = malloc(sizeof(double) * (f->tallest * f->widest + 1));
     double *packs = malloc(sizeof(double) * DEEP * (f->widest + BROAD + TALL));
-    Py_ssize_t *head = room, *next = room + f->count, *at = room + 2 * f->count, *map = room + 3 * f->count;
+    Py_ssize_t *head = room, *next = NULL, *at = NULL, *map = NULL;
     int is_good = room && update && packs ? 1 : -1;
     if (is_good > 0) {
+        next = head + f->count, at = next + f->count, map = at + f->count;
         memset(f->values, 0, sizeof(double) * f->panel[f->count]);
         for (Py_ssize_t k = 0; k < f->entries; k++) f->values[f->place[k]] = data[k];
         for (Py_ssize_t s = 0; s < f->count; s++) head[s] = -1;
@@ -243,20 +243,17 @@ WIDE static void solved(const Factor *f, double *x, double *y) {
 
 static PyObject *analysed(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(2);
-    INTEGERS(int64_t, indptr, 0, -1);
-    Py_ssize_t n = a.views[0].len / 8 - 1;
+    INTEGERS(int64_t, indptr, 0, ANY);
+    Py_ssize_t n = LENGTH - 1;
+    CHECK(n >= 0 && indptr[0] == 0, "columns were expected");
     INTEGERS(int64_t, indices, 1, indptr[n]);
+    for (Py_ssize_t j = 0; j < n; j++) CHECK(indptr[j] <= indptr[j + 1], "columns were expected");
     for (Py_ssize_t j = 0; j < n; j++)
         for (Py_ssize_t k = indptr[j]; k < indptr[j + 1]; k++)
-            if (indices[k] < j || indices[k] >= n || (k > indptr[j] && indices[k] <= indices[k - 1])) {
-                PyErr_SetString(PyExc_ValueError, "the lower half was expected, rows in order");
-                goto fail;
-            }
+            CHECK(indices[k] >= j && indices[k] < n && (k == indptr[j] || indices[k] > indices[k - 1]),
+                  "the lower half was expected, rows in order");
     Factor *f = analysis(n, indptr[n], indptr, indices);
-    if (!f) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    if (!f) NO_MEMORY;
     PyObject *capsule = PyCapsule_New(f, "factor", forgotten);
     if (!capsule) {
         freed(f);
@@ -274,10 +271,7 @@ static PyObject *factorised(PyObject *self, PyObject *const *args, Py_ssize_t gi
     FACTOR;
     DOUBLES(data, 1, f->entries);
     int is_good = numeric(f, data);
-    if (is_good < 0) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    if (is_good < 0) NO_MEMORY;
     if (!is_good) {
         PyErr_SetString(PyExc_ArithmeticError, "the matrix is not positive definite");
         goto fail;
@@ -290,10 +284,7 @@ static PyObject *solution(PyObject *self, PyObject *const *args, Py_ssize_t give
     FACTOR;
     RESULT(x, 1, f->n);
     double *y = malloc(sizeof(double) * (f->tallest + 1));
-    if (!y) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    if (!y) NO_MEMORY;
     solved(f, x, y);
     free(y);
     END(NONE);

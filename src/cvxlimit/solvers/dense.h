@@ -2,39 +2,38 @@
 
 #include "arguments.h"
 
-#define TALL 12    /* rows and columns of the tile that a processor's registers hold */
+#define QUADS 3    /* of LANES rows, and columns of the tile that a processor's registers hold */
+#define TALL (QUADS * LANES)
 #define BROAD 4
 #define DEEP 256   /* columns of a product that are packed at a time, */
 #define THICK 64   /* and the least that pay */
 #define BLOCK 64   /* columns of a panel that are updated together; within, as many as a tile has */
 
-typedef double Quad __attribute__((vector_size(32), aligned(8)));
-
-/* sums (4 quads, broad) := A B', in registers; reads up to a whole quad of rows. */
+/* sums (LANES quads, broad) := A B', in registers; reads up to whole lanes of rows. */
 INLINE void tile(const int quads, const int broad, Py_ssize_t k, const double *A, Py_ssize_t lda,
                  const double *B, Py_ssize_t ldb, double *sums) {
-    Quad s[BROAD][TALL / 4] = {{{0.0}}};
+    Lanes s[BROAD][QUADS] = {{SPREAD(0.0)}};
     for (Py_ssize_t p = 0; p < k; p++) {
-        const Quad *a = (const Quad *)(A + p * lda);
+        const Lanes *a = (const Lanes *)(A + p * lda);
         const double *b = B + p * ldb;
-#pragma GCC unroll 4
+UNROLLED(4)
         for (int q = 0; q < broad; q++) {
-            Quad share = {b[q], b[q], b[q], b[q]};
-#pragma GCC unroll 3
+            Lanes share = SPREAD(b[q]);
+UNROLLED(3)
             for (int t = 0; t < quads; t++) s[q][t] += a[t] * share;
         }
     }
-#pragma GCC unroll 4
+UNROLLED(4)
     for (int q = 0; q < broad; q++)
-#pragma GCC unroll 3
-        for (int t = 0; t < quads; t++) *(Quad *)(sums + q * TALL + 4 * t) = s[q][t];
+UNROLLED(3)
+        for (int t = 0; t < quads; t++) *(Lanes *)(sums + q * TALL + LANES * t) = s[q][t];
 }
 
 #define TILE(quads, broad) case 4 * quads + broad: tile(quads, broad, k, A, lda, B, ldb, sums); break
 
 WIDE static void tiled(Py_ssize_t tall, Py_ssize_t broad, Py_ssize_t k, const double *A, Py_ssize_t lda,
                        const double *B, Py_ssize_t ldb, double *sums) {
-    switch (4 * ((tall + 3) / 4) + broad) {
+    switch (4 * ((tall + LANES - 1) / LANES) + broad) {
         TILE(1, 1); TILE(1, 2); TILE(1, 3); TILE(1, 4);
         TILE(2, 1); TILE(2, 2); TILE(2, 3); TILE(2, 4);
         TILE(3, 1); TILE(3, 2); TILE(3, 3); TILE(3, 4);

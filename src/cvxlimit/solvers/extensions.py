@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from importlib import import_module
 from typing import Any
 
-REVISION = 3
-"""Of their interfaces (``arguments.h``): what was built from older sources is left alone."""
+from cvxlimit.solvers.sources import digest
+
+LOG = logging.getLogger(__name__)
 
 
 def _loaded(name: str) -> Any:
@@ -17,8 +19,13 @@ def _loaded(name: str) -> Any:
         found = import_module(f"cvxlimit.solvers.{name}")
     except ImportError:  # no compiler when the package was installed
         return None
-    return found if found.REVISION == REVISION else None
+    if getattr(found, "SOURCES", "") == _OF_SOURCES or not _OF_SOURCES:
+        return found
+    LOG.warning("%s was compiled from other sources and is not used: install again", name)
+    return None
 
+
+_OF_SOURCES = digest()
 
 BATCH: Any = _loaded("interior._batch")
 """Small blocks and cones of the interior point, ``interior/batch.c``; else NumPy."""

@@ -8,14 +8,9 @@
 
 #include "../arguments.h"
 
+#define SMALL (1LL << 20) /* beyond any size of a group: three such sizes can be multiplied */
+
 /* ---- several at a time ---- */
-
-#define LANES 4
-typedef double Lanes __attribute__((vector_size(32), aligned(8)));
-typedef int64_t Mask __attribute__((vector_size(32))); /* of lanes: 0 or -1 */
-
-#define LANE for (int l = 0; l < LANES; l++)
-#define OF(lanes) ((double *)&(lanes))[l]
 
 /* Some of k entries; beyond the last it is repeated. */
 INLINE Lanes loaded(const double *entries, Py_ssize_t first, Py_ssize_t k) {
@@ -42,14 +37,15 @@ typedef struct {
 } Largest;
 
 INLINE void compare(Largest *at, Lanes own) {
-    LANE at->most[l] = own[l] > at->most[l] ? own[l] : at->most[l];
+    LANE OF(at->most) = OF(own) > OF(at->most) ? OF(own) : OF(at->most);
     at->is_nan |= (Mask)(own != own);
 }
 
 static double of_all(const Largest *at) {
-    double result = at->most[0];
-    LANE result = at->most[l] > result ? at->most[l] : result;
-    LANE if (at->is_nan[l]) result = NAN;
+    const int64_t *is_nan = (const int64_t *)&at->is_nan;
+    double result = -INFINITY;
+    LANE result = OF(at->most) > result ? OF(at->most) : result;
+    LANE if (is_nan[l]) result = NAN;
     return result;
 }
 
@@ -57,17 +53,23 @@ static double of_all(const Largest *at) {
 
 typedef struct {
     const int64_t *slabs;
-    Py_ssize_t orthant, count, size;
+    Py_ssize_t orthant, count, size, cones; /* slabs are so many, and the cones in all of them */
 } Cones;
 
 static int layout(Arguments *a, PyObject *object, Cones *c) {
-    const int64_t *given = array(a, object, 8, -1, 0);
+    const int64_t *given = array(a, object, "ilqn", 8, ANY, 0);
     if (!given) return 0;
-    c->orthant = c->size = given[0];
-    c->slabs = given + 1;
-    c->count = (a->views[a->count - 1].len / 8 - 1) / 2;
-    for (Py_ssize_t i = 0; i < c->count; i++) c->size += given[1 + 2 * i] * given[2 + 2 * i];
-    return 1;
+    Py_ssize_t count = a->views[a->count - 1].len / 8;
+    int is_good = count % 2 && given[0] >= 0 && given[0] < LARGE;
+    c->count = (count - 1) / 2, c->slabs = given + 1;
+    c->orthant = c->size = is_good ? given[0] : 0, c->cones = 0;
+    for (Py_ssize_t i = 0; is_good && i < c->count; i++) {
+        int64_t d = c->slabs[2 * i], k = c->slabs[2 * i + 1];
+        is_good = d > 0 && k >= 0 && (k == 0 || d < LARGE / k) && c->size + d * k < LARGE;
+        if (is_good) c->size += d * k, c->cones += k;
+    }
+    if (!is_good) PyErr_SetString(PyExc_ValueError, "the sizes of cones were expected");
+    return is_good;
 }
 
 #define LAYOUT \
@@ -126,7 +128,8 @@ static PyObject *clipped(PyObject *self, PyObject *const *args, Py_ssize_t given
     BEGIN(5);
     LAYOUT;
     DOUBLES(u, 1, c.size);
-    double low = PyFloat_AsDouble(args[2]), high = PyFloat_AsDouble(args[3]);
+    NUMBER(low, 2);
+    NUMBER(high, 3);
     RESULT(out, 4, c.size);
     for (Py_ssize_t i = 0; i < c.orthant; i++) out[i] = clip(u[i], low, high);
     EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
@@ -141,7 +144,7 @@ static PyObject *clipped(PyObject *self, PyObject *const *args, Py_ssize_t given
 
 WIDE static double least_eigenvalue(const Cones *cones, const double *u) {
     Cones c = *cones;
-    Largest below = {.most = {-INFINITY, -INFINITY, -INFINITY, -INFINITY}};
+    Largest below = {.most = SPREAD(-INFINITY)};
     for (Py_ssize_t i = 0; i < c.orthant; i += LANES) compare(&below, -loaded(u, i, c.orthant));
     EACH_SLAB(at) for (Py_ssize_t j = 0; j < k; j += LANES) {
         Lanes head = loaded(u + at, j, k), square = {0.0};
@@ -206,13 +209,8 @@ static PyObject *scaling(PyObject *self, PyObject *const *args, Py_ssize_t given
     DOUBLES(z, 2, c.size);
     RESULT(plain, 3, c.orthant);
     RESULT(w, 4, c.size - c.orthant);
-    RESULT(sizes, 5, -1);
-    Py_ssize_t number = 0, cones = 0;
-    EACH_SLAB(unused) cones += k;
-    if (a.views[a.count - 1].len != 8 * cones) {
-        PyErr_SetString(PyExc_ValueError, "one size for every cone was expected");
-        goto fail;
-    }
+    RESULT(sizes, 5, c.cones);
+    Py_ssize_t number = 0;
     int is_inside = least_eigenvalue(&c, s) > 0.0 && least_eigenvalue(&c, z) > 0.0;
     for (Py_ssize_t i = 0; is_inside && i < c.orthant; i++) plain[i] = s[i] / z[i];
     if (is_inside) EACH_SLAB(at) for (Py_ssize_t j = at; j < at + k; j++) {
@@ -235,9 +233,9 @@ static PyObject *scaling(PyObject *self, PyObject *const *args, Py_ssize_t given
     LAYOUT; \
     DOUBLES(plain, 1, c.orthant); \
     DOUBLES(w, 2, c.size - c.orthant); \
-    DOUBLES(sizes, 3, -1); \
+    DOUBLES(sizes, 3, c.cones); \
     DOUBLES(v, 4, c.size); \
-    double sign = PyFloat_AsDouble(args[5]); \
+    NUMBER(sign, 5); \
     RESULT(out, 6, c.size)
 
 WIDE static void scaled_by(const Cones *cones, const double *plain, const double *w, const double *sizes,
@@ -296,16 +294,30 @@ static PyObject *squared(PyObject *self, PyObject *const *args, Py_ssize_t given
 /* ---- sparse rows ---- */
 
 #define ROWS \
-    INTEGERS(int32_t, starts, 0, -1); \
-    Py_ssize_t rows = a.views[0].len / 4 - 1; \
+    INTEGERS(int32_t, starts, 0, ANY); \
+    Py_ssize_t rows = LENGTH - 1; \
+    CHECK(rows >= 0 && starts[0] == 0, "rows were expected"); \
     INTEGERS(int32_t, columns, 1, starts[rows]); \
     DOUBLES(data, 2, starts[rows])
+/* Rows in order, and columns below the width. It is asked of every product, hence without a branch: the
+ * sign of a column, or of what is left beyond it. */
+static int fits(const int32_t *starts, Py_ssize_t rows, const int32_t *columns, Py_ssize_t width) {
+    uint32_t wrong = 0, last = (uint32_t)(width > INT32_MAX ? INT32_MAX : width - 1);
+    for (Py_ssize_t i = 0; i < rows; i++)
+        wrong |= (uint32_t)starts[i + 1] | ((uint32_t)starts[i + 1] - (uint32_t)starts[i]);
+    for (int32_t k = 0, n = wrong >> 31 ? 0 : starts[rows]; k < n; k++)
+        wrong |= (uint32_t)columns[k] | (last - (uint32_t)columns[k]);
+    return !(wrong >> 31);
+}
+
+#define FITTING(width) CHECK(fits(starts, rows, columns, width), "columns beyond the vector")
 #define EACH_ENTRY(i, j) for (int32_t j = starts[i]; j < starts[i + 1]; j++)
 
 static PyObject *matvec(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(5);
     ROWS;
-    DOUBLES(v, 3, -1);
+    DOUBLES(v, 3, ANY);
+    FITTING(LENGTH);
     RESULT(out, 4, rows);
     for (Py_ssize_t i = 0; i < rows; i++) {
         double sum = 0.0;
@@ -319,7 +331,8 @@ static PyObject *transposed_matvec(PyObject *self, PyObject *const *args, Py_ssi
     BEGIN(5);
     ROWS;
     DOUBLES(v, 3, rows);
-    RESULT(out, 4, -1); /* zeros */
+    RESULT(out, 4, ANY); /* zeros */
+    FITTING(LENGTH);
     for (Py_ssize_t i = 0; i < rows; i++) {
         double own = v[i];
         EACH_ENTRY(i, j) out[columns[j]] += data[j] * own;
@@ -331,15 +344,15 @@ WIDE static double largest_size(const double *v, Py_ssize_t n) {
     Largest sizes = {.most = {0.0}};
     for (Py_ssize_t i = 0; i < n; i += LANES) {
         Lanes own = loaded(v, i, n);
-        compare(&sizes, (Lanes)((Mask)own & INT64_MAX)); /* without its sign */
+        compare(&sizes, WITHOUT_SIGN(own));
     }
     return of_all(&sizes);
 }
 
 static PyObject *largest(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(1);
-    DOUBLES(v, 0, -1);
-    double most = largest_size(v, a.views[0].len / 8);
+    DOUBLES(v, 0, ANY);
+    double most = largest_size(v, LENGTH);
     END(PyFloat_FromDouble(most));
 }
 
@@ -473,39 +486,38 @@ static PyObject *roots(PyObject *self, PyObject *const *args, Py_ssize_t given) 
     Lanes *room;
     Py_ssize_t *order;
     INTEGERS(int64_t, sizes, 0, 5); /* r, c, k, linear rows, first of these */
+    /* Reflections need as many rows as columns. */
+    CHECK(sizes[1] > 0 && sizes[0] >= sizes[1] && sizes[0] < SMALL && sizes[2] > 0 && sizes[2] < SMALL &&
+              sizes[3] >= 0 && sizes[4] >= 0 && sizes[4] < LARGE, "a block of this size was not expected");
     Group g = {.r = sizes[0], .c = sizes[1], .k = sizes[2], .plain = sizes[3]};
     Py_ssize_t r = g.r, c = g.c, k = g.k;
     Py_ssize_t tiles = (k + LANES - 1) / LANES;
     DOUBLES(part, 1, r * c * tiles * LANES);
-    DOUBLES(diagonal, 2, -1);
-    if (a.views[2].len / 8 < sizes[4] + g.plain * k) {
-        PyErr_SetString(PyExc_ValueError, "a block of this size was not expected");
-        goto fail;
+    DOUBLES(diagonal, 2, ANY);
+    CHECK(g.plain <= r && LENGTH >= sizes[4] + g.plain * k, "a block of this size was not expected");
+    INTEGERS(int64_t, slabs, 3, ANY);
+    CHECK(LENGTH % 3 == 0, "cones of other sizes were expected");
+    g.cones = LENGTH / 3;
+    DOUBLES(w, 4, ANY);
+    Py_ssize_t frames = LENGTH, rows = g.plain;
+    DOUBLES(own, 5, ANY);
+    for (Py_ssize_t i = 0; i < g.cones; i++) {
+        int64_t d = slabs[3 * i], first = slabs[3 * i + 1], size = slabs[3 * i + 2];
+        CHECK(d > 0 && d <= r - rows && first >= 0 && first <= frames - d * k && size >= 0 && size <= LENGTH - k,
+              "cones of other sizes were expected");
+        rows += d;
     }
-    INTEGERS(int64_t, slabs, 3, -1);
-    g.cones = a.views[3].len / 24;
-    DOUBLES(w, 4, -1);
-    DOUBLES(own, 5, -1);
-    for (Py_ssize_t i = 0, rows = g.plain; i <= g.cones; i++) {
-        if (i == g.cones ? rows == r
-                         : slabs[3 * i + 1] + slabs[3 * i] * k <= a.views[4].len / 8 &&
-                               slabs[3 * i + 2] + k <= a.views[5].len / 8) {
-            rows += i < g.cones ? slabs[3 * i] : 0;
-            continue;
-        }
-        PyErr_SetString(PyExc_ValueError, "cones of other sizes were expected");
-        goto fail;
-    }
-    double more = PyFloat_AsDouble(args[6]), hard = PyFloat_AsDouble(args[7]);
-    double softest = PyFloat_AsDouble(args[8]);
+    CHECK(rows == r, "cones of other sizes were expected");
+    NUMBER(more, 6);
+    NUMBER(hard, 7);
+    NUMBER(softest, 8);
     RESULT(root, 9, c * c * tiles * LANES);
     g.diagonal = diagonal + sizes[4], g.slabs = slabs, g.w = w, g.sizes = own;
     room = malloc(sizeof(Lanes) * (r * c + c * c + c) + sizeof(double) * (r * c + c * c + c));
     order = malloc(sizeof(Py_ssize_t) * (c + 1));
     if (!room || !order) {
         free(room), free(order);
-        PyErr_NoMemory();
-        goto fail;
+        NO_MEMORY;
     }
     double *alone = (double *)(room + r * c + c * c + c), least[LANES];
     for (Py_ssize_t tile = 0; tile < tiles; tile++) {
@@ -543,17 +555,15 @@ static PyObject *add_squares(PyObject *self, PyObject *const *args, Py_ssize_t g
     BEGIN(5);
     Lanes *room = NULL;
     INTEGERS(int64_t, sizes, 0, 3); /* c, e, tiles */
+    for (int i = 0; i < 3; i++) CHECK(sizes[i] > 0 && sizes[i] < SMALL, "a block of this size was not expected");
     Py_ssize_t c = sizes[0], e = sizes[1], tiles = sizes[2], pairs = e * (e + 1) / 2;
     DOUBLES(root, 1, c * c * tiles * LANES);
     DOUBLES(part, 2, e * c * tiles * LANES);
     INTEGERS(int32_t, slots, 3, pairs * tiles * LANES); /* or -1 for what is left out */
-    RESULT(data, 4, -1);
-    Py_ssize_t length = a.views[4].len / 8;
+    RESULT(data, 4, ANY);
+    Py_ssize_t length = LENGTH;
     room = malloc(sizeof(Lanes) * (c * e + pairs));
-    if (!room) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    if (!room) NO_MEMORY;
     Lanes *sums = room + c * e;
     for (Py_ssize_t tile = 0; tile < tiles; tile++) {
         products(c, e, (const Lanes *)root + tile * c * c, (const Lanes *)part + tile * e * c, room, sums);
@@ -586,18 +596,15 @@ static PyObject *local(PyObject *self, PyObject *const *args, Py_ssize_t given) 
     Lanes *room = NULL;
     INTEGERS(int64_t, sizes, 0, 3); /* c, k, first of them in v */
     Py_ssize_t c = sizes[0], k = sizes[1], first = sizes[2], tiles = (k + LANES - 1) / LANES;
+    CHECK(c > 0 && c < SMALL && k > 0 && k < SMALL && first >= 0 && first < LARGE,
+          "a block of this size was not expected");
     DOUBLES(root, 1, c * c * tiles * LANES);
-    DOUBLES(v, 2, -1);
-    RESULT(out, 3, -1);
-    if (a.views[2].len / 8 < first + c * k || a.views[3].len / 8 < first + c * k) {
-        PyErr_SetString(PyExc_ValueError, "a longer array was expected");
-        goto fail;
-    }
-    room = malloc(sizeof(Lanes) * 2 * (c ? c : 1));
-    if (!room) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    DOUBLES(v, 2, ANY);
+    CHECK(LENGTH >= first + c * k, "a longer array was expected");
+    RESULT(out, 3, ANY);
+    CHECK(LENGTH >= first + c * k, "a longer array was expected");
+    room = malloc(sizeof(Lanes) * 2 * c);
+    if (!room) NO_MEMORY;
     for (Py_ssize_t tile = 0; tile < tiles; tile++)
         applied(c, k, tile * LANES, (const Lanes *)root + tile * c * c, v + first, room, out + first);
     free(room);
@@ -615,28 +622,24 @@ static int compared(const void *a, const void *b) {
 static PyObject *pattern(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(5);
     int64_t *start = NULL, *by_column = NULL, *mark = NULL;
-    INTEGERS(int64_t, shapes, 0, -1); /* k and e of every group */
-    INTEGERS(int64_t, at, 1, -1);
-    int64_t *indptr = array(&a, args[2], 8, -1, 1), *indices, count = 0, pairs = 0, place = 0;
-    if (!indptr) goto fail;
-    int64_t n = a.views[2].len / 8 - 1, groups = a.views[0].len / 16;
+    INTEGERS(int64_t, shapes, 0, ANY); /* k and e of every group */
+    int64_t groups = LENGTH / 2, count = 0, pairs = 0, place = 0;
     for (int64_t g = 0; g < groups; g++) {
-        place += shapes[2 * g] * shapes[2 * g + 1];
-        pairs += shapes[2 * g] * shapes[2 * g + 1] * (shapes[2 * g + 1] + 1) / 2;
+        int64_t k = shapes[2 * g], e = shapes[2 * g + 1];
+        CHECK(k >= 0 && k < SMALL && e >= 0 && e < SMALL, "the sizes of groups were expected");
+        place += k * e, pairs += k * e * (e + 1) / 2;
+        CHECK(pairs < INT32_MAX, "more pairs of equations than can be counted");
     }
-    indices = array(&a, args[3], 8, pairs + n, 1);
-    if (!indices) goto fail;
-    int32_t *slots = array(&a, args[4], 4, pairs, 1);
-    if (!slots) goto fail;
-    if (place != a.views[1].len / 8) {
-        PyErr_SetString(PyExc_ValueError, "another number of equations was expected");
-        goto fail;
-    }
+    INTEGERS(int64_t, at, 1, place);
+    WRITTEN(int64_t, indptr, 2, ANY);
+    int64_t n = LENGTH - 1;
+    CHECK(n >= 0 && n < INT32_MAX - pairs, "columns were expected");
+    WRITTEN(int64_t, indices, 3, pairs + n);
+    WRITTEN(int32_t, slots, 4, pairs);
     start = calloc(n + 2, 8), by_column = malloc(16 * (pairs + 1)), mark = malloc(8 * (n + 1));
     if (!start || !by_column || !mark) {
         free(start), free(by_column), free(mark);
-        PyErr_NoMemory();
-        goto fail;
+        NO_MEMORY;
     }
 #define EACH_PAIR(code) \
     do { \

@@ -104,7 +104,7 @@ class Columns:
         return result
 
 
-LANES = 4
+LANES = 1 if BATCH is None else BATCH.LANES
 """Blocks in a tile."""
 
 

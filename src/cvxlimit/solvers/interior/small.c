@@ -39,7 +39,7 @@ typedef struct {
     Py_ssize_t cone, cones;        /* second-order cones, */
     Py_ssize_t equation, equations; /* equations, as places in ``touched``, */
     double *root, *product;        /* L and L' (c, c) of the block's G' W^-2 G, with 1 / L_ii between, and L^-1 E' (c, wide) */
-    Py_ssize_t wide;               /* e, rounded up to whole quads */
+    Py_ssize_t wide;               /* e, rounded up to whole lanes */
     int opens, closes;             /* the first and the last of several blocks with the same equations */
 } Block;
 
@@ -94,14 +94,14 @@ INLINE double dot(const double *u, const double *v, Py_ssize_t n) { /* of few */
 }
 
 WIDE static double long_dot(const double *u, const double *v, Py_ssize_t n) {
-    Quad first = {0.0}, second = {0.0};
+    Lanes first = SPREAD(0.0), second = SPREAD(0.0);
     Py_ssize_t i = 0;
-    for (; i + 8 <= n; i += 8) {
-        first += *(const Quad *)(u + i) * *(const Quad *)(v + i);
-        second += *(const Quad *)(u + i + 4) * *(const Quad *)(v + i + 4);
+    for (; i + 2 * LANES <= n; i += 2 * LANES) {
+        first += *(const Lanes *)(u + i) * *(const Lanes *)(v + i);
+        second += *(const Lanes *)(u + i + LANES) * *(const Lanes *)(v + i + LANES);
     }
     first += second;
-    return first[0] + first[1] + first[2] + first[3] + dot(u + i, v + i, n - i);
+    return TOTAL(first) + dot(u + i, v + i, n - i);
 }
 
 INLINE int is_finite(const double *v, Py_ssize_t n) { return isfinite(long_dot(v, v, n)); }
@@ -252,31 +252,31 @@ WIDE static void add_equations(const Program *g, const double *y, double *out) {
         for (Py_ssize_t k = g->estart[j]; k < g->estart[j + 1]; k++) out[j] += g->evalue[k] * y[g->eindex[k]];
 }
 
-/* P := L^-1 P, whose square is added; rows of P are so many ``quads``. */
+/* P := L^-1 P, whose square is added; rows of P are so many ``quads`` of LANES. */
 INLINE void squared(const Block *b, const Py_ssize_t quads, double *P, double *square) {
-    Py_ssize_t c = b->to - b->from, e = b->equations, wide = 4 * quads;
+    Py_ssize_t c = b->to - b->from, e = b->equations, wide = LANES * quads;
     const double *L = b->root;
     for (Py_ssize_t i = 0; i < c; i++) {
-        Quad *own = (Quad *)(P + i * wide);
+        Lanes *own = (Lanes *)(P + i * wide);
         for (Py_ssize_t j = 0; j < i; j++) {
-            const Quad *before = (const Quad *)(P + j * wide);
+            const Lanes *before = (const Lanes *)(P + j * wide);
             double share = L[i * c + j];
             if (share == 0.0) continue;
-            Quad shares = {share, share, share, share};
+            Lanes shares = SPREAD(share);
             for (Py_ssize_t k = 0; k < quads; k++) own[k] -= shares * before[k];
         }
         double inverse = L[i * c + i];
-        Quad inverses = {inverse, inverse, inverse, inverse};
+        Lanes inverses = SPREAD(inverse);
         for (Py_ssize_t k = 0; k < quads; k++) own[k] *= inverses;
     }
     if (b->opens) memset(square, 0, sizeof(double) * e * wide);
     for (Py_ssize_t i = 0; i < c; i++) {
-        const Quad *own = (const Quad *)(P + i * wide);
+        const Lanes *own = (const Lanes *)(P + i * wide);
         for (Py_ssize_t k = 0; k < e; k++) {
             double share = P[i * wide + k];
             if (share == 0.0) continue;
-            Quad shares = {share, share, share, share}, *to = (Quad *)(square + k * wide);
-            for (Py_ssize_t l = k / 4; l < quads; l++) to[l] += shares * own[l];
+            Lanes shares = SPREAD(share), *to = (Lanes *)(square + k * wide);
+            for (Py_ssize_t l = k / LANES; l < quads; l++) to[l] += shares * own[l];
         }
     }
 }
@@ -338,11 +338,11 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
     for (Py_ssize_t j = 0; j < c; j++)
         for (Py_ssize_t k = g->estart[b->from + j]; k < g->estart[b->from + j + 1]; k++)
             P[j * b->wide + g->elocal[k]] += g->evalue[k];
-    switch (b->wide / 4) { /* compilers unroll what has a known length */
+    switch (b->wide / LANES) { /* compilers unroll what has a known length */
         case 1: squared(b, 1, P, g->square); break;
         case 2: squared(b, 2, P, g->square); break;
         case 3: squared(b, 3, P, g->square); break;
-        default: squared(b, b->wide / 4, P, g->square);
+        default: squared(b, b->wide / LANES, P, g->square);
     }
     if (b->closes)
         for (Py_ssize_t k = 0; k < e; k++)
@@ -432,9 +432,9 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
             const double *after = b->root + j * c;
             double value = own[j] *= after[j];
             for (Py_ssize_t l = j + 1; l < c; l++) own[l] -= after[l] * value;
-            const Quad *P = (const Quad *)(b->product + j * b->wide);
-            Quad values = {value, value, value, value};
-            for (Py_ssize_t k = 0; k < b->wide / 4; k++) ((Quad *)sum)[k] += values * P[k];
+            const Lanes *P = (const Lanes *)(b->product + j * b->wide);
+            Lanes values = SPREAD(value);
+            for (Py_ssize_t k = 0; k < b->wide / LANES; k++) ((Lanes *)sum)[k] += values * P[k];
         }
         if (b->closes)
             for (Py_ssize_t k = 0; k < e; k++) y[at[k]] += sum[k];
@@ -463,10 +463,10 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
             for (Py_ssize_t k = e; k < b->wide; k++) beside[k] = 0.0;
         }
         for (Py_ssize_t j = 0; j < c; j++) {
-            const Quad *P = (const Quad *)(b->product + j * b->wide);
-            Quad sums = {0.0};
-            for (Py_ssize_t k = 0; k < b->wide / 4; k++) sums += P[k] * ((const Quad *)beside)[k];
-            own[j] -= sums[0] + sums[1] + sums[2] + sums[3];
+            const Lanes *P = (const Lanes *)(b->product + j * b->wide);
+            Lanes sums = SPREAD(0.0);
+            for (Py_ssize_t k = 0; k < b->wide / LANES; k++) sums += P[k] * ((const Lanes *)beside)[k];
+            own[j] -= TOTAL(sums);
         }
         for (Py_ssize_t j = c - 1; j >= 0; j--) {
             const double *before = b->root + j * c;
@@ -751,7 +751,7 @@ static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Poin
 static struct { char *store; size_t stored; } left;
 
 static void *room(Program *g, Py_ssize_t count, Py_ssize_t size) {
-    size_t bytes = ((size_t)(count + 8) * size + 63) / 64 * 64; /* a quad may be read beyond */
+    size_t bytes = ((size_t)(count + 8) * size + 63) / 64 * 64; /* lanes may be read beyond */
     g->wanted += bytes;
     if (g->used + bytes <= g->stored) {
         g->used += bytes;
@@ -964,7 +964,7 @@ static int filled(Program *g, const Given *v) {
             if (seen[g->eindex[j]] != i) seen[g->eindex[j]] = i, g->touched[at++] = g->eindex[j];
         b->equations = at - b->equation;
         qsort(g->touched + b->equation, b->equations, sizeof(Py_ssize_t), ascending);
-        b->wide = (b->equations + 3) / 4 * 4, widest = b->equations > widest ? b->equations : widest;
+        b->wide = (b->equations + LANES - 1) / LANES * LANES, widest = b->equations > widest ? b->equations : widest;
         roots += (b->to - b->from) * (b->to - b->from), products += (b->to - b->from) * b->wide;
         const Py_ssize_t *own = g->touched + b->equation;
         for (Py_ssize_t k = 0; k < b->equations; k++) local[own[k]] = k;
@@ -1035,38 +1035,34 @@ static void handed(const Program *g, const Point *at, double *to) {
 static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(15);
     Program program = {0}, *g = &program;
-    DOUBLES(c, 0, -1);
-    g->n = a.views[a.count - 1].len / 8;
+    DOUBLES(c, 0, ANY);
+    g->n = LENGTH;
     INTEGERS(int32_t, indptr, 1, g->n + 1);
     INTEGERS(int32_t, indices, 2, indptr[g->n]);
     DOUBLES(data, 3, indptr[g->n]);
-    DOUBLES(b, 4, -1);
-    Py_ssize_t rows = a.views[a.count - 1].len / 8;
+    DOUBLES(b, 4, ANY);
+    Py_ssize_t rows = LENGTH;
     g->p = PyLong_AsSsize_t(args[5]), g->lines = PyLong_AsSsize_t(args[6]);
-    INTEGERS(int64_t, soc, 7, -1);
-    g->cones = a.views[a.count - 1].len / 8, g->are_triples = 1, g->m = rows - g->p, g->degree = g->lines + g->cones;
+    INTEGERS(int64_t, soc, 7, ANY);
+    g->cones = LENGTH, g->are_triples = 1, g->m = rows - g->p, g->degree = g->lines + g->cones;
     double tolerance = PyFloat_AsDouble(args[8]), enough = PyFloat_AsDouble(args[10]);
     Py_ssize_t most = PyLong_AsSsize_t(args[9]), total = g->lines, count = 0;
     int starts = (int)PyLong_AsLong(args[11]);
-    int is_good = g->p >= 0 && g->lines >= 0 && g->m >= 0 && indptr[0] == 0;
-    for (Py_ssize_t k = 0; is_good && k < g->cones; k++)
-        is_good = soc[k] > 0, total += soc[k], g->are_triples &= soc[k] == 3;
+    if (PyErr_Occurred()) goto fail;
+    int is_good = g->p >= 0 && g->lines >= 0 && g->m >= 0 && g->lines <= g->m && indptr[0] == 0;
+    for (Py_ssize_t k = 0; is_good && k < g->cones; k++) {
+        is_good = soc[k] > 0 && soc[k] <= g->m - total;
+        total += soc[k], g->are_triples &= soc[k] == 3;
+    }
     is_good = is_good && total == g->m;
     for (Py_ssize_t j = 0; is_good && j < g->n; j++) is_good = indptr[j] <= indptr[j + 1];
     for (Py_ssize_t k = 0; is_good && k < indptr[g->n]; k++) is_good = indices[k] >= 0 && indices[k] < rows;
-    if (PyErr_Occurred()) goto fail;
-    if (!is_good) {
-        PyErr_SetString(PyExc_ValueError, "the matrix does not fit the cones");
-        goto fail;
-    }
+    CHECK(is_good, "the matrix does not fit the cones");
     RESULT(point, 12, g->n + g->p + 2 * g->m);
     RESULT(halfway, 13, g->n + g->p + 2 * g->m);
     DOUBLES(by, 14, sizeof(Numbers) / sizeof(double));
     memcpy(&g->by, by, sizeof(Numbers));
-    if (!(g->by.patience >= 1.0 && g->by.patience < MOST_PATIENCE)) {
-        PyErr_SetString(PyExc_ValueError, "patience is too long");
-        goto fail;
-    }
+    CHECK(g->by.patience >= 1.0 && g->by.patience < MOST_PATIENCE, "patience is too long");
     Status status = UNSUITED;
     Work work;
     Point at, spare, change, best, middle;
@@ -1085,10 +1081,7 @@ static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t give
     }
     Py_END_ALLOW_THREADS
     closed(g);
-    if (is_good < 0) {
-        PyErr_NoMemory();
-        goto fail;
-    }
+    if (is_good < 0) NO_MEMORY;
     END(Py_BuildValue("(in)", (int)status, count));
 }
 
