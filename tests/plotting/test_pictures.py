@@ -100,6 +100,13 @@ class TestForces:
             assert length == pytest.approx(notes.each[arrow.case] * wanted[arrow.case])
         assert len(drawings[0].scales) == 3
 
+    def test_a_load_factor_of_zero_has_no_arrow_of_the_live_load(self, arch, drawings) -> None:
+        plotting.forces(Solution(**{**vars(arch), "load_factor": 0.0}))
+        assert {arrow.case for arrow in drawings[0].notes.arrows} == {"dead"}
+        plotting.forces(Solution(**{**vars(arch), "load_factor": -0.1}))
+        (push,) = [arrow for arrow in drawings[1].notes.arrows if arrow.case == "live"]
+        assert np.subtract(push.tip, push.tail)[0] < 0.0  # the other way
+
     def test_every_kind_of_arrow_has_its_bar(self, arch, tmp_path) -> None:
         for size in (None, (3.4, 3.0)):
             figure = arch.plot("forces", figsize=size)

@@ -106,9 +106,9 @@ def loads_to_scale(scene: Scene, live: float) -> Annotations:
     each, arrows = dict[str, float](), list[Arrow]()
     for case, load in (("dead", scene.dead), ("live", scene.live)):
         times = live if case == "live" else 1.0
-        sizes = [times * float(np.linalg.norm(force)) for _, force, _ in _parts(scene, load)]
-        sizes = [size for size in sizes if size]
-        if not sizes:
+        sizes = [float(np.linalg.norm(force)) for _, force, _ in _parts(scene, load)]
+        sizes = [times * size for size in sizes if size > 0.0]
+        if not any(sizes):  # no load, or a load factor of zero
             continue
         each[case] = LONGEST * free_size(scene) / max(map(abs, sizes))
         own = (arrow for arrow in notes.arrows if arrow.case == case)
