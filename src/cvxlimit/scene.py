@@ -20,6 +20,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import Detection, detect
+from cvxlimit.geometry.lumped import Lumped, lumped_at
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.loads import GRAVITY, Load, PointForce, Pressure
 from cvxlimit.strengths import PROPERTIES, ByPair, SceneJoints
@@ -155,6 +156,17 @@ class Scene(RemadeFromFields, SceneJoints):
     def near_miss_note(self) -> str:
         """One line with the number of near misses and the nearest; empty if there are none."""
         return near_miss_sentence(self.near_misses, self.units.length)
+
+    @property
+    def lumped(self) -> Lumped | None:
+        """Faces that contacts take as planes that they are not in; None without any."""
+        return lumped_at(self.contacts)
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What detection leaves out or simplifies, a sentence each: near misses, lumped faces."""
+        lumped = "" if self.lumped is None else str(self.lumped)
+        return tuple(said for said in (self.near_miss_note, lumped) if said)
 
     @cached_property
     def _detection(self) -> Detection:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, rounded, rounded_up
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.joints import Dilatancy
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.surfaces import YieldSurface
@@ -302,6 +303,9 @@ class Solution:
         (:func:`~cvxlimit.io.scene_digest`); empty for one that has its scene, and for older files.
     units : Units or None
         Units of all numbers; None for a file of a version below 0.2.
+    lumped : Lumped or None
+        Faces that contacts take as planes that they are not in, and by which angle; None without
+        any, and for a file of a version below 0.3.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file, to which :meth:`of` gives it.
     surfaces : tuple of YieldSurface
@@ -340,11 +344,13 @@ class Solution:
     contact_names: tuple[str, ...] = field(default=(), repr=False)
     scene_digest: str = field(default="", repr=False)
     units: Units | None = None
+    lumped: Lumped | None = None
 
     def __post_init__(self) -> None:
         if self.solved_scene is not None:
             object.__setattr__(self, "contact_names", self.solved_scene.contacts.names)
             object.__setattr__(self, "units", self.solved_scene.units)
+            object.__setattr__(self, "lumped", self.solved_scene.lumped)
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""

@@ -19,6 +19,7 @@ from cvxlimit import Block, Load, PointForce, Pressure, Scene, Solution, Status,
 from cvxlimit.bracket import Bracket
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.io import (
     json_schema,
     result_from_dict,
@@ -191,6 +192,7 @@ SOLUTION = {
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
     "scene_digest": "ab12",
+    "lumped": Lumped(8, 2, 0.02, 0.5, "a-b", 0.01, 0.5),
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}
 """Of a solution: they live in memory and pickles only; files have their names."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 
+import cvxpy as cp
 import numpy as np
 from scipy.optimize import linprog
 
@@ -131,3 +132,94 @@ def smooth_arc(radius: float, angle: float, friction: float, height: float) -> f
         [radius * np.sin(phi), radius * np.sin(phi), -height],
     ])  # fmt: skip
     return float(np.linalg.solve(equations, [0.0, 1.0, 0.0])[2])
+
+
+Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def bowl(rise: float) -> Surface:
+    """A paraboloid over the unit square about the origin, 0 in two corners, with axes between x
+    and y: cells along them would be flat."""
+    return lambda x, y: rise * (1.0 - 2.0 * (x**2 + y**2 + 0.5 * x * y) + 0.25)
+
+
+def saddle(rise: float) -> Surface:
+    return lambda x, y: 4.0 * rise * x * y
+
+
+def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (m, 2) of the unit square about the origin, and triangles (t, 3)."""
+    line = np.linspace(-0.5, 0.5, count + 1)
+    x, y = np.meshgrid(line, line, indexing="ij")
+    index = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    a, b, c, d = (
+        index[:-1, :-1].ravel(), index[1:, :-1].ravel(),
+        index[1:, 1:].ravel(), index[:-1, 1:].ravel(),
+    )  # fmt: skip
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return np.column_stack([x.ravel(), y.ravel()]), triangles
+
+
+def cushion(id: str, surface: Surface, count: int, level: float, density: float | None) -> Block:
+    """A square block with one doubly curved side, the other at ``level``."""
+    flat, triangles = grid(count)
+    index = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    points = np.vstack([
+        np.column_stack([flat, surface(*flat.T)]),
+        np.column_stack([corners, np.full(4, level)]),
+    ])  # fmt: skip
+    p, q, r, s = range(len(flat), len(flat) + 4)
+    sides = [
+        [*index[:, 0].tolist(), q, p], [*index[-1].tolist(), r, q],
+        [*index[::-1, -1].tolist(), s, r], [*index[0, ::-1].tolist(), p, s], [p, q, r, s],
+    ]  # fmt: skip
+    return Block.polyhedron(id, points, [*triangles.tolist(), *sides], density)
+
+
+def cushioned(surface: Surface, lower: int, upper: int, friction: float) -> Scene:
+    """A block on a support, both of one doubly curved surface, meshed apart."""
+    blocks = [
+        cushion("up", surface, upper, 1.0, 20.0),
+        cushion("low", surface, lower, -1.0, None),
+    ]
+    return Scene(blocks, ["low"], Load(acceleration=(1, 0, 0)), friction=friction)
+
+
+def spatial_load_factor(scene: Scene, surface: Surface, count: int) -> float:
+    """Largest load factor of :func:`cushioned` with equal meshes, by a cone program over all
+    triangles: compressions at the corners, |V| + |MT| / c_T <= mu N, c_T by quadrature. The two
+    triangles of a cell must not lie in one plane, or else they are one contact."""
+    flat, triangles = grid(count)
+    points = np.column_stack([flat, surface(*flat.T)])[triangles]
+    edges = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    normal = np.cross(*edges)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    first = edges[0] / np.linalg.norm(edges[0], axis=1)[:, None]
+    second = np.cross(normal, first)
+    middle = points.mean(axis=1)
+    block = next(b for b in scene.blocks if b.id == "up")
+    arm, turned = middle - block.centroid, points - block.centroid
+    k = len(triangles)
+    n, v, t = cp.Variable((k, 3), nonneg=True), cp.Variable((k, 2)), cp.Variable(k)
+    alpha = cp.Variable()
+    force = cp.sum(normal.T @ n, axis=1) + first.T @ v[:, 0] + second.T @ v[:, 1]
+    moment = sum(np.cross(turned[:, i], normal).T @ n[:, i] for i in range(3))
+    moment += np.cross(arm, first).T @ v[:, 0] + np.cross(arm, second).T @ v[:, 1] + normal.T @ t
+    share = (np.arange(60) + 0.5) / 60
+    u, w = (x.ravel() for x in np.meshgrid(share, share))
+    u, w = np.where(u + w > 1.0, 1.0 - u, u), np.where(u + w > 1.0, 1.0 - w, w)
+    spread = (u - 1 / 3)[:, None, None] * edges[0] + (w - 1 / 3)[:, None, None] * edges[1]
+    reach = np.linalg.norm(spread, axis=2).mean(axis=0)
+    total = cp.sum(n, axis=1)
+    problem = cp.Problem(
+        cp.Maximize(alpha),
+        [
+            force == np.array([0.0, 0.0, 1.0]) - alpha * np.array([1.0, 0.0, 0.0]),
+            moment == 0.0,
+            cp.norm(v, axis=1) + cp.multiply(1.0 / reach, cp.abs(t)) <= scene.friction * total,
+        ],
+    )
+    problem.solve(solver=cp.CLARABEL)
+    assert problem.status == "optimal", problem.status
+    return float(problem.value)

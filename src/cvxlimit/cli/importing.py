@@ -22,7 +22,7 @@ from cvxlimit.cli.report import (
     counted,
     facts,
     show,
-    warn_of_near_misses,
+    warn_of_geometry,
 )
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
@@ -128,7 +128,7 @@ def import_command(asked: Geometry) -> ExitCode:
     if plot is not None:
         written += [str(path) for path in plot_scene(found.scene, plot)]
     show(facts(_found(found, contacts, seconds, written)))
-    warn_of_near_misses(found.scene)
+    warn_of_geometry(found.scene)
     return ExitCode.SOLVED
 
 
@@ -174,6 +174,7 @@ def _found(
         ("repairs", _repairs(scene)),
         *(("note", note) for note in found.notes),
         ("near misses", f"{len(scene.near_misses)}"),
+        ("lumped faces", "0" if scene.lumped is None else f"{scene.lumped.faces}"),
         ("time in s", f"{seconds:.3f}"),
         *(("written", file) for file in written),
     ]

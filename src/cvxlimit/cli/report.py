@@ -141,6 +141,8 @@ def summary(
     interaction += "" if interaction == "none" else f", {solution.moments} moments"
     sliding = str(solution.dilatancy or "")
     basis = solution.note.removesuffix(sliding).removesuffix("; ")
+    lumped = str(solution.lumped or "")
+    basis = basis.removesuffix(lumped).removesuffix("; ")
     solvers = Counter(one_line(iterate.solver) for iterate in solution.history)
     return facts(
         [
@@ -157,6 +159,7 @@ def summary(
             ("lower end", _lower_end(solution.lower_end)),
             ("basis", "" if solution.note == advice(solution) else basis),
             ("dilatancy", Text(sliding, style="yellow")),
+            ("lumped", Text(lumped, style="yellow")),
             ("status", Text(solution.standing, style=_style(solution))),
             ("solver", ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in solvers.items())),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
@@ -190,9 +193,10 @@ def facts(rows: Sequence[tuple[str, str | Text]]) -> Table:
     return table
 
 
-def warn_of_near_misses(scene: Scene) -> None:
-    if scene.near_misses:
-        complain(scene.near_miss_note)
+def warn_of_geometry(scene: Scene) -> None:
+    """What detection leaves out or simplifies."""
+    for said in scene.told:
+        complain(said)
 
 
 def advice(solution: Solution) -> str:

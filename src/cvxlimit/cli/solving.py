@@ -44,7 +44,7 @@ from cvxlimit.cli.report import (
     show,
     summary,
     verdict,
-    warn_of_near_misses,
+    warn_of_geometry,
 )
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
@@ -166,7 +166,7 @@ def deliver(
             show(summary(solution, origin, tolerance, written))
             if is_eventful(solution):
                 show(Text(), history(solution.history))
-    warn_of_near_misses(scene)
+    warn_of_geometry(scene)
     status = solution.status
     if solution.is_answered:
         return ExitCode.SOLVED
@@ -370,5 +370,5 @@ def show_command(asked: Drawing) -> ExitCode:
     show(facts(rows))
     if refusal is not None:
         raise refusal
-    warn_of_near_misses(scene)
+    warn_of_geometry(scene)
     return ExitCode.SOLVED

@@ -64,24 +64,25 @@ class Facets:
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
     """Faces are one facet when all their corners lie within ``tolerance`` of their mean plane;
     curved surfaces are covered by as large such patches as grow from their largest faces."""
-    return _facets(_Surface(points, faces, tolerance, _SAME_WAY, narrow=tolerance), faces)
+    surface = _Surface(points, faces, tolerance, _SAME_WAY, narrow=tolerance)
+    sheet, label = _joined_across_edges(surface)
+    return _facets(surface, faces, sheet, _joined_by_plane(surface, label))
 
 
 def planes(points: FloatArray, faces: Faces, among: IntArray) -> Facets:
-    """Faces, of those ``among`` all (k,), are one facet when they are flat and parallel to six
-    digits, in one plane."""
+    """Faces, of those ``among`` all (k,), are one facet when they share an edge and are flat and
+    parallel to six digits. Faces apart stay apart: on a saddle, distant ones are in one plane."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     parallel = 1.0 - 0.5 * RELATIVE_TOLERANCE**2
     some = tuple(faces[i] for i in among.tolist())
     surface = _Surface(points, some, RELATIVE_TOLERANCE * size, parallel, narrow=0.0)
-    found = _facets(surface, some)
+    sheet, label = _joined_across_edges(surface)
+    found = _facets(surface, some, sheet, label)
     return replace(found, faces=tuple(tuple(among[list(g)].tolist()) for g in found.faces))
 
 
-def _facets(surface: _Surface, faces: Faces) -> Facets:
+def _facets(surface: _Surface, faces: Faces, sheet: IntArray, label: IntArray) -> Facets:
     points = surface.points
-    sheet, label = _joined_across_edges(surface)
-    label = _joined_by_plane(surface, label)
     members: dict[int, list[int]] = {}
     for face, group in enumerate(label.tolist()):
         members.setdefault(group, []).append(face)
@@ -92,19 +93,24 @@ def _facets(surface: _Surface, faces: Faces) -> Facets:
         pieces += found
         owner += [number] * len(found)
     sheets = mesh.linked(len(faces) + int(label.max()) + 1, sheet, len(faces) + label)
+    own = sheets[sheet[[group[0] for group in members.values()]]]
+    alone = np.bincount(own)[own] == 1
     return Facets(
         tuple(map(tuple, members.values())),
         tuple(pieces),
         tuple(owner),
-        tuple(sheets[sheet[[group[0] for group in members.values()]]].tolist()),
-        tuple(_may_be_shaped([faces[i] for i in group]) for group in members.values()),
+        tuple(own.tolist()),
+        tuple(
+            len(group) > 1 and not (is_alone and _is_cut_in_two([faces[i] for i in group]))
+            for group, is_alone in zip(members.values(), alone.tolist(), strict=True)
+        ),
     )
 
 
-def _may_be_shaped(faces: Sequence[tuple[int, ...]]) -> bool:
-    """Two triangles are a warped quadrilateral cut along one of its diagonals: whether a file holds
-    it cut or whole must not change an answer."""
-    return len(faces) > 2 or (len(faces) == 2 and max(map(len, faces)) > 3)
+def _is_cut_in_two(faces: Sequence[tuple[int, ...]]) -> bool:
+    """Two triangles that go over into nothing else are a warped quadrilateral: whether a file
+    holds it whole or cut along one of its diagonals must not change an answer."""
+    return len(faces) == 2 and max(map(len, faces)) == 3
 
 
 class _Surface:

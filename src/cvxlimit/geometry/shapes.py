@@ -21,12 +21,11 @@ from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pair
 from cvxlimit.geometry.joints import Joints
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 
-_AGREE = 0.25
-"""Both sides agree on a shape where the angles between their faces are less than this share of the
-angles between the faces and one plane (root mean squares over the joint's area).
-
-Two meshes of one arc with n faces each, half a face apart: sqrt(3) / n, so that seven faces show
-the arc. Sides that are rough on their own, or one rough side: 2."""
+_AGREE = 0.5
+"""Both sides agree on a shape where the angles between their faces are less than half the angles
+between the faces and one plane (root mean squares over the joint's area). Two meshes of one arc
+with n faces each, half a face apart, come to sqrt(3) / n; sides that are rough on their own, and
+one rough side on a plane, to 2."""
 
 _COVERED = 0.9
 """Faces as they are must bear on so much of what the patches bear on, or else patches stay; areas

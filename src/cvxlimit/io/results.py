@@ -13,6 +13,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number, shown
 from cvxlimit.io.forms import (
     HEADER,
@@ -116,6 +117,21 @@ ITERATION = record(
     },
 )
 """Solves until the paper's criterion, the load factor then, and the band of the last iterates."""
+
+
+LUMPED = record(
+    Lumped,
+    {
+        "faces": Key(WHOLE),
+        "contacts": Key(WHOLE),
+        "angle": Key(FIGURE),
+        "friction_angle": Key(FIGURE),
+        "contact": Key(TEXT),
+        "contact_angle": Key(FIGURE),
+        "contact_friction_angle": Key(FIGURE),
+    },
+)
+"""Faces that are taken as planes that they are not in; angles in radians."""
 
 
 RATES_NAMED = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -231,6 +247,7 @@ RESULT: Document[Solution] = Document(
             "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
+            "lumped": Key(nullable(LUMPED), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
             "internal": Key(INTERNAL, "{key}", is_needed=False, is_several=True),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),

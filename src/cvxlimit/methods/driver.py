@@ -482,6 +482,8 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         parts = [basis, *run.remarks]
     else:
         parts = [status.advice, basis, *run.remarks]
+    lumped = run.given.lumped
+    parts.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
     parts.append("" if dilatancy is None else str(dilatancy))
     return "; ".join(part for part in parts if part)
 

@@ -42,8 +42,7 @@ def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
     if scene.live.acceleration is not None:
         push = ", ".join(f"{a:g}" for a in scene.live.acceleration)
         yield "live load", f"weight times ({push})"
-    if scene.near_miss_note:
-        yield "look at", scene.near_miss_note
+    yield from (("look at", said) for said in scene.told)
 
 
 def _solution_rows(solution: Solution) -> Rows:
@@ -58,6 +57,8 @@ def _solution_rows(solution: Solution) -> Rows:
     yield "size", f"{solution.blocks} blocks, {solution.contacts} contacts"
     if "total" in solution.seconds:
         yield "time", f"{solution.seconds['total']:.2f} s"
+    if solution.lumped is not None:
+        yield "lumped", str(solution.lumped)
     if not solution.status.is_good:
         yield "note", solution.note or solution.status.advice
 

@@ -232,7 +232,7 @@ class Explanation:
 
     ``blocks`` are free ones; ``sizes`` those of the full model and after each reduction, in order;
     ``seconds`` are those of one idle core, to a factor of two or so; ``methods`` those of the other
-    methods, to a factor of five or so.
+    methods, to a factor of five or so. ``told`` is what detection leaves out or simplifies.
     """
 
     scene: str
@@ -243,6 +243,7 @@ class Explanation:
     reason: str
     seconds: float
     methods: Mapping[str, float] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
@@ -263,6 +264,7 @@ class Explanation:
         lines.append(f"expected time: {_said(self.seconds)} to solve, on one idle core")
         others = [f"{name} {_said(seconds)}" for name, seconds in self.methods.items()]
         lines += [f"other methods, roughly: {', '.join(others)}"] * bool(others)
+        lines += [f"geometry: {said}" for said in self.told]
         return "\n".join(lines)
 
 
@@ -319,6 +321,7 @@ def explain(
         float(pace * last.shape.variables**growth),
         {name: rate * len(scene.contacts) ** power / (1 if found.plane is None else 3)
          for name, (rate, power) in PACES.items()},
+        scene.told,
     )  # fmt: skip
 
 

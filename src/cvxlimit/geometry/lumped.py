@@ -1,0 +1,96 @@
+"""Faces that are taken as planes that they are not in: how many, and by which angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cvxlimit.geometry.contacts import Contacts
+
+SMALL = 0.01
+"""Share of the friction angle from which an angle is worth a word. A contact that is turned by an
+angle bears as if its friction angle were more or less by that: the load factor of a joint that
+slides moves by about as large a share."""
+
+
+@dataclass(frozen=True)
+class Lumped:
+    """What contacts leave out of the blocks' faces; angles in radians.
+
+    Attributes
+    ----------
+    faces, contacts : int
+        So many faces, counted at each of so many contacts, do not lie in their contact's plane.
+    angle : float
+        The largest between a face and its contact's plane.
+    friction_angle : float
+        The smallest of these contacts.
+    contact : str
+        Where the angle is the largest share of the friction angle.
+    contact_angle, contact_friction_angle : float
+        Both angles there.
+
+    Example
+    -------
+    >>> print(Lumped(8, 2, 0.02, 0.5, "low-up", 0.02, 0.5))
+    8 faces at 2 joints are taken as planes that they are not in, turned by up to 1.15 degrees, \
+where the friction angle is 28.6 degrees or more (largest share 4 % at low-up): this could move \
+the load factor, which is certified for the scene as detected
+    """
+
+    faces: int
+    contacts: int
+    angle: float
+    friction_angle: float
+    contact: str
+    contact_angle: float
+    contact_friction_angle: float
+
+    @property
+    def share(self) -> float:
+        """The largest angle over the friction angle at the same contact."""
+        if not self.contact_friction_angle > 0.0:
+            return np.inf
+        return self.contact_angle / self.contact_friction_angle
+
+    @property
+    def is_worth_a_word(self) -> bool:
+        """True where the load factor could be another with the faces as they are."""
+        return self.share >= SMALL
+
+    def __str__(self) -> str:
+        """One sentence."""
+        taken = "1 face at 1 joint is taken as a plane that it is not in"
+        if self.faces > 1:
+            joints = f"{self.contacts} joint{'s' * (self.contacts > 1)}"
+            taken = f"{self.faces} faces at {joints} are taken as planes that they are not in"
+        angle, friction = (np.degrees(x) for x in (self.angle, self.friction_angle))
+        said = (
+            f"{taken}, turned by up to {angle:.3g} degrees, where the friction angle is "
+            f"{friction:.3g} degrees or more (largest share {100.0 * self.share:.2g} % at "
+            f"{self.contact})"
+        )
+        if not self.is_worth_a_word:
+            return said
+        return (
+            f"{said}: this could move the load factor, which is certified for the scene as detected"
+        )
+
+
+def lumped_at(contacts: Contacts) -> Lumped | None:
+    """What the contacts leave out; None where all faces lie in their contacts' planes."""
+    rows = np.flatnonzero(contacts.lumped)
+    if not len(rows):
+        return None
+    angle, friction = contacts.turned[rows], np.arctan(contacts.friction[rows])
+    worst = int(np.argmax(angle / np.maximum(friction, 1e-300)))
+    return Lumped(
+        faces=int(contacts.lumped[rows].sum()),
+        contacts=len(rows),
+        angle=float(angle.max()),
+        friction_angle=float(friction.min()),
+        contact=contacts.names[rows[worst]],
+        contact_angle=float(angle[worst]),
+        contact_friction_angle=float(friction[worst]),
+    )
