@@ -696,3 +696,59 @@ def test_a_pipe_as_a_buffer_is_not_waited_for(tmp_path: Path) -> None:
     path.write_text(json.dumps(gltf(buffers=[{"byteLength": 240, "uri": "pipe.bin"}])))
     with pytest.raises(InputError, match="no regular file but a pipe"):
         read_bodies(path)
+
+
+# --- ground of no thickness ---------------------------------------------------------------------
+
+
+def plane_and_stone(path: Path, turn: Rotation, triangles: bool = True) -> Path:
+    """A stone of 1 x 1 x 2 on a square of 6 x 6 in its bottom plane, all turned."""
+    square = np.array([(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)], dtype=float)
+    stone = (CUBE.vertices - (0.5, 0.5, 0.0)) * (1, 1, 2)
+    points = turn.apply(np.vstack([square, stone]))
+    faces: list[list[int]] = [[0, 1, 2], [0, 2, 3]] if triangles else [[0, 1, 2, 3]]
+    own = [[4 + i for i in face] for face in CUBE.faces]
+    if path.suffix == ".obj":
+        lines = ["v {} {} {}".format(*p) for p in points.tolist()]
+        for name, listed in (("ground", faces), ("stone", own)):
+            lines += [f"o {name}", *("f " + " ".join(str(i + 1) for i in f) for f in listed)]
+        path.write_text("\n".join(lines))
+        return path
+    cut = triangulated(points, [*faces, *own])[0]
+    data = trimesh.Trimesh(points, cut, process=False).export(file_type=path.suffix[1:])
+    path.write_bytes(data.encode() if isinstance(data, str) else data)
+    return path
+
+
+@pytest.mark.parametrize("supports", ["lowest", None, "named"])
+@pytest.mark.parametrize("name", ["a.obj", "b.obj", "a.stl", "a.ply", "a.off"])
+def test_ground_of_one_face(tmp_path: Path, name: str, supports: str | None) -> None:
+    path = plane_and_stone(tmp_path / name, Rotation.identity(), name[0] == "a")
+    if supports == "named":
+        supports = next(b.name for b in read_bodies(path) if len(b.faces) < 6)
+    found = import_geometry(path, density=20, supports=supports, **ASKED)
+    assert len(found.scene.supports) == 1
+    assert "a plane of no thickness, taken as support" in found.notes[0]
+    assert solve(found.scene).load_factor == pytest.approx(0.5, rel=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 30.0])
+def test_inclined_ground_of_one_face(tmp_path: Path, degrees: float) -> None:
+    """Along the slope the stone tips: (h/2 sin + a h/2 cos') of a load along x is worked out in the
+    turned frame, in which gravity is inclined."""
+    t = np.radians(degrees)
+    path = plane_and_stone(tmp_path / "a.stl", Rotation.from_euler("y", degrees, degrees=True))
+    asked = ASKED | {"friction": 5.0}
+    scene = import_geometry(path, density=20, supports="lowest", **asked).scene
+    # down the slope is +x: moments about the lower edge, of unit weight and of the load a along x
+    stands, pushes = 0.5 * np.cos(t) - 1.0 * np.sin(t), 1.0 * np.cos(t) + 0.5 * np.sin(t)
+    if stands < 0.0:
+        assert solve(scene).load_factor is None
+    else:
+        assert solve(scene).load_factor == pytest.approx(stands / pushes, rel=1e-5)
+
+
+def test_a_free_plane_is_no_stone(tmp_path: Path) -> None:
+    path = plane_and_stone(tmp_path / "a.obj", Rotation.identity())
+    with pytest.raises(InputError, match=r"'ground' is a plane of no thickness.*only be a support"):
+        import_geometry(path, density=20, supports=["stone"], **ASKED)

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.geometry.mesh import EdgeTable, Faces, flipped
+from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces, flipped, linked
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes
 
 
@@ -77,6 +79,7 @@ def separated(body: Body) -> list[Body]:
         return [body]
     found = Shells.of(points, faces, EdgeTable.of(faces))
     label = _with_cavities_joined(points, faces, found)
+    label = _with_sheets_apart(points, faces, label, found.closed)
     numbers, first = np.unique(label, return_index=True)
     if len(numbers) == 1:
         return [body]
@@ -124,3 +127,39 @@ def _with_cavities_joined(points: FloatArray, faces: Faces, found: Shells) -> In
         if closed[inner] and closed[outer] and result[inner] != result[outer]:
             result[inner] = result[outer]
     return np.asarray(result[shell])
+
+
+def _with_sheets_apart(
+    points: FloatArray, faces: Faces, label: IntArray, closed: BoolArray
+) -> IntArray:
+    """Open faces that lie in one plane, and by themselves, are a body: ground of no thickness. Near
+    other open faces they may be part of a torn shell, and stay with that."""
+    rows = np.flatnonzero(~closed)
+    if not len(rows):
+        return label
+    corner = np.concatenate([faces[i] for i in rows.tolist()])
+    owner = np.repeat(np.arange(len(rows)), [len(faces[i]) for i in rows.tolist()])
+    order = np.argsort(corner, kind="stable")
+    same = np.flatnonzero(np.diff(corner[order]) == 0)
+    part = linked(len(rows), owner[order[same]], owner[order[same + 1]])
+    result = label.copy()
+    for number in range(int(part.max()) + 1):
+        own, others = (
+            np.unique(corner[(part == number)[owner] == is_own]) for is_own in (True, False)
+        )
+        if len(own) < 3 or not is_plane(points[own]):
+            continue
+        near = JOINT_TOLERANCE * float(np.linalg.norm(np.ptp(points[own], axis=0)))
+        if len(others) and (cKDTree(points[others]).query(points[own])[0] < near).any():
+            continue
+        result[rows[part == number]] = result.max() + 1
+    return result
+
+
+def is_plane(points: FloatArray) -> bool:
+    """True for points (k, 3) that all lie in one plane and span it."""
+    if len(points) < 3:
+        return False
+    _, wide, thick = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[1]
+    flat = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return bool(thick <= flat < wide)

@@ -32,6 +32,7 @@ from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
+from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
 from cvxlimit.io.geometry.tables import read_table
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, Units
@@ -119,7 +120,9 @@ def import_geometry(
         densities are used (kg/m3 to kN/m3: 0.00980665).
     supports : "lowest", ids, or None
         Fixed blocks: the lowest ones (within 1 % of the height), those named, or, with None, those
-        that the files mark.
+        that the files mark. Ground may be a plane of no thickness, a face or several in one plane:
+        it can only be a support, and is one with None where no file marks any, and with "lowest"
+        where it is lowest, without the stones that stand on it.
     force_unit : str
     joint_tolerance : float or None
         See :class:`~cvxlimit.scene.Scene`.
@@ -162,6 +165,7 @@ def import_geometry(
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         fixed = _supports(bodies, supports, axis, notes)
+        bodies = _with_slabs(bodies, fixed, notes)
         with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
             blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
         down = tuple((-axis + 0.0).tolist())
@@ -368,7 +372,10 @@ def _supports(
     bodies: Sequence[Body], asked: str | Sequence[str] | None, up: FloatArray, notes: list[str]
 ) -> set[str]:
     marked = {body.name for body in bodies if body.is_support}
+    sheets = {body.name for body in bodies if is_sheet(body)}
     if asked is None:
+        if sheets and not marked:
+            return sheets
         if not marked:
             raise InputError(
                 "no file marks supports: say which blocks are fixed (--supports lowest, or their "
@@ -398,6 +405,8 @@ def _lowest(bodies: Sequence[Body], up: FloatArray, notes: list[str]) -> set[str
     height = max(float(h.max()) for h in heights if len(h)) - bottom
     lowest = feet <= bottom + LOWEST_WITHIN * height
     chosen = [body for body, is_low in zip(bodies, lowest.tolist(), strict=True) if is_low]
+    if sheets := {body.name for body in chosen if is_sheet(body)}:
+        return sheets  # and not the stones that stand on them
     carried = [body for body in bodies if body not in chosen and len(body.vertices)]
     if not (len(chosen) == 1 and carried and _is_ground(chosen[0], carried, up)):
         names = ", ".join(shown(body.name) for body in chosen[:8])
@@ -416,6 +425,27 @@ def _is_ground(body: Body, others: Sequence[Body], up: FloatArray) -> bool:
     points = np.concatenate([other.vertices for other in others])[:, plan]
     own = body.vertices[:, plan]
     return bool((own.min(0) <= points.min(0)).all() and (own.max(0) >= points.max(0)).all())
+
+
+def _with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:
+    """Sheets as slabs: a plane of no thickness bears what stands on it, but is no stone."""
+    sheets = [body for body in bodies if is_sheet(body)]
+    if not sheets:
+        return bodies
+    loose = [body for body in sheets if body.name not in fixed]
+    if loose:
+        raise InputError(
+            f"block {shown(loose[0].name)} is a plane of no thickness, which encloses no stone: it "
+            "can only be a support; name it among the supports (--supports), or remove it"
+        )
+    others = [body for body in bodies if not is_sheet(body)]
+    deep = thickness_for(others)
+    notes += [
+        f"{shown(body.name)} is a plane of no thickness, taken as support: in the scene a slab of "
+        f"{deep:.3g} lies behind it"
+        for body in sheets
+    ]
+    return [slab(body, others, deep) if is_sheet(body) else body for body in bodies]
 
 
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:

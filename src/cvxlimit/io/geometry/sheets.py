@@ -1,0 +1,43 @@
+"""Planes of no thickness as supports: ground drawn as one face, or as triangles of one plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cvxlimit.geometry.mesh import EdgeTable, area_vectors
+from cvxlimit.io.geometry.bodies import Body, is_plane, merged
+
+
+def is_sheet(body: Body) -> bool:
+    """True for a body whose corners all lie in one plane, and which has an area in it."""
+    if body.is_box or not len(body.faces) or not np.isfinite(body.vertices).all():
+        return False
+    return is_plane(body.vertices)
+
+
+def slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
+    """The sheet as a slab that lies behind it, seen from where most of the other bodies are."""
+    points, number = merged(sheet.vertices, np.arange(len(sheet.vertices)))
+    faces = [[int(number[i]) for i in face] for face in sheet.faces]
+    vectors = area_vectors(points, faces)
+    normal = vectors[int(np.linalg.norm(vectors, axis=1).argmax())]
+    normal = normal / np.linalg.norm(normal)
+    middle = np.array([np.mean(other.vertices, axis=0) for other in others]).reshape(-1, 3)
+    if (np.sign((middle - points[0]) @ normal)).sum() < 0:
+        normal = -normal
+    faces = [f if v @ normal > 0.0 else f[::-1] for f, v in zip(faces, vectors, strict=True)]
+    table, k = EdgeTable.of(faces), len(points)
+    rim = np.flatnonzero(table.uses[table.key] == 1)
+    ends = np.stack([table.start[rim], table.end[rim]], axis=1).tolist()
+    sides = [[b, a, k + a, k + b] for a, b in ends]
+    under = [[k + i for i in f[::-1]] for f in faces]
+    below = points - thickness * normal
+    return replace(sheet, vertices=np.vstack([points, below]), faces=[*faces, *under, *sides])
+
+
+def thickness_for(others: Sequence[Body]) -> float:
+    """Of a slab behind a sheet: no thinner than any of the others, whose joint tolerance counts."""
+    return max((float(np.ptp(b.vertices, axis=0).min()) for b in others), default=0.0)
