@@ -125,7 +125,8 @@ class Dilatancy:
     share : float
         Power of compressions on the openings that go with sliding, over the power of the live load
         at the load factor: 0 where blocks rock, 1 where they only slide. It is also the relative
-        change of the load factor with that of all friction.
+        change of the load factor with that of all friction. Infinite where any multiple of the
+        live load is carried, and by dilatancy alone.
     sliding : tuple of str
         Names of the contacts that slide or twist in the mechanism, where ``share`` is above
         :data:`SMALL_SHARE`; else none.
@@ -149,12 +150,24 @@ zero-dilatancy) answers without dilatancy
         """True where the load factor is on the unsafe side by more than :data:`SMALL_SHARE`."""
         return self.share > SMALL_SHARE
 
+    @property
+    def is_all(self) -> bool:
+        """True where any multiple of the live load is carried, by dilatancy alone."""
+        return bool(np.isinf(self.share))
+
     def __str__(self) -> str:
         """One sentence, empty where there is nothing to say."""
         if not self.is_worth_a_word:
             return ""
         named, more = ", ".join(self.sliding[:_NAMED]), len(self.sliding) - _NAMED
         named += f" and {more} more" if more > 0 else ""
+        if self.is_all:
+            joints = f"without it joints slide ({named})" if named else "without it joints slide"
+            return (
+                "forces that carry any multiple of the live load were found and checked, but they "
+                f"rest on dilatancy alone, which presses joints that are kept from opening: {joints}"
+                ", and method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
+            )
         count = f"{len(self.sliding)} of {self.moving} joints that move"
         slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"
         joints = f"{count} ({named}) {slides}" if named else "joints slip where they open"
@@ -183,9 +196,17 @@ def dilatancy_of(
     share = float(np.maximum(np.minimum(opened, slid), 0.0).sum()) / power
     if not share > SMALL_SHARE:
         return Dilatancy(share)
+    return Dilatancy(share, *sliding_joints(scene, relative, rates))
+
+
+def sliding_joints(
+    scene: Scene, relative: FloatArray, rates: FloatArray
+) -> tuple[tuple[str, ...], int]:
+    """Names of the contacts that slide or twist at rates as in :func:`dilatancy_of`, and how many
+    move."""
     every = np.zeros((len(scene.blocks), 6))
     every[scene.free] = rates
     visible = VISIBLE * float(corner_speeds(scene, every).max())
     kind, names = contact_motion(scene.contacts, relative, visible).kind, scene.contacts.names
     sliding = tuple(names[j] for j in np.flatnonzero(kind >= ContactKind.SLIDES))
-    return Dilatancy(share, sliding, int((kind != ContactKind.CLOSED).sum()))
+    return sliding, int((kind != ContactKind.CLOSED).sum())

@@ -374,6 +374,8 @@ class Solution:
             width = self.iteration.width
         if self.is_answered and not self.status.is_good:
             return "certified, without an upper end"
+        if self.dilatancy is not None and self.dilatancy.is_all:
+            return "carried by dilatancy alone"
         if width <= 1e-6 or not self.status.is_good:
             return str(self.status)
         return f"{self.status} within {rounded_up(100.0 * width, 2)} %"

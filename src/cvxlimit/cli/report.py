@@ -134,7 +134,10 @@ def summary(
     value = solution.range_text or _text(solution.load_factor) or "none"
     if solution.quantity != LOAD_FACTOR and solution.solved_scene is not None:
         value += f" {solution.solved_scene.units.force}"
-    value += "" if solution.is_answered else f" ({solution.status})"
+    is_all = solution.dilatancy is not None and solution.dilatancy.is_all
+    value += (
+        "" if solution.is_answered else f" ({solution.standing if is_all else solution.status})"
+    )
     asked = "" if tolerance is None else f" (asked: {tolerance:g})"
     bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
     interaction = solution.interaction
@@ -157,7 +160,7 @@ def summary(
             (solution.quantity, Text(value, style="bold")),
             ("bracket", bracket if solution.bracket.has_any else ""),
             ("lower end", _lower_end(solution.lower_end)),
-            ("basis", "" if solution.note == advice(solution) else basis),
+            ("basis", "" if solution.note == advice(solution) or is_all else basis),
             ("dilatancy", Text(sliding, style="yellow")),
             ("lumped", Text(lumped, style="yellow")),
             ("status", Text(solution.standing, style=_style(solution))),
@@ -216,6 +219,8 @@ def verdict(solution: Solution) -> str:
             "forces that do were found and checked: ask for another direction, or for the other "
             "reaction"
         )
+    if solution.dilatancy is not None and solution.dilatancy.is_all:
+        return f"{solution.standing}: {solution.note}"
     return f"{solution.status}: {advice(solution)}"
 
 

@@ -30,6 +30,7 @@ from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
+from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
@@ -424,6 +425,7 @@ class _Proof:
                 "it does any harm is open"
             ]
             return False
-        run.best = replace(run.best, forces=forces, mechanism=None)
+        found = carried_by_dilatancy(run)
+        run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=found)
         run.remarks = []
         return True

@@ -23,6 +23,7 @@ from cvxlimit.methods.standing import (
     refuse_an_interval,
     told,
 )
+from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
@@ -245,7 +246,9 @@ class Inquiry:
             run.best, run.remarks = falls  # each end excludes what the other one leaves
             return Status.DEAD_LOAD_UNSTABLE
         has_end = upper is not Status.LIVE_LOAD_HARMLESS
-        best = run.best if has_end else Answer(forces=run.best.forces)
+        best = run.best
+        if not has_end:
+            best = Answer(forces=best.forces, dilatancy=best.dilatancy)
         run.best = replace(best, lower_end=end)
         run.remarks = [told(run.best, turned.best.bracket, alone), *run.remarks]
         ends = upper, lower
@@ -439,7 +442,8 @@ class Inquiry:
                     strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
                     forces = carried_exactly(loaded, strength_of, given / state.load_factor)
                 if forces is not None:
-                    run.best = replace(run.best, forces=forces, mechanism=None)
+                    found = carried_by_dilatancy(run)
+                    run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=found)
                     return True
             elif certificate().upper < 0.5:
                 break

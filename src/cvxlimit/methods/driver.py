@@ -104,6 +104,8 @@ class Answer:
         The internal forces behind the lower bound, where strength is stated in these.
     lower_end : LowerEnd or None
         The lower end, where the answer is an interval.
+    dilatancy : Dilatancy or None
+        Known where there is no load factor to compute it for.
     """
 
     load_factor: float | None = None
@@ -114,6 +116,7 @@ class Answer:
     iteration: Iteration | None = None
     internal: FloatArray | None = None
     lower_end: LowerEnd | None = None
+    dilatancy: Dilatancy | None = None
 
     def raised(
         self,
@@ -464,7 +467,7 @@ def _dilatancy(method: Method, run: Run, best: Answer) -> Dilatancy | None:
     forces, mechanism, alpha = best.forces, best.mechanism, best.load_factor
     statics = run.assemblage.statics
     if forces is None or mechanism is None or alpha is None:
-        return None
+        return best.dilatancy if statics.guide is None else None
     if method.axis == "flow" or statics.guide is not None:
         return None
     power = run.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
@@ -475,7 +478,8 @@ def _dilatancy(method: Method, run: Run, best: Answer) -> Dilatancy | None:
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:
     basis = method.basis(run) if run.best.bracket.has_any else ""
     if not status.has_answer:
-        parts = [*run.remarks, "" if run.best.lower_end is not None else status.advice]
+        is_told = run.best.lower_end is not None or dilatancy is not None
+        parts = [*run.remarks, "" if is_told else status.advice]
     elif status is Status.SOLVER_FAILED:
         parts = [run.failure, status.advice]
     elif status.is_good or status is Status.NOT_CERTIFIED:

@@ -153,7 +153,7 @@ def title(solution: Solution) -> str:
     symbol = printable(solution.quantity)
     symbol += " \N{GREEK SMALL LETTER ALPHA} =" if symbol == "load factor" else ""
     if solution.load_factor is None:
-        reach = f"{symbol} {solution.range_text}" if solution.range_text else solution.status
+        reach = f"{symbol} {solution.range_text}" if solution.range_text else solution.standing
         return f"{what}: {reach}"
     standing = solution.standing
     says = standing != "certified" and standing != str(Status.CONVERGED)
