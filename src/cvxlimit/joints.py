@@ -165,8 +165,8 @@ zero-dilatancy) answers without dilatancy
             joints = f"without it joints slide ({named})" if named else "without it joints slide"
             return (
                 "forces that carry any multiple of the live load were found and checked, but they "
-                f"rest on dilatancy alone, which presses joints that are kept from opening: {joints}"
-                ", and method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
+                f"rest on dilatancy alone, which presses joints that cannot open: {joints}, and "
+                "method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
             )
         count = f"{len(self.sliding)} of {self.moving} joints that move"
         slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"

@@ -1,4 +1,4 @@
-"""Live loads of which any multiple is carried: what presses joints, and what dilatancy alone does."""
+"""Live loads of which any multiple is carried: by what presses joints, or by dilatancy alone."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ def test_a_twist_between_two_cubes() -> None:
     assert is_wedged(solve(twist))
 
 
-def test_an_interval_without_an_upper_end_by_dilatancy() -> None:
-    """Frictionless below, so that what pulls must be balanced, rough walls at the sides."""
+def test_an_interval_without_an_upper_end() -> None:
+    """The load presses the joint itself: nothing is said of dilatancy."""
     scene = pushed(0.0, 0.5).with_dead(Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0)))
     solution = solve(scene)
     assert solution.interval == pytest.approx((0.2, np.inf))
