@@ -14,7 +14,8 @@ from cvxlimit.joints import Dilatancy, sliding_joints
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProblem, Stated
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, strength_key
