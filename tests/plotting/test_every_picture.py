@@ -53,6 +53,15 @@ def test_of_random_scenes(scene: Scene) -> None:
     assert_every_picture(scene)
 
 
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("viewer", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+def test_straight_along_an_axis(viewer: tuple[float, ...]) -> None:
+    """Where arrows are dots, and most faces lines."""
+    solution = solve(builtin_scene("arch"))
+    for name in sorted(PICTURES.keys() - {"page", "animation"}):
+        assert_drawn(PICTURES[name](solution, viewer=viewer))
+
+
 def test_from_where_nothing_but_glass_is_seen() -> None:
     """Supports are out of sight, and of blocks only lines are drawn: there are no faces."""
     assert Faces([]).visible().shape == (0,)
