@@ -14,39 +14,30 @@ import scipy.sparse as sp
 from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.given import Given
 from cvxlimit.model.goals import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.limits import ContactForces, LinearLimits, OwnLimits
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
+from cvxlimit.model.statement import Statement
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import (
-    Condition,
-    LinearForm,
     YieldSurface,
-    admissible,
-    product,
-    times,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import needed_surfaces, strength_key, surfaces_of
+from cvxlimit.surfaces.coulomb import strength_key, surfaces_of
 
 DPP_LIMIT = 3_000
 """Entries of Parameters up to which CVXPY keeps its compilation for re-solves. The first with
 them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
 
 
-def _size(load: Any) -> FloatArray:
-    """Sizes of a load, one where they are open."""
-    return np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
-
-
-class LimitProblem:
+class LimitProblem(Statement):
     """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact j.
 
     Parameters
@@ -54,6 +45,13 @@ class LimitProblem:
     scene : Scene or Assemblage
     surface : str, Cone or sequence of YieldSurface
         As :func:`cvxlimit.solve` takes it. Surfaces implied by another are not written.
+    friction, cohesion, compressive_strength, tensile_strength : number, array (n,) or Parameter
+        In place of the scene's: one, or one per contact; CVXPY expressions of Parameters too.
+    live : Load, (3,) or (free blocks, 6)
+        In place of the scene's live load; numbers, Parameters or expressions of them: an
+        acceleration in multiples of weights, or forces and moments at centroids.
+    weights : number, array (free blocks,) or Parameter
+        Weights of the free blocks, in the scene's order.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
@@ -67,7 +65,12 @@ class LimitProblem:
     Raises
     ------
     ModelError
-        Without rocking, or with the same surface twice.
+        Without rocking, or with the same surface twice, and for values of another shape.
+
+    Attributes
+    ----------
+    V1, V2, N, M1, M2, MT, factor : CVXPY expressions
+        Forces of all contacts and the load factor in the user's units; ``N["a-b"]`` is of one.
 
     Example
     -------
@@ -98,18 +101,10 @@ class LimitProblem:
             "friction": friction, "cohesion": cohesion, "tensile_strength": tensile_strength,
             "compressive_strength": compressive_strength,
         }  # fmt: skip
-        self.given = Given.of(scene, joints, live, weights)
-        self.assemblage = assemblage = self.given.assemblage
         surfaces, self.surface = surfaces_of(surface)
-        self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
-        if reduction is not None and self.given.is_symbolic:
-            raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
-        own = Reduction.none(assemblage.statics, formulation)
-        self.reduction = reduction or replace(own, contacts=self.given.contacts)
-        self.goal, self.repeats, self.scaling = goal, repeats, assemblage.scaling
-        self.model = model_of(self.reduction.formulation, self.reduction.contacts)
-        self.reference: Any = None
-        self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
+        given = Given.of(scene, joints, live, weights)
+        super().__init__(given, surfaces, formulation, reduction, goal, repeats)
+        self.reference: Any = None  # the last certifier, for the next
         self._limits: dict[str, tuple[cp.Constraint, ...]] = {}
         self._aim: cp.Expression | None = None
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
@@ -133,41 +128,6 @@ class LimitProblem:
         parts += [f"Parameters: {', '.join(names)}"] if names else []
         parts += ["maximises an aim of one's own"] if self._aim is not None else []
         return f"LimitProblem({scene.name!r}, {self.surface}: {'; '.join(parts)})"
-
-    # The statement
-
-    def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
-        """The problem, stated to a sink, and its goal."""
-        scaling, (gives, written) = self.scaling, self._written
-        into.label = "rocking" if "rocking" in self.model.holds else "compression"
-        forces, internal = self.model.unknowns(into, scaling.force, scaling.length, gives)
-        for name, condition, cone in written:
-            into.label = name
-            admissible(into, condition, forces, cone)
-        into.label = "goal"
-        factor = into.new(name="alpha")
-        found = Stated(self.assemblage, into, forces, internal, factor, *self._loads)
-        goal = self.goal(found)
-        into.label = "equilibrium"
-        equilibrium = self.equilibrium
-        found.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
-        load = times(equilibrium.of_load(found.live), factor) + equilibrium.of_load(found.dead)
-        into.zero(equilibrium.matrix @ stacked(internal) + load)
-        return found, goal
-
-    @cached_property
-    def _written(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
-        """What unknowns of surfaces' own give, and the conditions to write."""
-        model, plain, gives = self.model, list[YieldSurface](), dict[str, LinearForm]()
-        written = list[tuple[str, Condition, Cone]]()
-        for surface in self.surfaces:
-            own = surface.unknowns(model.contacts)
-            if own is None or not own.gives.keys() <= model.start.keys() - gives.keys():
-                plain.append(surface)
-            else:
-                gives |= own.gives
-                written += [(surface.name, condition, surface.cone) for condition in own.conditions]
-        return gives, [*model.strength(plain), *written]
 
     @cached_property
     def _in_cvxpy(self) -> tuple[Stated, Any]:
@@ -507,50 +467,6 @@ class LimitProblem:
             internal,
             own,
         )
-
-    # Equilibrium
-
-    @cached_property
-    def equilibrium(self) -> Equilibrium:
-        """Scaled, of the internal forces."""
-        loads = np.stack([_size(load) for load in self._loads])
-        return Equilibrium.of(self._matrix, loads, self.scaling, self.reduction.rates)
-
-    @cached_property
-    def _down(self) -> FloatArray:
-        """Units of equilibrium's rows: moments are over the length."""
-        units = np.repeat([1.0, 1.0 / self.scaling.length], 3)
-        return np.tile(units, len(self.assemblage.statics.dead) // DOF)
-
-    @cached_property
-    def _loads(self) -> tuple[Any, Any]:
-        """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
-        units, loads = (self.scaling.force, self.scaling.live), (self.given.dead, self.given.live)
-        dead, live = (product(self._down / u, load) for u, load in zip(units, loads, strict=True))
-        return dead, live
-
-    @cached_property
-    def _is_whole(self) -> bool:
-        """True if unknown are the corner compressions of all contacts: equilibrium is then the same
-        for all scenes of one geometry."""
-        is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
-        return is_plain and not self.reduction.names
-
-    @cached_property
-    def _matrix(self) -> sp.csr_array:
-        """Of equilibrium along all six ways of all free blocks, scaled."""
-        if self.repeats is None or not self._is_whole:
-            return self._scaled()
-        result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)
-        return result
-
-    def _scaled(self) -> sp.csr_array:
-        lift, meaning = self.reduction.forces, self.model.meaning
-        forces = meaning if lift is None else lift @ meaning
-        matrix = (self.assemblage.statics.matrix @ forces).tocsr()
-        matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
-        matrix.eliminate_zeros()
-        return matrix
 
     def at_present(self) -> Assemblage:
         """The mechanics at the Parameters' present values.

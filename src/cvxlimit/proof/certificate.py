@@ -193,8 +193,7 @@ class Certifier:
             is_sound = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
             if is_sound and self._reserve(balanced) > 0.0:
                 self.witnesses.dead_state = balanced
-        if field is not None:
-            self.offer_opening_field(field)
+        self.witnesses.borrowed_field = field  # whether it opens here is checked where it is used
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
@@ -425,12 +424,12 @@ class Certifier:
 
     def _opening(self, missing: FloatArray) -> tuple[FloatArray | None, float]:
         """A field that opens every contact, and its share that makes up for what is missing."""
-        field = self.witnesses.opening_field
-        spare = np.zeros(1) if field is None else self._spare_opening(field)
-        if field is None or not spare.min() > 0.0:
-            return None, 0.0
         asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
-        return field, float(np.max(missing[asks] / spare[asks], initial=0.0))
+        for field in self.witnesses.opening_fields():
+            spare = self._spare_opening(field)
+            if spare.min() > 0.0:
+                return field, float(np.max(missing[asks] / spare[asks], initial=0.0))
+        return None, 0.0
 
     def _bound(self, opened: Opened) -> tuple[float, bool]:
         u, dissipation = opened.rates, opened.dissipation

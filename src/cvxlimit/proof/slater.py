@@ -7,7 +7,7 @@ Both are found by alternating projections with one sparse factorisation; who use
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -303,6 +303,7 @@ class Witnesses:
         self._balance = strength.balance
         self._can_project = self._balance.is_supported and not strength.is_internal
         self._dead_state: FloatArray | None = None
+        self.borrowed_field: FloatArray | None = None
         self.factor = 0.0
         self._attempted = 0
 
@@ -323,8 +324,15 @@ class Witnesses:
     @property
     def known_opening_field(self) -> FloatArray | None:
         """Rates that open every contact, as far as they are known already."""
-        found: FloatArray | None = self.__dict__.get("opening_field")
+        found: FloatArray | None = self.__dict__.get("opening_field", self.borrowed_field)
         return found
+
+    def opening_fields(self) -> Iterator[FloatArray]:
+        """Rates that may open every contact: those borrowed, then those sought for this one."""
+        if self.borrowed_field is not None:
+            yield self.borrowed_field
+        if self.opening_field is not None:
+            yield self.opening_field
 
     @property
     def easy_dead_state(self) -> FloatArray | None:

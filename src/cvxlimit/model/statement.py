@@ -1,0 +1,134 @@
+"""The limit problem (Eq. 39), stated once to any sink: strength, loads and equilibrium, scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+
+from cvxlimit.arrays import FloatArray
+from cvxlimit.errors import ModelError
+from cvxlimit.model.assemblage import Equilibrium, Reduction
+from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.given import Given
+from cvxlimit.model.goals import Goal, Stated
+from cvxlimit.model.sinks import Constraints, Rows, stacked
+from cvxlimit.model.statics import DOF
+from cvxlimit.surfaces.base import (
+    Condition,
+    LinearForm,
+    YieldSurface,
+    admissible,
+    product,
+    times,
+)
+from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.coulomb import needed_surfaces
+
+
+class Statement:
+    """What a limit problem says; see :class:`~cvxlimit.model.problem.LimitProblem`."""
+
+    def __init__(
+        self,
+        given: Given,
+        surfaces: Sequence[YieldSurface],
+        formulation: Formulation,
+        reduction: Reduction | None,
+        goal: Goal,
+        repeats: Any,
+    ) -> None:
+        self.given, self.assemblage = given, given.assemblage
+        self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
+        if reduction is not None and given.is_symbolic:
+            raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
+        own = Reduction.none(self.assemblage.statics, formulation)
+        self.reduction = reduction or replace(own, contacts=given.contacts)
+        self.goal, self.repeats, self.scaling = goal, repeats, self.assemblage.scaling
+        self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
+
+    def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
+        """The problem, stated to a sink, and its goal."""
+        scaling, (gives, written) = self.scaling, self._written
+        into.label = "rocking" if "rocking" in self.model.holds else "compression"
+        forces, internal = self.model.unknowns(into, scaling.force, scaling.length, gives)
+        for name, condition, cone in written:
+            into.label = name
+            admissible(into, condition, forces, cone)
+        into.label = "goal"
+        factor = into.new(name="alpha")
+        found = Stated(self.assemblage, into, forces, internal, factor, *self._loads)
+        goal = self.goal(found)
+        into.label = "equilibrium"
+        equilibrium = self.equilibrium
+        found.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
+        load = times(equilibrium.of_load(found.live), factor) + equilibrium.of_load(found.dead)
+        into.zero(equilibrium.matrix @ stacked(internal) + load)
+        return found, goal
+
+    @cached_property
+    def _written(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
+        """What unknowns of surfaces' own give, and the conditions to write."""
+        model, plain, gives = self.model, list[YieldSurface](), dict[str, LinearForm]()
+        written = list[tuple[str, Condition, Cone]]()
+        for surface in self.surfaces:
+            own = surface.unknowns(model.contacts)
+            if own is None or not own.gives.keys() <= model.start.keys() - gives.keys():
+                plain.append(surface)
+            else:
+                gives |= own.gives
+                written += [(surface.name, condition, surface.cone) for condition in own.conditions]
+        return gives, [*model.strength(plain), *written]
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """Scaled, of the internal forces."""
+        loads = np.stack([_size(load) for load in self._loads])
+        return Equilibrium.of(self._matrix, loads, self.scaling, self.reduction.rates)
+
+    @cached_property
+    def _down(self) -> FloatArray:
+        """Units of equilibrium's rows: moments are over the length."""
+        units = np.repeat([1.0, 1.0 / self.scaling.length], 3)
+        return np.tile(units, len(self.assemblage.statics.dead) // DOF)
+
+    @cached_property
+    def _loads(self) -> tuple[Any, Any]:
+        """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
+        units, loads = (self.scaling.force, self.scaling.live), (self.given.dead, self.given.live)
+        dead, live = (product(self._down / u, load) for u, load in zip(units, loads, strict=True))
+        return dead, live
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """True if unknown are the corner compressions of all contacts: equilibrium is then the same
+        for all scenes of one geometry."""
+        is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
+        return is_plain and not self.reduction.names
+
+    @cached_property
+    def _matrix(self) -> sp.csr_array:
+        """Of equilibrium along all six ways of all free blocks, scaled."""
+        if self.repeats is None or not self._is_whole:
+            return self._scaled()
+        result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)
+        return result
+
+    def _scaled(self) -> sp.csr_array:
+        lift, meaning = self.reduction.forces, self.model.meaning
+        forces = meaning if lift is None else lift @ meaning
+        matrix = (self.assemblage.statics.matrix @ forces).tocsr()
+        matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
+        matrix.eliminate_zeros()
+        return matrix
+
+
+def _size(load: Any) -> FloatArray:
+    """Sizes of a load, one where they are open."""
+    return np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
