@@ -24,9 +24,7 @@ FloatArray = NDArray[np.float64]
 SOLVER = settings_for("CLARABEL", 1e-9)
 
 
-def referee(
-    step: SafeStep, point: Point, price: float | None, most: float | None
-) -> float:
+def referee(step: SafeStep, point: Point, price: float | None, most: float | None) -> float:
     """The scaled value of the step's problem."""
     count, own = len(step.kept), step.own
     into = Constraints()
@@ -68,7 +66,7 @@ def referee(
     if half is not None:
         balance = half.rates @ balance
     cost = 0.0 if price is None else price * cp.sum(slack)
-    problem = cp.Problem(cp.Maximize(alpha - cost), [balance == 0, *limits])
+    problem = cp.Problem(cp.Maximize(alpha - cost), [balance == 0, *limits, *into.all])
     assert run(problem, SOLVER).has_values
     return float(problem.value)
 
