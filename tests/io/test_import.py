@@ -752,3 +752,61 @@ def test_a_free_plane_is_no_stone(tmp_path: Path) -> None:
     path = plane_and_stone(tmp_path / "a.obj", Rotation.identity())
     with pytest.raises(InputError, match=r"'ground' is a plane of no thickness.*only be a support"):
         import_geometry(path, density=20, supports=["stone"], **ASKED)
+
+
+# --- numbers with too few digits ----------------------------------------------------------------
+
+UTM = np.array([513_045.0, 4_502_345.0, 112.0])
+
+
+def brick_wall(at: np.ndarray) -> list[tuple[np.ndarray, list[list[int]]]]:
+    """Four bricks of 0.25 x 0.12 x 0.065 on each other."""
+    brick = CUBE.vertices * (0.25, 0.12, 0.065)
+    faces = triangulated(CUBE.vertices, CUBE.faces)[0].tolist()
+    return [(brick + at + (0, 0, 0.065 * i), faces) for i in range(4)]
+
+
+def written(path: Path, at: np.ndarray, form: str) -> Path:
+    """As binary STL or PLY in single precision, or as text in a format of numbers."""
+    bricks = brick_wall(at)
+    points = np.concatenate([p for p, _ in bricks])
+    faces = [[8 * i + k for k in f] for i, (_, own) in enumerate(bricks) for f in own]
+    if path.suffix in (".stl", ".ply"):
+        single = points.astype(np.float32)
+        mesh = trimesh.Trimesh(single, faces, process=False)
+        path.write_bytes(mesh.export(file_type=path.suffix[1:]))
+    elif path.suffix == ".csv":
+        ends = [np.concatenate([p.min(0), p.max(0)]) for p, _ in bricks]
+        rows = [",".join([f"b{i}", *(format(x, form) for x in e)]) for i, e in enumerate(ends)]
+        path.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax\n" + "\n".join(rows))
+    else:
+        lines = ["v " + " ".join(format(x, form) for x in p) for p in points.tolist()]
+        for i, (_, own) in enumerate(bricks):
+            lines += [f"o b{i}", *("f " + " ".join(str(8 * i + k + 1) for k in f) for f in own)]
+        path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [("a.stl", ""), ("a.ply", ""), ("a.obj", ".6g"), ("a.obj", ".7g"), ("a.csv", ".6g")],
+)
+def test_numbers_that_cannot_tell_blocks_apart_are_named(
+    tmp_path: Path, name: str, form: str
+) -> None:
+    asked = ASKED | {"density": 20, "supports": "lowest"}
+    here = written(tmp_path / name, np.zeros(3), form)
+    found = import_geometry(here, **asked)
+    assert solve(found.scene).load_factor == pytest.approx(0.7, rel=1e-4)
+    assert not any("cannot tell" in note for note in found.notes)
+    there = written(tmp_path / name, UTM, form)
+    said = "numbers cannot tell its blocks apart: along y .*steps of .* move the model"
+    with pytest.raises(InputError, match=said):
+        import_geometry(there, **asked)
+
+
+def test_map_coordinates_in_full_are_fine(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.obj", UTM, ".12g")
+    found = import_geometry(path, density=20, supports="lowest", **ASKED)
+    assert solve(found.scene).load_factor == pytest.approx(0.7, rel=1e-4)
+    assert not any("cannot tell" in note for note in found.notes)

@@ -134,18 +134,20 @@ def import_command(asked: Geometry) -> ExitCode:
 
 def _drawn_if_refused(asked: Geometry, plot: Path | None) -> tuple[Imported, int]:
     scene: Scene | None = None
+    notes: tuple[str, ...] = ()
 
     def imported(tell: Tell) -> tuple[Imported, int]:
-        nonlocal scene
+        nonlocal scene, notes
         found = asked.imported()
-        scene = found.scene
+        scene, notes = found.scene, found.notes
         tell("finding contacts")
         return found, len(scene.contacts)
 
     try:
         return interruptible(imported)
     except InputError as error:
-        error.args = (_OPTIONS.sub(lambda name: _spelt(name[0]), str(error)),)
+        told = "; ".join((_OPTIONS.sub(lambda name: _spelt(name[0]), str(error)), *notes))
+        error.args = (told,)
         culprit = scene if scene or not isinstance(error, GeometryError) else sketch(error)
         if plot is not None and culprit is not None:
             plot_scene(culprit, plot, error)

@@ -150,7 +150,7 @@ def _with_sheets_apart(
         if len(own) < 3 or not is_plane(points[own]):
             continue
         near = JOINT_TOLERANCE * float(np.linalg.norm(np.ptp(points[own], axis=0)))
-        if len(others) and (cKDTree(points[others]).query(points[own])[0] < near).any():
+        if len(others) and np.min(cKDTree(points[others]).query(points[own])[0]) < near:
             continue
         result[rows[part == number]] = result.max() + 1
     return result

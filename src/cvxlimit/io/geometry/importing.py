@@ -28,6 +28,7 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import is_compas, read_compas
+from cvxlimit.io.geometry.digits import is_single, too_few_digits
 from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
@@ -161,13 +162,21 @@ def import_geometry(
         notes: list[str] = []
         bodies = _named(files, notes)
         _check_coordinates(bodies)
+        blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
         bodies, unit = _converted(bodies, length_unit, to_unit)
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
-        fixed = _supports(bodies, supports, axis, notes)
-        bodies = _with_slabs(bodies, fixed, notes)
-        with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
-            blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+        try:
+            fixed = _supports(bodies, supports, axis, notes)
+            bodies = _with_slabs(bodies, fixed, notes)
+            with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
+                blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+        except InputError as error:
+            if blurred:
+                error.args = (f"{blurred} ({error})",)
+            raise
+        if blurred and is_single_precision:  # round numbers in a text may just be round
+            notes.append(blurred)
         down = tuple((-axis + 0.0).tolist())
         scene = Scene(
             blocks=blocks,
