@@ -33,12 +33,13 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.methods.zero_dilatancy import Verifier
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
 from cvxlimit.solvers import LimitState, Outcome
-from cvxlimit.surfaces import YieldSurface
+from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
 
 SLACK = 1e-7
@@ -173,8 +174,7 @@ class _Again:
         if solution.flow != "associated":
             yield from self._members()
         elif solution.torsion_shear == "exact":
-            yield Check("bracket", False, "the file holds what contacts transfer, and not friction "
-                        "at their points, on which the bounds of method 'exact' rest")  # fmt: skip
+            yield from self._exact()
         elif solution.interaction == "certified":
             yield from self._with_interaction()
         elif solution.interaction == "none":
@@ -182,6 +182,18 @@ class _Again:
         else:
             name = solution.interaction
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
+
+    def _exact(self) -> Iterator[Check]:
+        """The upper bound rests on a mechanism; the lower one on friction at points of contacts."""
+        yield from self._held()
+        flow = ExactFlow(self.run.contacts)
+        certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
+        for check in self._ends([certifier.certificate(None, None, self.mechanism)]):
+            if check.claim.startswith("lower"):
+                held = "the file holds what contacts transfer, and not friction at their points"
+                yield replace(check, found=held)
+            else:
+                yield check
 
     # Without interaction
 
