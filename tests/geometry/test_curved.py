@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,10 +27,11 @@ from curved import (
     stations,
     vee,
 )
-from cvxlimit import Block, Load, Scene, solve
+from cvxlimit import Block, Load, Scene, Status, solve
+from cvxlimit.cli.main import run
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.solids import solid
-from cvxlimit.io import export, import_geometry, read_scene, write_scene
+from cvxlimit.io import export, import_geometry, read_result, read_scene, write_scene
 
 HALF = 0.5
 ANGLE = np.radians(30.0)
@@ -306,3 +308,38 @@ def random_joint(rng: np.random.Generator) -> tuple[Scene, float]:
         scene = replace(scene, blocks=scene.blocks[::-1])
     turn = Rotation.random(rng=int(rng.integers(2**31))).as_matrix()
     return scene.moved(turn, rng.uniform(-1.0, 1.0, 3) * 10.0 ** rng.uniform(0.0, 5.0)), expected
+
+
+def test_the_command_line_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, *_ = hump(64, 48, 0.05)
+    path = str(tmp_path / "scene.json")
+    write_scene(scene, path)
+    for command in ("solve", "explain", "show"):
+        files = ["--json", str(tmp_path / "out.json")] if command == "solve" else []
+        files += ["--plot", str(tmp_path / "out.png")] if command == "show" else []
+        assert run([command, path, *files]) == 0
+        told = capsys.readouterr()
+        assert "192 faces at 96 joints are taken as planes" in told.out + told.err
+        assert "certified for the scene as detected" in told.out + told.err
+    lumped = json.loads((tmp_path / "out.json").read_text("utf-8"))["lumped"]
+    assert (lumped["faces"], lumped["contacts"]) == (192, 96)
+    assert lumped["friction_angle"] == pytest.approx(np.arctan(0.05))
+    assert read_result(tmp_path / "out.json").lumped == scene.lumped
+
+
+def test_a_slate_off_its_bed_falls_and_the_note_says_what_would_hold_it() -> None:
+    """20 micrometres are a fiftieth of it: a tolerance of more would join stacks of slates through
+    one another."""
+    gap = 2e-5
+    blocks = [
+        Block.box("ground", (-1, -1, -1), (2, 2, 0)),
+        Block.box("slate", (0, 0, gap), (1, 1, 1e-3 + gap), density=28.0),
+        Block.box("top", (0, 0, 1e-3 + gap), (1, 1, 1), density=20.0),
+    ]
+    scene = Scene(blocks, ["ground"], Load(acceleration=(1, 0, 0)), friction=0.7)
+    solution = solve(scene)
+    assert solution.status is Status.DEAD_LOAD_UNSTABLE
+    assert "ground-slate: a gap of 2e-05 m" in solution.note
+    assert "give a joint_tolerance" in solution.note
+    joined_up = replace(scene, joint_tolerance=1.01 * gap)
+    assert solve(joined_up).load_factor == pytest.approx(0.7, rel=1e-6)  # it slides

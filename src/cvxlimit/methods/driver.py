@@ -486,6 +486,9 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         parts = [basis, *run.remarks]
     else:
         parts = [status.advice, basis, *run.remarks]
+    if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
+        cure = "if such a joint bears, give a joint_tolerance that joins it"
+        parts.append(f"{run.given.near_miss_note}: {cure}")
     lumped = run.given.lumped
     parts.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
     parts.append("" if dilatancy is None else str(dilatancy))
