@@ -26,7 +26,8 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.io import Imported, import_geometry, write_scene
-from cvxlimit.io.geometry.importing import LOWEST, sketch
+from cvxlimit.io.geometry.importing import sketch
+from cvxlimit.io.geometry.supports import LOWEST
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Scene
 

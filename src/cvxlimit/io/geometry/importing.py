@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import FloatArray
 from cvxlimit.checks import positive
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
@@ -34,20 +33,10 @@ from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
+from cvxlimit.io.geometry.supports import supports_of
 from cvxlimit.io.geometry.tables import read_table
 from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, Units
-
-LOWEST = "lowest"
-"""Word that asks for the lowest blocks as supports."""
-
-LOWEST_WITHIN = 0.01
-"""A block is among the lowest if its lowest point lies no more than this fraction of the
-structure's height above the lowest of all.
-
-The feet of one structure, drawn on one plane, differ by what coordinates are rounded to (1e-3 of a
-block at worst in the public models tried); the next course lies a block's height above, which is
-more than 1 % of the structure's up to 100 courses."""
 
 AXES = ("x", "y", "z")
 
@@ -167,7 +156,7 @@ def import_geometry(
         bodies = _with_densities(bodies, density, density_factor, files, notes)
         axis = np.eye(3)[AXES.index(up)]
         try:
-            fixed = _supports(bodies, supports, axis, notes)
+            fixed = supports_of(bodies, supports, axis, notes)
             bodies = _with_slabs(bodies, fixed, notes)
             with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
                 blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
@@ -375,65 +364,6 @@ def _with_densities(
         body if body.density is None else replace(body, density=times * body.density)
         for body in bodies
     ]
-
-
-def _supports(
-    bodies: Sequence[Body], asked: str | Sequence[str] | None, up: FloatArray, notes: list[str]
-) -> set[str]:
-    marked = {body.name for body in bodies if body.is_support}
-    sheets = {body.name for body in bodies if is_sheet(body)}
-    if asked is None:
-        if sheets and not marked:
-            return sheets
-        if not marked:
-            raise InputError(
-                "no file marks supports: say which blocks are fixed (--supports lowest, or their "
-                "ids with commas between them)"
-            )
-        return marked
-    chosen = _lowest(bodies, up, notes) if asked == LOWEST else set(_ids(asked, bodies))
-    if marked and chosen != marked:
-        notes.append(f"{len(marked)} supports marked in the files give way to those asked for")
-    return chosen
-
-
-def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
-    names = [asked] if isinstance(asked, str) else list(asked)
-    known = {body.name for body in bodies}
-    for name in names:
-        if name not in known:
-            some = ", ".join(map(shown, sorted(known)[:5]))
-            raise InputError(f"support {shown(name)} is not a block; the blocks are {some} ...")
-    return names
-
-
-def _lowest(bodies: Sequence[Body], up: FloatArray, notes: list[str]) -> set[str]:
-    heights = [body.vertices @ up for body in bodies]
-    feet = np.array([h.min() if len(h) else np.nan for h in heights])
-    bottom = float(np.nanmin(feet))
-    height = max(float(h.max()) for h in heights if len(h)) - bottom
-    lowest = feet <= bottom + LOWEST_WITHIN * height
-    chosen = [body for body, is_low in zip(bodies, lowest.tolist(), strict=True) if is_low]
-    if sheets := {body.name for body in chosen if is_sheet(body)}:
-        return sheets  # and not the stones that stand on them
-    carried = [body for body in bodies if body not in chosen and len(body.vertices)]
-    if not (len(chosen) == 1 and carried and _is_ground(chosen[0], carried, up)):
-        names = ", ".join(shown(body.name) for body in chosen[:8])
-        more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
-        what = "is a stone" if len(chosen) == 1 else "are stones"
-        notes.append(
-            f"lowest, and so fixed: {names}{more}, which {what} of the structure itself, as the "
-            "files have no ground under all others; name other supports if these are to move"
-        )
-    return {body.name for body in chosen}
-
-
-def _is_ground(body: Body, others: Sequence[Body], up: FloatArray) -> bool:
-    """True for a body that reaches under all others on every side."""
-    plan = [k for k in range(3) if not up[k]]
-    points = np.concatenate([other.vertices for other in others])[:, plan]
-    own = body.vertices[:, plan]
-    return bool((own.min(0) <= points.min(0)).all() and (own.max(0) >= points.max(0)).all())
 
 
 def _with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:

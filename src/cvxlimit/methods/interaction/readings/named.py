@@ -48,8 +48,9 @@ class Paper(TiedMoments):
     name = "paper"
     is_limited = True
     caution = (
-        "the paper's reading depends on the contacts' axes, which the paper does not state: others "
-        "give other factors; moments 'independent' and 'signed' do not depend on them"
+        "the paper's reading depends on the contacts' axes, which the paper does not state and the "
+        "order of the blocks chooses here: others give other factors; moments "
+        "'independent' and 'signed' do not depend on them"
     )
 
     def __init__(self, signs: tuple[int, int] = (1, 1)) -> None:
