@@ -94,7 +94,10 @@ def sweep(
     study, table = Study(scenes, options, measure), variations_of(grid)
     clash = sorted(set(table.columns) & {*RESULTS, KEY, IDENTITY, PROOF})
     if clash:
-        raise InputError(f"a parameter must not be called {clash[0]!r}: a result is called so")
+        cure = "; its name as a parameter is ladder" if clash[0] == "solver" else ""
+        raise InputError(
+            f"a parameter must not be called {clash[0]!r}: a result is called so{cure}"
+        )
     records: list[Row] = table.to_dict("records")
     study.check(records)
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
