@@ -11,7 +11,7 @@ import pytest
 from cvxlimit import Block, Load, Scene, Solution, Status, solve
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
-from cvxlimit.plotting import title
+from cvxlimit.plotting import picture_of, title
 
 ALONE = "carried by dilatancy alone"
 
@@ -99,6 +99,8 @@ def test_an_interval_without_an_upper_end() -> None:
 
 def test_files_and_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     solution = solve(clamped())
+    assert "change the direction" not in picture_of(solution, "page")
+    assert "zero-dilatancy" in solution._repr_html_()
     write_result(solution, tmp_path / "result.json")
     assert json.loads((tmp_path / "result.json").read_text())["dilatancy"]["share"] == "inf"
     assert read_result(tmp_path / "result.json").dilatancy == solution.dilatancy

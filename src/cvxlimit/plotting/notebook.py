@@ -46,7 +46,8 @@ def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
 
 
 def _solution_rows(solution: Solution) -> Rows:
-    yield "load factor", "none" if solution.load_factor is None else f"{solution.load_factor:.6g}"
+    factor = "none" if solution.load_factor is None else f"{solution.load_factor:.6g}"
+    yield "load factor", solution.range_text or factor
     if solution.bracket.has_any:
         yield "bracket", solution.bracket.shown(DIGITS)
     yield "status", solution.standing
@@ -54,6 +55,8 @@ def _solution_rows(solution: Solution) -> Rows:
     if solution.interaction != "none":
         surface += f", {solution.interaction} interaction, {solution.moments} moments"
     yield "surface", surface
+    if solution.dilatancy is not None and solution.dilatancy.is_worth_a_word:
+        yield "dilatancy", str(solution.dilatancy)
     yield "size", f"{solution.blocks} blocks, {solution.contacts} contacts"
     if "total" in solution.seconds:
         yield "time", f"{solution.seconds['total']:.2f} s"

@@ -100,8 +100,10 @@ def _said(solution: Solution) -> str:
         first = f"{solution.standing}: between {lower} and {upper}, {how} outside the solver"
         if solution.is_proved:
             note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
-    else:
+    elif solution.status.has_answer:
         first = f"{solution.standing}: {solution.status.advice}"
+    else:  # what to do is in the note
+        first = solution.standing
     return " ".join(f"{said[0].upper()}{said[1:]}." for said in (first, note) if said)
 
 
