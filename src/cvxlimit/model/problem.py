@@ -12,15 +12,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.arrays import FloatArray
-from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.changing import Changeable
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.given import Given
 from cvxlimit.model.goals import LARGEST_FACTOR, Goal, LargestFactor, Stated
-from cvxlimit.model.limits import ContactForces, LinearLimits, OwnLimits
+from cvxlimit.model.limits import ContactForces
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
-from cvxlimit.model.statement import Statement
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -37,7 +36,7 @@ DPP_LIMIT = 3_000
 them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
 
 
-class LimitProblem(Statement):
+class LimitProblem(Changeable):
     """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact j.
 
     Parameters
@@ -105,10 +104,6 @@ class LimitProblem(Statement):
         given = Given.of(scene, joints, live, weights)
         super().__init__(given, surfaces, formulation, reduction, goal, repeats)
         self.reference: Any = None  # the last certifier, for the next
-        self._limits: dict[str, tuple[cp.Constraint, ...]] = {}
-        self._aim: cp.Expression | None = None
-        self._kept: dict[str, Any] = {}  # by solvers, for the next run
-        self._values_before: FloatArray | None = None  # of coefficients, in the run before
 
     def __repr__(self) -> str:
         scene, limits = self.assemblage.scene, {**self.constraints, **self._limits}
@@ -128,10 +123,6 @@ class LimitProblem(Statement):
         parts += [f"Parameters: {', '.join(names)}"] if names else []
         parts += ["maximises an aim of one's own"] if self._aim is not None else []
         return f"LimitProblem({scene.name!r}, {self.surface}: {'; '.join(parts)})"
-
-    @cached_property
-    def _in_cvxpy(self) -> tuple[Stated, Any]:
-        return self.stated(Constraints())
 
     @cached_property
     def _in_rows(self) -> tuple[Stated, Written]:
@@ -183,111 +174,6 @@ class LimitProblem(Statement):
             found[component] = ContactForces(cp.Constant(rows, name=component), unknown, names)
         return found
 
-    # What users add
-
-    def linear_limits(self) -> LinearLimits | str:
-        """What was added, as rows on contact forces and load factor at the Parameters' present
-        values, for proofs; or a sentence on why it is none of that kind. The multipliers of a state
-        are its ``own["multipliers"]``: what the objective gains per unit of ``right``."""
-        if self._own is None:
-            return "nothing was added"
-        found, _ = self._in_cvxpy
-        if self._written[0] or self.reduction.forces is not None:
-            return "limits have a bracket on full models without unknowns of their own only"
-        starts = self.model.start.values()
-        internal = {v.id: at for v, at in zip(found.internal, starts, strict=True)}
-        units = sp.diags_array(self.scaling.force * self._unit)
-        factor = sp.csr_array([[self.scaling.load_factor(1.0)]])
-        meaning = sp.block_diag([self.model.meaning @ units, factor], format="csr")
-        return self._own.linear(internal, found.factor.id, meaning)
-
-    @property
-    def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:
-        """Limits that were added, by name."""
-        return dict(self._limits)
-
-    @property
-    def has_own(self) -> bool:
-        """True if limits were added, or something else is maximised."""
-        return bool(self._limits) or self._aim is not None
-
-    @property
-    def said_own(self) -> str:
-        """What was added, for notes."""
-        names = ", ".join(map(repr, self._limits))
-        parts = [f"limits {names}" if names else "", "an aim" if self._aim is not None else ""]
-        return " and ".join(filter(None, parts))
-
-    @cached_property
-    def _own(self) -> OwnLimits | None:
-        return OwnLimits(self._limits, self._aim) if self._limits or self._aim is not None else None
-
-    def _changed(self) -> None:
-        for name in ("problem", "_in_rows", "_own", "_shared", "shape"):
-            self.__dict__.pop(name, None)
-        self._kept, self._values_before = {}, None
-
-    def add(self, name: str, *limits: cp.Constraint) -> None:
-        """Add limits under a name: CVXPY constraints on :attr:`N`, :attr:`V1` ... :attr:`factor`,
-        in the user's units; variables and Parameters of one's own may stand in them.
-
-        Raises
-        ------
-        ModelError
-            For a name that is taken, and for what is no constraint, or not convex.
-
-        Example
-        -------
-        >>> from cvxlimit import builtin_scene
-        >>> problem = LimitProblem(builtin_scene("single-block"))
-        >>> problem.add("weak joint", problem.V1 >= -3.0, problem.V1 <= 3.0)
-        >>> round(problem.run().load_factor, 5)
-        0.3125
-        """
-        if name in self._limits or name in self.constraints:
-            raise ModelError(
-                f"there is a limit {name!r} already: remove it first, or choose a name"
-            )
-        for limit in limits:
-            if not isinstance(limit, cp.Constraint):
-                raise ModelError(
-                    f"limit {name!r} must be a CVXPY constraint, as problem.N <= 3, got {limit!r}"
-                )
-            if not limit.is_dcp():
-                raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
-        self._limits[name] = limits
-        self._changed()
-
-    def remove(self, name: str) -> None:
-        """Take away the limits that were added under a name.
-
-        Raises
-        ------
-        ModelError
-            If there are none.
-        """
-        if name not in self._limits:
-            known = ", ".join(map(repr, self._limits)) or "none"
-            raise ModelError(f"there is no added limit {name!r}: there are {known}")
-        del self._limits[name]
-        self._changed()
-
-    def maximise(self, expression: cp.Expression | float | None) -> None:
-        """Maximise a concave expression in place of the load factor; None goes back to that. Fix
-        the load factor by a limit, ``problem.add("load", problem.factor == 1)``, for the largest
-        force under given loads.
-
-        Raises
-        ------
-        ModelError
-            For an expression that CVXPY does not find concave.
-        """
-        aim = None if expression is None else cp.Constant(0.0) + expression
-        if aim is not None and not (aim.is_scalar() and aim.is_concave()):
-            raise ModelError(f"only one number that is concave can be maximised, got {expression}")
-        self._aim = aim
-        self._changed()
-
     # The two doors
 
     @cached_property
@@ -300,13 +186,6 @@ class LimitProblem(Statement):
             for limit in limits:
                 into.keep(limit)
         return cp.Problem(cp.Maximize(goal if self._aim is None else self._aim), into.all)
-
-    @property
-    def constraints(self) -> dict[str, list[cp.Constraint]]:
-        """Those of :attr:`problem` by label: surfaces, ``"formulation"``, ``"equilibrium"``."""
-        into = self._in_cvxpy[0].into
-        assert isinstance(into, Constraints)
-        return into.named
 
     @property
     def program(self) -> ConeProgram:

@@ -87,6 +87,17 @@ class Statement:
         return gives, [*model.strength(plain), *written]
 
     @cached_property
+    def _in_cvxpy(self) -> tuple[Stated, Any]:
+        return self.stated(Constraints())
+
+    @property
+    def constraints(self) -> dict[str, list[cp.Constraint]]:
+        """Those of :attr:`problem` by label: surfaces, ``"formulation"``, ``"equilibrium"``."""
+        into = self._in_cvxpy[0].into
+        assert isinstance(into, Constraints)
+        return into.named
+
+    @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
         loads = np.stack([_size(load) for load in self._loads])
