@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
-from cvxlimit.loads import combined
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
+from cvxlimit.methods.proving import Check, solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Solution, Status
+from cvxlimit.solution import Solution
 from cvxlimit.studies.domains.document import DOMAIN
-from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
-from cvxlimit.studies.domains.images import Raw
-from cvxlimit.studies.domains.search import Search, Study
-from cvxlimit.studies.domains.supports import Support
+from cvxlimit.studies.domains.domain import LoadDomain
+from cvxlimit.studies.domains.proving import DomainAgain
 from cvxlimit.studies.rows import Study as Rows
 from cvxlimit.studies.store import (
     IDENTITY,
@@ -36,7 +31,7 @@ from cvxlimit.studies.store import (
     read_sweep,
 )
 from cvxlimit.studies.variations import varied
-from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of, words_of
+from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
 Scenes = Scene | Callable[..., Scene]
 
@@ -271,193 +266,6 @@ def _json(text: str) -> Any:
 
 def _domain(domain: LoadDomain, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
     given = _scene_of(domain.scene, domain.scene_digest, scene, {"dead"})
-    return Proof(f"load domain of {domain.scene!r}", tuple(_Domain(domain, given, own).checks()))
-
-
-class _Domain:
-    """A domain, and the search that it would be of, without any question."""
-
-    def __init__(self, domain: LoadDomain, scene: Scene, own: Mapping[str, Any]) -> None:
-        self.domain, self.scene, self.own = domain, scene, own
-        surface: Any = own["surface"]
-        if surface is None:
-            surface = surfaces_named(domain.surface) or (
-                surfaces_named("conic", domain.surface) if domain.surface == "parabolic" else None
-            )
-        if surface is None:
-            raise InputError(
-                f"the domain of {domain.scene!r} rests on surfaces of one's own "
-                f"({domain.surface}), which no file holds: give them as surface=[...]"
-            )
-        self.surface = surface
-        options = {"surface": surface, "ladder": None, "model": "auto"}
-        if own["moments"] is not None:
-            options["moments"] = own["moments"]
-        loads = tuple(domain.loads.values())
-        study = Study(scene, loads, domain.method, domain.tolerance, 16, options)
-        self.structure = study.structure
-        self.search = Search(study, domain, None, lambda _: None)
-
-    def checks(self) -> Iterator[Check]:
-        domain, units = self.domain, self.structure.units
-        if not np.allclose(units, domain.units, rtol=SLACK, atol=0.0):
-            yield Check("units of load factors", False, f"of this scene they are {units.tolist()}")
-            return
-        if domain.is_convex != (domain.method in ("convex", "exact")):
-            yield Check("convexity", False, f"method {domain.method!r} says otherwise")
-        found = self._supports() if domain.method == "convex" else self._solutions()
-        yield from _counted(list(found))
-        if domain.status is Status.CERTIFIED and domain.is_convex:
-            is_met = domain.gap <= domain.tolerance
-            yield Check(f"gap of {domain.gap_said}", is_met, "by points and half-spaces" if is_met
-                        else f"certified means {domain.tolerance:g} at most")  # fmt: skip
-        if domain.status is Status.DEAD_LOAD_UNSTABLE:
-            yield Check("nothing is carried", domain.is_empty, "by a mechanism")
-
-    def _supports(self) -> Iterator[Check]:
-        structure, supports = self.structure, self.domain.supports
-        raws = [self._raw(s) for s in supports]
-        if not structure.has_reference:
-            known = [raw for raw in raws if raw is not None and not raw.is_ray]
-            structure.refer_to([r for r in known if np.abs(r.factors).max() < 0.5 * WINDOW])
-        for i, (s, raw) in enumerate(zip(supports, raws, strict=True)):
-            if raw is None:
-                yield from self._without_forces(i, s)
-                continue
-            again = structure.proved(raw)
-            yield from self._compared(i, s, again)
-            yield from self._own(i, s, raw, again)
-
-    def _raw(self, s: Support) -> Raw | None:
-        """What a solver may have said, of which nothing is believed."""
-        solution, units = s.solution, self.structure.units
-        if solution is None or solution.forces is None or s.loaded is None:
-            return None
-        contacts, blocks = len(self.structure.run.contacts), len(self.scene.free)
-        rates = s.rates
-        if solution.mechanism is not None:
-            ids = [self.scene.blocks[i].id for i in self.scene.free]
-            if set(ids) != set(solution.mechanism):
-                return None
-            rates = np.array([solution.mechanism[key] for key in ids])
-        if solution.forces.shape != (contacts, 6) or (rates is not None and len(rates) != blocks):
-            return None
-        forces, about = np.array(solution.forces), s.loaded / units
-        mortar = self.structure.run.mortar
-        if mortar is not None:
-            forces[:, 2] += mortar.pull
-        given = forces
-        if self.structure.certifier.strength.is_internal:
-            if solution.internal is None:
-                return None
-            given = solution.internal
-        factors = about * (solution.load_factor or 0.0)
-        if s.ray is not None:
-            load = self.structure.forces @ about
-            taken = self.structure.assemblage.statics.matrix @ forces.ravel()
-            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
-        return Raw(s.direction / units, factors, forces, given, rates, s.ray is not None,
-                   solution.history[-1], s.is_mirrored)  # fmt: skip
-
-    def _compared(self, i: int, s: Support, again: Support) -> Iterator[Check]:
-        units = self.structure.units
-        for name in ("point", "ray"):
-            held, found = getattr(s, name), getattr(again, name)
-            if held is None:
-                continue
-            is_near = found is not None and _is_near(held / units, found / units)
-            if name == "point" and not is_near and self._is_centre(held):
-                yield Check(f"point {i}", True)
-                continue
-            holds = name == "ray" or again.point_is_proved or not s.point_is_proved
-            shows = "none" if found is None else np.round(found, 6).tolist()
-            yield Check(f"{name} {i}", is_near and holds,
-                        "" if is_near and holds else f"the forces show {shows}")  # fmt: skip
-        if np.isfinite(s.offset):
-            mine = np.append(s.normal * units, s.offset)
-            other = np.append(again.normal * units, again.offset)
-            is_near = bool(np.isfinite(other).all()) and _is_near(mine, other)
-            holds = is_near and (again.half_space_is_proved or not s.half_space_is_proved)
-            yield Check(f"half-space {i}", holds, "" if holds else
-                        "the mechanism shows another one, or none")  # fmt: skip
-
-    def _own(self, i: int, s: Support, raw: Raw, again: Support) -> Iterator[Check]:
-        """That forces as they are held carry the loads, and the solution's own bracket."""
-        structure = self.structure
-        load = structure.forces @ raw.factors + (0.0 if raw.is_ray else structure.dead)
-        taken = structure.assemblage.statics.matrix @ raw.forces.ravel()
-        left, size = np.abs(taken + load).max(), np.abs(load).max()
-        rests_on_forces = s.point is not None or s.ray is not None
-        if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
-            yield Check(f"forces {i}", False, f"they miss equilibrium by {left / size:.1e}")
-        held, found = s.solution, again.solution
-        if held is None or found is None:
-            return
-        for end in ("lower", "upper"):
-            first, second = getattr(held, end), getattr(found, end)
-            if end == "lower" and again.point is None:  # that of the dead load alone, see above
-                continue
-            if first != second and not _is_near(np.array([first]), np.array([second])):
-                yield Check(f"{end} bound of {i}", False, f"{second:.7g} is shown")
-
-    def _without_forces(self, i: int, s: Support) -> Iterator[Check]:
-        """Loads whose sum is none; the dead load alone, if a state that carries it is known."""
-        structure, units = self.structure, self.structure.units
-        if s.ray is not None:
-            load = structure.forces @ (s.ray / units)
-            is_met = bool(np.abs(load).max() <= SLACK * np.abs(structure.forces).max())
-            yield Check(f"ray {i}", is_met, "" if is_met else "there are no forces that carry it")
-        if s.point is not None:
-            is_met = self._is_centre(s.point)
-            yield Check(f"point {i}", is_met, "" if is_met else "there are no forces that carry it")
-        if np.isfinite(s.offset):
-            yield Check(f"half-space {i}", False, "there is no mechanism that shows it")
-
-    def _is_centre(self, point: Any) -> bool:
-        """True for the loads that a state strictly inside all surfaces carries."""
-        has_state = self.structure.certifier.witnesses.dead_state is not None
-        return has_state and _is_near(point / self.structure.units, self.structure.centre)
-
-    def _solutions(self) -> Iterator[Check]:
-        """Each direction with a solution of its own."""
-        domain, loads = self.domain, list(self.domain.loads.values())
-        seen = dict[int, list[Check]]()
-        for i, s in enumerate(domain.supports):
-            solution = s.solution
-            if solution is None or s.loaded is None:
-                yield Check(f"point {i}", False, "there is no solution that shows it")
-                continue
-            key = id(solution)
-            if key not in seen:
-                at = self.scene.with_live(combined(loads, s.loaded))
-                surface = None if self.own["surface"] is None else self.surface
-                own = {**self.own, "surface": surface}
-                seen[key] = solution_checks(solution, at, **own)
-            yield from (Check(f"{c.claim} of {i}", c.is_met, c.found) for c in seen[key])
-            made = list(self.search._of_solution(s.direction / domain.units, solution))
-            if np.isfinite(s.offset):
-                yield from (
-                    c for c in self._compared(i, s, made[0]) if c.claim.startswith("half-space")
-                )
-            if s.point is not None:
-                points = [m.point for m in made if m.point is not None]
-                is_met = any(_is_near(s.point / domain.units, p / domain.units) for p in points)
-                yield Check(f"point {i}", is_met, "" if is_met else "its solution shows another")
-
-
-def _is_near(first: Any, second: Any) -> bool:
-    scale = max(1.0, float(np.abs(first).max(initial=0.0)))
-    return bool(np.abs(first - second).max(initial=0.0) <= SLACK * scale)
-
-
-def _counted(checks: Sequence[Check]) -> Iterator[Check]:
-    """Those that are met as numbers of a kind, the others one by one."""
-    kinds = dict[str, int]()
-    for check in checks:
-        if check.is_met:
-            kind = check.claim.rsplit(" ", 1)[0].split(" ")[0]
-            kinds[kind] = kinds.get(kind, 0) + 1
-        else:
-            yield check
-    for kind, number in kinds.items():
-        yield Check(f"{number} {kind}{'s' * (number != 1)}", True)
+    return Proof(
+        f"load domain of {domain.scene!r}", tuple(DomainAgain(domain, given, own).checks())
+    )
