@@ -330,7 +330,7 @@ class Inquiry:
             self._dead_load_alone()
             found = self._certificate(state)
         if np.isfinite(found.upper) and not found.upper_is_proved and self._is_new("opening"):
-            self._solve_opening()
+            self.solve_opening()
             found = self._certificate(state)
         return found
 
@@ -406,7 +406,7 @@ class Inquiry:
                 return state.mechanism, np.inf if is_proved else 1.0 / bounds.missing_opening
         return None, np.inf
 
-    def _solve_opening(self) -> None:
+    def solve_opening(self) -> None:
         """Give the certifier rates that open every contact, unless blocks wedge each other."""
         run, found = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")

@@ -6,14 +6,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
+from cvxlimit.bracket import Bracket, known
 from cvxlimit.methods.convex import Convex, Inquiry
 from cvxlimit.methods.driver import Answer, Run, Steps, drive
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solvers import rungs_of
+from cvxlimit.solvers import LimitState, rungs_of
 
 
 @dataclass(frozen=True)
@@ -32,25 +35,78 @@ class OneProblem(Convex):
         return status
 
     def _own(self, run: Run, problem: LimitProblem) -> Steps:
-        """With limits or an aim of the user's: the first solver with an answer is believed."""
+        """With limits or an aim of the user's: both bounds, where all of them are linear."""
+        inquiry = Inquiry(run, "full", self.tolerance, self.budget, problem)
+        limits, proof, why = problem.linear_limits(), None, ""
+        if isinstance(limits, str):
+            why = f"no bracket for {problem.said_own}: {limits}"
+        else:
+            proof = OwnCertifier(inquiry.certifier, limits)
+        found = None
         for settings in run.ladder or problem.ladder(self.tolerance):
             state = run.solve(problem.run, settings)
-            run.note(state, settings)
-            yield
             if state.forces is not None and state.outcome.status in (OPTIMAL, OPTIMAL_INACCURATE):
-                run.best = Answer(state.load_factor, run.best.bracket, state.forces, None)
-                run.remarks = [f"no bracket: {problem.said_own} of one's own"]
+                found = self._bracketed(inquiry, problem, proof, state)
+                run.best = found if run.best.load_factor is None else _better(run.best, found)
+            best = run.best.bracket
+            run.note(state, settings, lower=known(best.lower), upper=known(best.upper))
+            yield
+            if state.outcome.claims_no_optimum and found is None:
+                run.remarks = [_without_answer(problem)]
                 return Status.NOT_CERTIFIED
-            if state.outcome.claims_no_optimum:
-                named = broken(problem.problem, problem.limits)
-                what = " and ".join(f"limit {name!r}" for name in named)
-                run.remarks = [
-                    f"{what} cannot hold under these loads at any load factor"
-                    if named
-                    else "the problem has no largest value, or no forces that satisfy it"
-                ]
-                return Status.NOT_CERTIFIED
-        return Status.SOLVER_FAILED
+            if best.is_within(self.tolerance) and best.is_proved:
+                run.remarks = [f"with {problem.said_own}"]
+                return Status.CERTIFIED
+            if found is not None and (proof is None or not best.has_any):
+                break  # another solver would not prove more
+        if found is None:
+            return Status.SOLVER_FAILED
+        run.remarks = [why or (f"with {problem.said_own}" if run.best.bracket.has_any else
+                               f"no bracket for {problem.said_own}: {_NO_PROOF}")]  # fmt: skip
+        return Status.NOT_CERTIFIED
+
+    def _bracketed(
+        self, inquiry: Inquiry, problem: LimitProblem, proof: OwnCertifier | None, state: LimitState
+    ) -> Answer:
+        if proof is None:
+            return Answer(problem.value(state), Bracket(), state.forces, None)
+        mechanism, multipliers = state.mechanism, state.own.get("multipliers")
+        if mechanism is not None and proof.has_aim:  # that of the load factor is in its units
+            mechanism = mechanism * (problem.scaling.live / problem.scaling.force)
+        certifier, factor = inquiry.certifier, state.load_factor
+        forces, reserve = certifier.given(state), certifier.witnesses.dead_state
+        about = mechanism, multipliers
+        known_state = None if reserve is None else (reserve, certifier.witnesses.factor)
+        bracket = proof.bracket(forces, factor, known_state, *about)
+        if not np.isfinite(bracket.upper) and multipliers is not None:
+            inquiry.solve_opening()
+            bracket = proof.bracket(forces, factor, known_state, *about)
+        if not bracket.is_within(self.tolerance):
+            # the dead load alone may break the limits, or carry another load factor than theirs
+            inside = problem.inside()
+            near = inquiry.run.solve(inside.run, inside.ladder()[0])
+            given, at = certifier.given(near), near.load_factor
+            if given is not None and at is not None:
+                other = proof.bracket(forces, factor, (given, at), *about)
+                bracket = bracket.raised(other.lower, other.lower_is_proved)
+        return Answer(problem.value(state), bracket, state.forces, mechanism)
+
+
+_NO_PROOF = "no state strictly inside them was found, or no mechanism that they allow"
+
+
+def _better(before: Answer, found: Answer) -> Answer:
+    new = found.bracket
+    raised = before.raised(new.lower, new.lower_is_proved, found.load_factor, found.forces)
+    return raised.lowered(new.upper, new.upper_is_proved, found.mechanism)
+
+
+def _without_answer(problem: LimitProblem) -> str:
+    named = broken(problem.problem, problem.limits)
+    if not named:
+        return "the problem has no largest value, or no forces that satisfy it"
+    what = " and ".join(f"limit {name!r}" for name in named)
+    return f"{what} cannot hold under these loads at any load factor"
 
 
 def solved(
@@ -69,5 +125,10 @@ def solved(
     )  # fmt: skip
     run.surface = problem.surface
     found = drive(OneProblem(tolerance=tolerance, problem=problem), run)
+    if problem.has_own:  # the mechanism is not that of the live load alone, or of no collapse
+        note = found.note.removesuffix(str(found.dilatancy or "")).removesuffix("; ")
+        found = replace(found, dilatancy=None, note=note)
+    if problem.has_aim:
+        found = replace(found, quantity="value of the aim", mechanism=None)
     found.__dict__["problem"] = problem
     return found

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import cvxpy as cp
 import scipy.sparse as sp
@@ -12,6 +13,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.limits import LinearLimits, OwnLimits
 from cvxlimit.model.statement import Statement
+from cvxlimit.solvers import LimitState
 
 
 class Changeable(Statement):
@@ -50,6 +52,24 @@ class Changeable(Statement):
     def has_own(self) -> bool:
         """True if limits were added, or something else is maximised."""
         return bool(self._limits) or self._aim is not None
+
+    @property
+    def has_aim(self) -> bool:
+        """True if something other than the load factor is maximised."""
+        return self._aim is not None
+
+    def value(self, state: LimitState) -> float | None:
+        """What is maximised, in the state of the last run."""
+        value = None if self._aim is None else self._aim.value
+        return state.load_factor if value is None else float(value)
+
+    def inside(self) -> Self:
+        """The same limits without an aim: an interior-point solver ends well inside them."""
+        nothing = 0.0 * self._in_cvxpy[0].factor  # of variables that the copy shares
+        result = copy(self)
+        result._limits = dict(self._limits)
+        result.maximise(nothing)
+        return result
 
     @property
     def said_own(self) -> str:

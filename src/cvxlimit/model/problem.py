@@ -222,8 +222,10 @@ class LimitProblem(Changeable):
         """The load factor at the Parameters' present values, with its bracket.
 
         Solved again after a Parameter has changed, it starts from the solve before, and keeps the
-        reference states of the certificate that still hold. With limits of one's own, or another
-        aim, there is no bracket, and the note says so.
+        reference states of the certificate that still hold. Linear limits of one's own have a
+        bracket as well, and so has a linear aim under a load factor that a limit gives; the note
+        says why others have none. With an aim, :attr:`~cvxlimit.Solution.load_factor` and bracket
+        are those of its value, as ``quantity`` says.
 
         Parameters
         ----------

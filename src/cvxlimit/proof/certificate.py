@@ -190,7 +190,7 @@ class Certifier:
         dead, field = before.witnesses.known_dead_state, before.witnesses.known_opening_field
         if dead is not None:
             balanced = self.strength.balanced(dead, 0.0, self.statics)
-            is_sound = np.isfinite(balanced).all() and self._is_balanced(balanced, 0.0)
+            is_sound = np.isfinite(balanced).all() and self.is_balanced(balanced, 0.0)
             if is_sound and self._reserve(balanced) > 0.0:
                 self.witnesses.dead_state = balanced
         self.witnesses.borrowed_field = field  # whether it opens here is checked where it is used
@@ -213,7 +213,7 @@ class Certifier:
         if factor:
             factor = self.strength.balancing(given, factor, self.statics)
         balanced = self.strength.balanced(given, factor, self.statics)
-        if not (np.isfinite(balanced).all() and self._is_balanced(balanced, factor)):
+        if not (np.isfinite(balanced).all() and self.is_balanced(balanced, factor)):
             return False
         reserve = self._reserve(balanced)
         present = None if factor else self.witnesses.easy_dead_state
@@ -319,8 +319,8 @@ class Certifier:
         error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
         reserve, known = self.witnesses.dead_state, self.witnesses.factor
-        is_balanced = self._is_balanced(x, alpha)
-        if reserve is None or not (is_balanced and self._is_balanced(reserve, known)):
+        is_balanced = self.is_balanced(x, alpha)
+        if reserve is None or not (is_balanced and self.is_balanced(reserve, known)):
             return assumed, False, residual, excess
         share = self._mixing_share(x, reserve)
         lower = alpha + share * (known - alpha)
@@ -404,15 +404,24 @@ class Certifier:
         force = REFERENCE * max(self._total_load(bound), force)
         return bound + error * force, False, violation, error
 
-    def opened(self, mechanism: FloatArray) -> Opened:
+    def opened(
+        self, mechanism: FloatArray, own: tuple[FloatArray, FloatArray] | None = None
+    ) -> Opened:
         """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
 
-        As it is where no field is known that opens every contact.
+        As it is where no field is known that opens every contact. ``own`` are rates (n, 6) of
+        contacts that no block rates make, as limits of one's own do, and the sizes (n, 6) of what
+        they are sums of.
         """
-        found = self.strength.flow.shortfall(self.statics.relative_rates(mechanism))
-        missing = found.missing + self._rounding(mechanism)
+        relative, rounding = self.statics.relative_rates(mechanism), self._rounding(mechanism)
+        sizes = mechanism.ravel()
+        if own is not None:
+            relative, sizes = relative + own[0], np.append(sizes, own[1])
+            rounding = rounding + self._sum_of_roundings(own[1])
+        found = self.strength.flow.shortfall(relative)
+        missing = found.missing + rounding
         field, share = self._opening(missing)
-        is_allowed = field is not None and _is_resisted(found.unresisted, mechanism)
+        is_allowed = field is not None and _is_resisted(found.unresisted, sizes)
         rates, dissipation = mechanism, found.dissipation
         if field is not None and is_allowed:
             rates = mechanism + share * field
@@ -447,10 +456,13 @@ class Certifier:
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
         size = self.statics.transposed_sizes @ np.abs(u).ravel()
-        weights = self.strength.rate_sizes
-        return np.asarray(_N.epsilon * (size.reshape(-1, DOF) * weights).sum(axis=1))
+        return self._sum_of_roundings(size.reshape(-1, DOF))
 
-    def _is_balanced(self, state: FloatArray, alpha: float) -> bool:
+    def _sum_of_roundings(self, size: FloatArray) -> FloatArray:
+        return np.asarray(_N.epsilon * (size * self.strength.rate_sizes).sum(axis=1))
+
+    def is_balanced(self, state: FloatArray, alpha: float) -> bool:
+        """True if the state balances the loads at ``alpha`` up to rounding."""
         return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
 
     def _total_load(self, alpha: float) -> float:

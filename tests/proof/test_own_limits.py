@@ -1,0 +1,189 @@
+"""Brackets of one's own limits and aims, against a cone program written by hand."""
+
+from __future__ import annotations
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from cvxlimit import Scene, Status, builtin_scene, solve
+from cvxlimit.masonry import random_wall
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.own_limits import OwnCertifier
+from exhaustive import mostly_slow
+from helpers import corners_in_plane, hand_equilibrium, hand_torsion_arm
+
+COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
+WIDTH = 1e-4
+"""Of brackets that count as closed: ten times the default tolerance, for degenerate limits."""
+ROUNDING = 1e-6
+"""Relative error of the referee's optima: Clarabel gives 1e-8 by default on scenes of this size, times
+the spread of the forces."""
+
+
+def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor: float | None):
+    """The largest load factor, or aim at a given one; rows (6 n + 2,) are forces, alpha, right."""
+    matrix, dead, live = hand_equilibrium(scene)
+    x, alpha = cp.Variable(matrix.shape[1]), cp.Variable()
+    unit = float(np.abs(dead).sum())
+    limits = [matrix @ x + dead / unit + alpha * (live / unit) == 0]
+    for j, contact in enumerate(scene.contacts):
+        v1, v2, n, m1, m2, mt = (x[6 * j + k] for k in range(6))
+        corners = corners_in_plane(contact)
+        press = cp.Variable(len(corners), nonneg=True)
+        limits += [n == cp.sum(press), m1 == press @ corners[:, 1], m2 == -press @ corners[:, 0]]
+        shear = cp.norm(cp.hstack([v1, v2])) + cp.abs(mt) / hand_torsion_arm(contact)
+        limits.append(shear <= contact.friction * n)
+    for row in rows:
+        size = np.abs(row[:-1]).max()
+        limits.append((row[:-2] * unit) @ x / size + row[-2] * alpha / size <= row[-1] / size)
+    if factor is not None:
+        limits.append(alpha == factor)
+    goal = alpha if aim is None else aim @ x
+    cp.Problem(cp.Maximize(goal), limits).solve(solver=cp.CLARABEL)
+    assert goal.value is not None
+    return float(goal.value) * (1.0 if aim is None else unit)
+
+
+def pushed(seed: int) -> tuple[Scene, np.ndarray, float]:
+    """A random wall with a load factor, collapse forces, and the factor."""
+    for number in range(seed % 23, 23 + seed):
+        found = solve(scene := random_wall(number))
+        if found.load_factor is not None and found.forces is not None:
+            return scene, found.forces, found.load_factor
+    raise AssertionError
+
+
+def drawn(scene: Scene, random: np.random.Generator, forces: np.ndarray, factor: float):
+    """A linear limit on a few contacts, and on the load factor or not, that the optimum breaks."""
+    row = np.zeros(6 * len(scene.contacts))
+    at = random.choice(len(scene.contacts), size=int(random.integers(1, 4)), replace=False)
+    for j in at:
+        row[6 * j : 6 * j + 3] = random.normal(size=3)
+    of_factor = float(random.choice([0.0, 1.0])) * np.abs(row @ forces.ravel()) / max(factor, 0.1)
+    return row, of_factor
+
+
+def stated(problem: LimitProblem, row: np.ndarray) -> cp.Expression:
+    """A row on contact forces as an expression of the problem's."""
+    parts = row.reshape(-1, 6)
+    terms = [
+        parts[j, k] * problem.forces[name][j]
+        for k, name in enumerate(COMPONENTS)
+        for j in np.flatnonzero(parts[:, k]).tolist()
+    ]
+    return sum(terms[1:], start=terms[0])
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(200), range(6)))
+def test_limits(seed: int) -> None:
+    """Limits between what the dead load and what the collapse load give are kept to, and cost."""
+    random = np.random.default_rng(seed)
+    scene, forces, collapse = pushed(seed)
+    problem = LimitProblem(scene)
+    dead = problem.inside()  # some state under the dead load alone
+    dead.add("dead alone", dead.factor == 0.0)
+    calm = dead.run().forces
+    assert calm is not None
+    rows = []
+    for i in range(int(random.integers(1, 4))):
+        row, of_factor = drawn(scene, random, forces, collapse)
+        low, high = row @ calm.ravel(), row @ forces.ravel() + of_factor * collapse
+        if high < low:
+            row, of_factor, low, high = -row, -of_factor, -low, -high
+        right = low + float(random.uniform(0.3, 0.9)) * (high - low)
+        rows.append(np.array([*row, of_factor, right]))
+        problem.add(f"own {i}", stated(problem, row) + of_factor * problem.factor <= right)
+    found = problem.solve()
+    exact = referee(scene, rows, None, None)
+    size = max(abs(exact), abs(collapse))
+    assert exact <= collapse + ROUNDING * size
+    assert found.bracket.is_proved
+    assert found.lower - ROUNDING * size <= exact <= found.upper + ROUNDING * size
+    assert found.upper - found.lower <= WIDTH * size
+    assert_no_perturbation_refutes(problem, random, exact, size)
+
+
+def assert_no_perturbation_refutes(
+    problem: LimitProblem, random: np.random.Generator, exact: float, size: float
+) -> None:
+    """Bounds from spoiled forces, mechanisms and multipliers are worse, never wrong."""
+    state = problem.run()
+    limits = problem.linear_limits()
+    assert not isinstance(limits, str)
+    assert state.mechanism is not None
+    assert state.forces is not None
+    proof = OwnCertifier(Certifier(problem.at_present(), problem.surfaces), limits)
+    inside = problem.inside().run()
+    assert inside.forces is not None
+    for share in (1e-6, 1e-3, 0.3):
+        spoiled = [
+            part * (1.0 + share * random.normal(size=part.shape))
+            for part in (state.mechanism, state.own["multipliers"], state.forces)
+        ]
+        upper = proof.upper(spoiled[0], spoiled[1])
+        lower = proof.lower(spoiled[2], state.load_factor, inside.forces, inside.load_factor)
+        assert lower - ROUNDING * size <= exact <= upper + ROUNDING * size
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(100), range(4)))
+def test_aims(seed: int) -> None:
+    """The largest of some sum of forces under a part of the collapse load."""
+    random = np.random.default_rng(1000 + seed)
+    scene, forces, collapse = pushed(seed)
+    factor = float(random.uniform(0.2, 0.8)) * collapse
+    row, _ = drawn(scene, random, forces, collapse)
+    problem = LimitProblem(scene)
+    problem.add("load", problem.factor == factor)
+    problem.maximise(stated(problem, row) + 2.0)
+    found = problem.solve()
+    exact = referee(scene, [], row, factor) + 2.0
+    size = max(abs(exact), scene.total_weight)
+    assert found.bracket.is_proved
+    assert found.lower - ROUNDING * size <= exact <= found.upper + ROUNDING * size
+    assert found.upper - found.lower <= WIDTH * size
+    assert found.quantity == "value of the aim"
+
+
+class TestWithoutBracket:
+    """It still solves, and says why nothing is proved."""
+
+    def problem(self) -> LimitProblem:
+        return LimitProblem(builtin_scene("single-block"))
+
+    def test_cones(self) -> None:
+        problem = self.problem()
+        problem.add("cone", cp.norm(cp.hstack([problem.V1[0], problem.V2[0]])) <= 1.0)
+        found = problem.solve()
+        assert found.status is Status.NOT_CERTIFIED
+        assert not found.bracket.has_any
+        assert "only linear limits have a bracket" in found.note
+
+    def test_variables_of_ones_own(self) -> None:
+        problem, free = self.problem(), cp.Variable(name="slack")
+        problem.add("soft", problem.N[0] <= 5.0 + free, free <= 1.0)
+        assert "'slack'" in problem.solve().note
+
+    def test_limits_that_cannot_hold_are_named(self) -> None:
+        problem = self.problem()
+        problem.add("weightless", problem.N[0] <= 0.0)
+        problem.add("harmless", problem.factor <= 100.0)
+        found = problem.solve()
+        assert found.load_factor is None
+        assert "limit 'weightless' cannot hold" in found.note
+
+
+def test_a_closed_form() -> None:
+    """A block 0.4 as wide as high, whose joint bears a shear of half its weight at most times 0.5:
+    it would rock at 0.4, and now slides off the limit at 0.25; the mechanism is the limit's."""
+    scene = builtin_scene("single-block")
+    problem = LimitProblem(scene)
+    problem.add("weak", -0.25 * scene.total_weight <= problem.V1)
+    problem.add("weak too", 0.25 * scene.total_weight >= problem.V1)
+    found = problem.solve()
+    assert found.bracket.is_proved
+    assert (found.lower, found.upper) == pytest.approx((0.25, 0.25), rel=1e-6)
+    problem.remove("weak")
+    problem.remove("weak too")
+    assert problem.solve().load_factor == pytest.approx(0.4, rel=1e-6)
