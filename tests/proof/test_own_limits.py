@@ -18,8 +18,8 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 WIDTH = 1e-4
 """Of brackets that count as closed: ten times the default tolerance, for degenerate limits."""
 ROUNDING = 1e-6
-"""Relative error of the referee's optima: Clarabel gives 1e-8 by default on scenes of this size, times
-the spread of the forces."""
+"""Relative error of the referee's optima: Clarabel's default tolerances give 1e-8 on such scenes,
+times the spread of the forces."""
 
 
 def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor: float | None):
