@@ -500,9 +500,9 @@ class Solution:
         -------
         >>> from cvxlimit import builtin_scene, solve
         >>> problem = solve(builtin_scene("single-block")).problem
-        >>> problem.add("prop", problem.V1 >= -2.0)
+        >>> problem.add("prop", problem.V1 >= -1.0)
         >>> round(problem.solve().load_factor, 4)
-        0.2083
+        0.3125
         """
         from cvxlimit.model.problem import LimitProblem
 

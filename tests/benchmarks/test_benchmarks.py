@@ -302,7 +302,7 @@ def test_nothing_runs_unasked(tmp_path, capsys):
 def test_list_names_cases_and_methods(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    assert all(name in shown for name in (*CASES, *BASELINES, "frozen/dpp"))
+    assert all(name in shown for name in (*CASES, *BASELINES, "frozen/rows"))
 
 
 @pytest.mark.exhaustive

@@ -132,7 +132,10 @@ def test_plot_draws_every_line(tuff):
     figure = tuff.plot()
     labels = figure.axes[0].get_legend_handles_labels()[1]
     expected = {row.line for row in tuff.rows if not row.failed}
-    assert expected | {"resolution of the reference"} == set(labels)  # one model has no front
+    expected.add("resolution of the reference")
+    if len({row.line for row in tuff.rows if row.method in tuff.front}) > 1:  # as times have it
+        expected.add("Pareto front")
+    assert expected == set(labels)
     assert {text.get_text() for text in figure.axes[0].texts} == set(labels)  # beside the lines
     assert figure._repr_png_().startswith(b"\x89PNG")
     own = Figure()

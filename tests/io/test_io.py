@@ -11,6 +11,7 @@ import stat
 import warnings
 from dataclasses import fields, replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -336,12 +337,20 @@ class TestMalformedScene:
         assert read_scene(file).name == "example"
         assert "larger than" in refusal(GOLDEN + " ", tmp_path)
 
+    @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device")
+    def test_endless_file(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("cvxlimit.io.fields.LARGEST_FILE", 2**20)
+        with pytest.raises(InputError, match="larger than 1 MiB"):
+            read_scene("/dev/zero")
+
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
-    def test_what_is_no_file_is_not_waited_for(self, tmp_path: Path) -> None:
-        os.mkfifo(tmp_path / "pipe.json")
-        for path in (tmp_path / "pipe.json", "/dev/zero"):
-            with pytest.raises(InputError, match="no regular file but a pipe or a device"):
-                read_scene(path)
+    def test_a_pipe_that_another_program_fills(self, tmp_path: Path) -> None:
+        pipe = tmp_path / "pipe.json"
+        os.mkfifo(pipe)
+        writer = Thread(target=pipe.write_text, args=(GOLDEN,))
+        writer.start()
+        assert read_scene(pipe).name == "example"
+        writer.join()
 
     @pytest.mark.parametrize("junk", [None, 3, "x", [], {1: 2}, {"format": 1}, {None: None}])
     def test_junk_instead_of_a_document(self, junk: object) -> None:

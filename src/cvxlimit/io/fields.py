@@ -224,11 +224,14 @@ def _json(value: object) -> str:
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path, is_asked_for: bool = True) -> bytes:
+    """The content of a file that the user asks for, which may be a pipe that another program
+    fills, or of one that a file names, which must be a regular file: nobody may be there to write
+    to a pipe, and it would be waited for without end."""
+    at_once = 0 if is_asked_for else _AT_ONCE
     try:
-        # A pipe that nobody writes to would be waited for: it is opened without, and looked at.
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
+            if not (is_asked_for or stat.S_ISREG(os.fstat(file.fileno()).st_mode)):
                 raise InputError(
                     "this is no regular file but a pipe or a device; save its content as a file"
                 )

@@ -100,7 +100,7 @@ class Changeable(Statement):
         -------
         >>> from cvxlimit import LimitProblem, builtin_scene
         >>> problem = LimitProblem(builtin_scene("single-block"))
-        >>> problem.add("weak joint", problem.V1 >= -3.0, problem.V1 <= 3.0)
+        >>> problem.add("weak joint", problem.V1 >= -1.0, problem.V1 <= 1.0)
         >>> round(problem.run().load_factor, 5)
         0.3125
         """

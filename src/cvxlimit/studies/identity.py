@@ -54,10 +54,9 @@ def digest(value: object, what: str) -> str:
 
     Example
     -------
-    >>> limit = 2.0
-    >>> first = digest(lambda x: x < limit, "measure")
-    >>> limit = 3.0
-    >>> first == digest(lambda x: x < limit, "measure")
+    >>> def below(limit):
+    ...     return lambda x: x < limit
+    >>> digest(below(2.0), "measure") == digest(below(3.0), "measure")
     False
     """
     content = _Content(what)

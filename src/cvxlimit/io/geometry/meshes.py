@@ -144,6 +144,6 @@ class _Beside:
             raise InputError(
                 f"buffer {shown(name)} must be a file in the folder of {self.path.name}"
             )
-        return read_bytes(self.path.with_name(plain))
+        return read_bytes(self.path.with_name(plain), is_asked_for=False)
 
     get = __getitem__
