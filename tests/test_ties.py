@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import Block, LimitProblem, Load, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
 from cvxlimit.model.formulations import resultants
@@ -59,6 +60,14 @@ class TestByHand:
         assert solution.load_factor == pytest.approx(expected, rel=1e-5)
         assert solution.forces[-1, 2] == pytest.approx(-force, rel=1e-5)
         assert solution.is_proved
+
+    @pytest.mark.parametrize("is_parameter", [False, True])
+    def test_friction_of_all_joints_is_none_of_ties(self, is_parameter: bool) -> None:
+        """The block slides, held by a tie that keeps its strength: alpha W = mu W + T."""
+        friction = cp.Parameter(value=0.2) if is_parameter else 0.2
+        solution = LimitProblem(tied_block(4.0), friction=friction).solve()
+        assert solution.status is Status.CERTIFIED
+        assert solution.load_factor == pytest.approx(0.2 + 4.0 / 20.0, rel=1e-5)
 
     def test_files_keep_ties(self, tmp_path: Path) -> None:
         scene = tied_block(4.0)

@@ -20,9 +20,9 @@ LARGEST = 400_000
 """Bytes: outputs are kept so that they can be read without running, but small."""
 
 WANTED = {
-    "imported_vault", "linearised_against_conic", "load_domains", "panels_of_the_paper",
-    "speed_and_accuracy", "sweep", "tuff_wall", "yield_surfaces", "your_own_surface",
-    "zero_dilatancy",
+    "change_the_problem", "imported_vault", "linearised_against_conic", "load_domains",
+    "panels_of_the_paper", "speed_and_accuracy", "sweep", "tuff_wall", "yield_surfaces",
+    "your_own_surface", "zero_dilatancy",
 }  # fmt: skip
 
 

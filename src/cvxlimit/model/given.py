@@ -66,7 +66,10 @@ class Given:
             return cls(scene, statics.contacts, statics.dead, statics.live, {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
         n, free = len(plain.contacts), len(plain.free)
-        values = {name: _shaped(name, value, n, "contacts") for name, value in given.items()}
+        values = {
+            name: _but_of_ties(plain, name, _shaped(name, value, n, "contacts"), np.ndim(value))
+            for name, value in given.items()
+        }
         numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
         if numbers:
             plain = _jointed(plain, numbers)
@@ -118,6 +121,17 @@ def _shaped(what: str, value: Any, count: int, of: str) -> Any:
     if is_symbolic:
         return promote(value, (count,)) if shape == () else value
     return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
+def _but_of_ties(scene: Scene, what: str, values: Any, dimensions: int) -> Any:
+    """One number for all joints is none for ties, which have strengths of their own."""
+    if dimensions or not scene.ties:
+        return values
+    own = np.array(getattr(scene.contacts, what))
+    is_tie = np.arange(len(own)) >= len(own) - len(scene.ties)
+    if not isinstance(values, cp.Expression):
+        return np.where(is_tie, own, values)
+    return cp.multiply(values, ~is_tie) + np.where(is_tie, own, 0.0)
 
 
 def _jointed(scene: Scene, values: Mapping[str, FloatArray]) -> Scene:

@@ -45,7 +45,8 @@ class LimitProblem(Changeable):
     surface : str, Cone or sequence of YieldSurface
         As :func:`cvxlimit.solve` takes it. Surfaces implied by another are not written.
     friction, cohesion, compressive_strength, tensile_strength : number, array (n,) or Parameter
-        In place of the scene's: one, or one per contact; CVXPY expressions of Parameters too.
+        In place of the scene's: one for all joints, not for ties, or one per contact; CVXPY
+        expressions of Parameters too.
     live : Load, (3,) or (free blocks, 6)
         In place of the scene's live load; numbers, Parameters or expressions of them: an
         acceleration in multiples of weights, or forces and moments at centroids.
