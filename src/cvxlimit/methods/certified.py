@@ -182,7 +182,9 @@ class _Proof:
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
         if (is_boundless or outer.claims_no_optimum) and self._is_harmless():
             return Status.LIVE_LOAD_HARMLESS
-        if run.best.mechanism is not None:
+        if run.best.mechanism is None:
+            yield from self._borrow()
+        else:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
@@ -264,11 +266,17 @@ class _Proof:
                 break
             relaxed = state.forces if state else None
             yield from self._until_met(self.method.begun(name, relaxed))
+        yield from self._borrow()
         run.remarks = run.remarks or ["no further progress from these starts"]
 
     @cached_property
     def method(self) -> InnerMethod:
         return InnerMethod(self.run, self.rule.solves, reductions=self.found)
+
+    def _borrow(self) -> Iterator[None]:
+        for stricter in self.run.moments.stricter:
+            if not self._is_within(BRACKET.outer):
+                yield from self._until_met(self.method.borrowed(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
         if self._is_met():

@@ -15,6 +15,9 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import random_wall
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.model.statics import Statics
 from cvxlimit.solution import Status
 from determinate import arm_at
@@ -424,6 +427,19 @@ def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
     assert interaction_excess(signed.forces, scene.contacts, "signed").max() <= (
         1e-7 * scene.total_weight
     )
+
+
+@pytest.mark.exhaustive
+def test_borrowed_forces_are_admissible_and_as_good() -> None:
+    """Without any bound of its own, signed moments have that of independent signs."""
+    scene = random_wall(1)
+    own = solve(scene, method=Certified(branching_seconds=0.0)).bracket.lower
+    run = Run(scene, moments=SIGNED)
+    for _ in InnerMethod(run).borrowed(INDEPENDENT):
+        pass
+    assert run.best.bracket.lower >= own * (1.0 - 1e-4)
+    excess = interaction_excess(run.best.forces, scene.contacts, "signed")
+    assert excess.max() <= 1e-7 * scene.total_weight
 
 
 def test_corrupted_forces_fail_the_proof() -> None:

@@ -24,7 +24,9 @@ FloatArray = NDArray[np.float64]
 SOLVER = settings_for("CLARABEL", 1e-9)
 
 
-def referee(step: SafeStep, point: Point, price: float | None, most: float | None) -> float:
+def referee(
+    step: SafeStep, point: Point, price: float | None, curvature: float, most: float | None
+) -> float:
     """The scaled value of the step's problem."""
     count, own = len(step.kept), step.own
     into = Constraints()
@@ -51,8 +53,9 @@ def referee(step: SafeStep, point: Point, price: float | None, most: float | Non
     moments = step.moments
     rows = StepRows(f, here, own, moments.slopes, moments.is_limited, moments.balance).rows()
     for row in rows:
-        w = slack - stated(row.linear)
-        roots = [stated(p) for p in row.squares]
+        longer = row.lengthened(f.N, curvature) if row.squares else row
+        w = slack - stated(longer.linear)
+        roots = [stated(p) for p in longer.squares]
         # norm(roots)^2 <= 4 N w, as one norm
         limits.append(cp.norm(cp.vstack([*roots, value["N"] - w]), axis=0) <= value["N"] + w)
     if price is None:
@@ -78,17 +81,17 @@ def small_panel() -> Scene:
 
 
 CASES = [
-    ("independent", None, None),
-    ("signed", 5.0, None),
-    ("paper", None, None),
-    ("signed-torsion-bending", None, 0.01),
+    ("independent", None, 1.0, None),
+    ("signed", 5.0, 1.0, None),
+    ("paper", None, 0.1, None),
+    ("signed-torsion-bending", None, 1.0, 0.01),
 ]
 
 
 @pytest.mark.parametrize("part", ["whole", "half"])
-@pytest.mark.parametrize(("moments", "price", "most"), CASES)
+@pytest.mark.parametrize(("moments", "price", "curvature", "most"), CASES)
 def test_the_matrices_say_what_the_rows_say(
-    moments: str, price: float | None, most: float | None, part: str
+    moments: str, price: float | None, curvature: float, most: float | None, part: str
 ) -> None:
     """1e-6 of the load factor: both are solved to 1e-9 in scaled forces."""
     run = Run(small_panel(), moments=parse_moments(moments))
@@ -100,11 +103,11 @@ def test_the_matrices_say_what_the_rows_say(
     sides, friction = step.statics.contacts.sides, step.statics.contacts.friction[:, None]
     centre = 0.1 * rng.uniform(-1.0, 1.0, sides.shape) * sides
     point = Point(centre, 0.2 * rng.uniform(-1.0, 1.0, sides.shape) * friction)
-    state = step.solve(point, SOLVER, price, most)
+    state = step.solve(point, SOLVER, price, curvature, most)
     assert state.load_factor is not None
     assert state.forces is not None
     value = state.load_factor / step.scaling.load_factor(1.0)
     value -= 0.0 if price is None else price * state.slack
-    assert value == pytest.approx(referee(step, point, price, most), rel=1e-6)
+    assert value == pytest.approx(referee(step, point, price, curvature, most), rel=1e-6)
     residual = run.assemblage.statics.residual(state.forces, state.load_factor)
     assert np.abs(residual).max() < 1e-7 * run.scaling.force  # what the solver leaves

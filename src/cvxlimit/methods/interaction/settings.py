@@ -66,6 +66,8 @@ class ClimbSettings:
     price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
     price_growth: float = 3.0  # per step
     bought: float = 1e-5  # slack in all, over total load x contact size, that counts as none
+    long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
+    long_gain: float = 1e-3  # relative gain below which they end
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
     frozen_inside: float = 1e-8  # tolerance of frozen problems by solvers that end inside

@@ -1,5 +1,5 @@
-"""Searches for a lower bound: safe steps from a relaxation's forces, or from the middle of all
-contacts after penalty steps, and with torsion about the pressure centre boxes.
+"""Searches for a lower bound: from a relaxation long steps lead before safe ones follow, from the
+middle of all contacts penalty steps, and with torsion about the pressure centre boxes.
 
 Problems are solved loosely; what a bound lost by that is won back by one solve at the end.
 """
@@ -15,11 +15,13 @@ import numpy as np
 from cvxlimit.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.interaction.readings.moments import Moments
+from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
 from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.methods.interaction.states.pressure import centres
+from cvxlimit.methods.interaction.states.support import whole_boxes
 
 
 class Boxes:
@@ -113,6 +115,24 @@ class InnerMethod(SafeProblems):
         schedule = CLIMB.others if self.has_others else ()
         return self._search("boxes", self._narrowed(start, *schedule))
 
+    def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
+        run = self.run
+        self.begin(f"{stricter} relaxation")
+        whole = whole_boxes(run.contacts)
+        relaxed = self.relaxed("hull", stricter.box_copies(run.contacts, whole))
+        yield relaxed
+        near = relaxed.state.forces
+        if near is None or relaxed.load_factor <= run.best.bracket.lower:
+            return
+        other = InnerMethod(run, self.max_iterations, self.gain, self.reductions, stricter)
+        aside = run.aside()
+        aside.moments = stricter
+        outer = UpperBound(aside, other.half)
+        outer.search(BRACKET.outer, (*self.leading, *self.tight))
+        near = outer.state.forces if outer.state else near
+        for start in other.starts:
+            yield from other.begun(start, near)
+
     def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
         self._mark = self.begin(start)
         yield from islice(way, self.max_iterations)
@@ -151,12 +171,12 @@ class InnerMethod(SafeProblems):
         yield from self.climb(point)
 
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Safe steps, from the middle after penalty steps; they know rectangles only: contacts of
-        other shapes get a frozen problem at the end."""
+        """Safe steps, after others that lead there; they know rectangles only, so contacts of other
+        shapes get a frozen problem at the end."""
         if start is None:
             yield from self._after_penalties()
         else:
-            yield from self.climb(self.point(start).shrunk(CLIMB.inward))
+            yield from self._after_long(self.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
         if best is not None and self.has_others:
             yield self.frozen(self._boxes(best).centre)
@@ -248,6 +268,22 @@ class InnerMethod(SafeProblems):
                 at = here.moved(reach, before).inside(self.step.statics.contacts)
             before = here
 
+    def _after_long(self, point: Point) -> Iterator[InnerIterate]:
+        first = self.safe(point)
+        yield first
+        if first.state.forces is not None and first.is_safe:
+            point, best = self.point(first.state.forces, point), first.lower
+            for curvature in CLIMB.long:
+                iterate = self.leading_step("long", point, curvature=curvature)
+                yield iterate
+                if iterate.state.forces is None:
+                    break
+                point = self.point(iterate.state.forces, point)
+                if iterate.load_factor - best < CLIMB.long_gain * abs(best):
+                    break
+                best = iterate.load_factor
+        yield from self.climb(point)
+
     def _after_penalties(self) -> Iterator[InnerIterate]:
         """A safe step at the middle, whose mechanism prices slack, penalty steps at a price that
         grows until nothing is bought, then safe ones."""
@@ -256,7 +292,7 @@ class InnerMethod(SafeProblems):
         price = CLIMB.price * self.fastest_twist(first.state)
         point, last = self.middle, np.inf
         for number in range(CLIMB.penalty_steps):
-            iterate = self.penalty(point, price)
+            iterate = self.leading_step("penalty", point, price)
             yield iterate
             if iterate.state.forces is None:
                 break

@@ -2,9 +2,9 @@
 
 Two kinds lie inside Eq. 30: *safe* steps (:mod:`majorants`), which contain the forces at which they
 are built, so that bounds do not fall; *frozen* ones, where every contact is pressed exactly at a
-given centre. The others are no bounds unless the checker accepts their forces: *penalty* steps (of
-the penalty convex-concave procedure), which exceed Eq. 30 at a price; *box* steps, over the hull of
-states pressed in a box.
+given centre. The others are no bounds unless the checker accepts their forces: *long* steps, safe
+ones with a tenth of their curvature; *penalty* steps (of the penalty convex-concave procedure),
+which exceed Eq. 30 at a price; *box* and *hull* steps, over the hull of states pressed in a box.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from cvxlimit.bracket import known
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.interaction.readings.halves import Half
+from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
@@ -62,9 +63,9 @@ class InnerIterate:
 
 
 class SafeProblems:
-    """All problems of one run, whose bounds go to ``run.best``. Gains in the load factor count from
-    ``gain`` of it on. Where ``reductions`` have a mirror plane, steps stay among symmetric
-    states."""
+    """All problems of one run under its reading, or a stricter one; the checker is that of the run,
+    and bounds go to ``run.best``. Gains in the load factor count from ``gain`` of it on. Where
+    ``reductions`` have a mirror plane, steps stay among symmetric states."""
 
     def __init__(
         self,
@@ -72,8 +73,9 @@ class SafeProblems:
         max_iterations: int = 24,
         gain: float = 1e-4,
         reductions: Reductions | None = None,
+        moments: Moments | None = None,
     ) -> None:
-        self.run, self.moments, self.contacts = run, run.moments, run.contacts
+        self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
         self.leading = run.ladder or leading_ladder(len(run.contacts))
@@ -97,9 +99,11 @@ class SafeProblems:
     def safe(self, point: Point) -> InnerIterate:
         return self.restricted("safe", lambda rung: self.step.solve(point, rung), self.stepping)
 
-    def penalty(self, point: Point, price: float) -> InnerIterate:
+    def leading_step(
+        self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
+    ) -> InnerIterate:
         step = self.step
-        return self.solved("penalty", lambda rung: step.solve(point, rung, price), self.stepping)
+        return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.stepping)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         copies = self.moments.safe_copies(self.contacts, centre)

@@ -62,11 +62,12 @@ class SafeStep:
         point: Point,
         settings: SolverSettings,
         price: float | None = None,
+        curvature: float = 1.0,
         most: float | None = None,
     ) -> StepState:
-        """The load factor, at most ``most``, less ``price`` x slack; None: no slack, and every
-        answer is safe then."""
-        program = self.program(point, price, most)
+        """The load factor, at most ``most``, less ``price`` x slack; None: no slack. Then, with all
+        of the rows' ``curvature``, every answer is safe; with a share of it steps are longer."""
+        program = self.program(point, price, curvature, most)
         outcome, x, y = program.solve(settings, self._cache)
         if x is None or y is None:
             return StepState(outcome, None, None, None, slack=np.inf)
@@ -87,13 +88,14 @@ class SafeStep:
         self,
         point: Point,
         price: float | None = None,
+        curvature: float = 1.0,
         most: float | None = None,
     ) -> ConeProgram:
         """Unknown are internal forces, magnitudes, slack if it has a price, and the load factor."""
         equilibrium, count = self.equilibrium, len(self.kept)
         dead, live = (equilibrium.of_load(load) for load in (self.statics.dead, self.statics.live))
         meaning = self._fields(price is not None)
-        linear, cones = self._bounds(point, price is not None)
+        linear, cones = self._bounds(point, price is not None, curvature)
         blocks = [[form] for form in linear] + cones
         local = sp.vstack([_local(block) for block in blocks], format="csr") @ meaning
         width, internal = meaning.shape[1] + 1, equilibrium.matrix.shape[1]
@@ -120,7 +122,7 @@ class SafeStep:
         return ConeProgram(cost, matrix, right, len(live), nonneg, sizes)
 
     def _bounds(
-        self, point: Point, has_slack: bool
+        self, point: Point, has_slack: bool, curvature: float
     ) -> tuple[list[FloatArray], list[list[FloatArray]]]:
         """Forms (fields, contacts) that are not negative, and second-order cones, bound first: of
         the magnitudes, and of Eq. 30 at ``point``."""
@@ -138,7 +140,8 @@ class SafeStep:
         slopes, is_limited = moments.slopes, moments.is_limited
         for row in StepRows(f, here, self.own, slopes, is_limited, moments.balance).rows():
             if row.squares:
-                cones.append(row.cone(f.N, slack, self._arm))
+                longer = row if curvature == 1.0 else row.lengthened(f.N, curvature)
+                cones.append(longer.cone(f.N, slack, self._arm))
             else:
                 linear.append(slack - row.linear)
         return linear, cones

@@ -83,25 +83,39 @@ class Product:
     x0: FloatArray
     y0: FloatArray
 
-    def majorant(self, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """p and a linear part: x y / N <= linear + p^2 / (4 N), exact where x, y / N = x0, y0."""
+    def majorant(self, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """p, p over N at the point, and a linear part: x y / N <= linear + p^2 / (4 N), exact where
+        x, y / N = x0, y0."""
         x, y = self.x / self.k, self.k * self.y
         x0, y0 = self.x0 / self.k, self.k * self.y0
         d = x0 - y0
-        return x + y, d**2 / 4.0 * normal - d / 2.0 * (x - y)
+        return x + y, x0 + y0, d**2 / 4.0 * normal - d / 2.0 * (x - y)
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """linear + sum of squares / (4 N) <= 0 at every contact."""
+    """linear + sum of squares / (4 N) <= 0 at every contact; ``at`` are the squares' roots over N
+    at the row's own point."""
 
     linear: FloatArray
     squares: Sequence[FloatArray] = ()
+    at: Sequence[FloatArray] = ()
 
     @classmethod
     def of(cls, linear: FloatArray, products: Sequence[Product], normal: FloatArray) -> Row:
         parts = [product.majorant(normal) for product in products]
-        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts])
+        roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
+        return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
+
+    def lengthened(self, normal: FloatArray, share: float) -> Row:
+        """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
+        Exact at the row's own point like the row itself, but no longer inside the true condition: a
+        step with such rows goes farther, and its forces prove nothing."""
+        linear, squares = self.linear, []
+        for p, p0 in zip(self.squares, self.at, strict=True):
+            linear = linear + p0 / 2.0 * p - p0**2 / 4.0 * normal
+            squares.append(share**0.5 * (p - p0 * normal))
+        return Row(linear, squares, self.at)
 
     def cone(self, normal: FloatArray, slack: FloatArray, arm: FloatArray) -> list[FloatArray]:
         """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone, bound first. In
