@@ -131,9 +131,9 @@ FIXED_POINT = """
 ## The paper's fixed point
 
 It freezes the eccentricities, solves, blends the forces with the old ones and repeats (Eq. 41-43).
-Sixty iterations at most. *Converged* is the paper's test (Eq. 43); *cycling* returns to the same
-values three times over; *wandering* does neither; *diverged* reached eccentricities at which no load
-factor exists. A converged value is no bound of anything. Twelve families, {each} scenes of each, five
+Sixty iterations at most. *Converged* was the test of Eq. 43 when this was measured, and is five
+small changes in a row now; *cycling* returns to the same values three times over; *wandering* does
+neither; *diverged* reached eccentricities at which no load factor exists. A converged value is no bound of anything. Twelve families, {each} scenes of each, five
 weights, three readings of the moments: {runs:,} iterations.
 
 ![How the iteration ends, by weight of the old forces and family](atlas-fixed-point.png)

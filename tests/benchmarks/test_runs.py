@@ -114,7 +114,7 @@ def test_functions_that_no_module_holds_are_sent_by_value():
 
 @pytest.mark.exhaustive
 def test_parameters_have_their_own_phase():
-    method = frozen_methods()["frozen/dpp"]
+    method = frozen_methods()["frozen/rows"]
     (row,) = side_by_side([method], builtin_scene("tuff-wall"), 1)
     assert row.parameters == "rows"
     assert row.reparametrise > 0.0
