@@ -20,8 +20,8 @@ def by_cvxpy(problem: LimitProblem) -> ConeProgram:
     data, chain, inverse = problem.problem.get_problem_data("CLARABEL", solver_opts={})
     n = data["A"].shape[1]
     counted = SimpleNamespace(
-        status="Solved", x=np.arange(float(n)), z=None, obj_val=0.0, obj_val_dual=0.0,
-        solve_time=0.0, iterations=0,
+        status="Solved", x=np.arange(float(n)), z=np.zeros(len(data["b"])), obj_val=0.0,
+        obj_val_dual=0.0, solve_time=0.0, iterations=0,
     )  # fmt: skip
     problem.problem.unpack_results(counted, chain, inverse)
     unknowns = problem._in_cvxpy[0].into.unknowns

@@ -144,7 +144,11 @@ FORMULATIONS = {
 def test_own_surfaces_formulations_and_physics(name: str, formulation: str, physics: str) -> None:
     scene = builtin_scene(name)
     if physics != "dry":
-        scene = scene.with_strength(compressive=500.0).with_cohesion(3.0)
+        scene = scene.with_cohesion(3.0)
+        # of contacts that are no rectangles only a field at points says how they crush
+        can_crush = formulation not in ("resultants", "vertices")
+        if can_crush or scene.contacts.is_rectangle.all():
+            scene = scene.with_strength(compressive=500.0)
     own = Own(len(scene.contacts))
     problem = problem_of(scene, [Rocking(), own], FORMULATIONS[formulation], "full")
     at_random(problem)

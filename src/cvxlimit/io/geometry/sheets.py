@@ -15,7 +15,11 @@ def is_sheet(body: Body) -> bool:
     """True for a body whose corners all lie in one plane, and which has an area in it."""
     if body.is_box or not len(body.faces) or not np.isfinite(body.vertices).all():
         return False
-    return is_plane(body.vertices)
+    if min(map(len, body.faces)) < 3 or not is_plane(body.vertices):
+        return False
+    return bool(
+        np.any(area_vectors(body.vertices, body.faces))
+    )  # corners may span what no face does
 
 
 def slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
