@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -18,8 +20,8 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 WIDTH = 1e-4
 """Of brackets that count as closed: ten times the default tolerance, for degenerate limits."""
 ROUNDING = 1e-6
-"""Relative error of the referee's optima: Clarabel's default tolerances give 1e-8 on such scenes,
-times the spread of the forces."""
+"""Relative error of the referee's optima. It is asked for 1e-10: at Clarabel's default
+of 1e-8 they are off by 1.2e-6 on one wall, where forces are far above what decides."""
 
 
 def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor: float | None):
@@ -41,7 +43,15 @@ def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor
     if factor is not None:
         limits.append(alpha == factor)
     goal = alpha if aim is None else aim @ x
-    cp.Problem(cp.Maximize(goal), limits).solve(solver=cp.CLARABEL)
+    problem = cp.Problem(cp.Maximize(goal), limits)
+    for tolerance in (1e-10, 1e-9):
+        tight = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is inaccurate, and solved again
+            problem.solve(solver=cp.CLARABEL, **tight)
+        if problem.status == cp.OPTIMAL:
+            break
+    assert problem.status == cp.OPTIMAL
     assert goal.value is not None
     return float(goal.value) * (1.0 if aim is None else unit)
 
@@ -109,14 +119,15 @@ def assert_no_perturbation_refutes(
     problem: LimitProblem, random: np.random.Generator, exact: float, size: float
 ) -> None:
     """Bounds from spoiled forces, mechanisms and multipliers are worse, never wrong."""
-    state = problem.run()
+    states = (problem.run(rung) for rung in problem.ladder())
+    state = next(state for state in states if state.mechanism is not None)
     limits = problem.linear_limits()
     assert not isinstance(limits, str)
     assert state.mechanism is not None
     assert state.forces is not None
     proof = OwnCertifier(Certifier(problem.at_present(), problem.surfaces), limits)
-    inside = problem.inside().run()
-    assert inside.forces is not None
+    inner = problem.inside()
+    inside = next(s for s in map(inner.run, inner.ladder()) if s.forces is not None)
     for share in (1e-6, 1e-3, 0.3):
         spoiled = [
             part * (1.0 + share * random.normal(size=part.shape))
