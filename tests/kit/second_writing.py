@@ -248,10 +248,14 @@ def mean_distance(region: shapely.Geometry, point: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Answer:
-    """A "factor", or that there is none: "unstable", "harmless"; "unknown" if Clarabel failed."""
+    """A "factor", or that there is none: "unstable", "harmless"; "unknown" if Clarabel failed.
+
+    An "interval" of factors from ``least`` on, where the dead load stands only with a part of the
+    live load; its end is infinite where the live load does no harm."""
 
     kind: str
     load_factor: float = np.nan
+    least: float = np.nan
 
 
 def answer(pile: Pile) -> Answer:
@@ -264,8 +268,13 @@ def answer(pile: Pile) -> Answer:
     )
     if stands is None or is_harmless is None:
         return Answer("unknown")
-    if not stands or is_harmless:
-        return Answer("harmless" if stands else "unstable")
+    if not stands:
+        least, has_least = largest(pile, contacts, dead, -live)
+        most, has_most = (np.inf, True) if is_harmless else largest(pile, contacts, dead, live)
+        is_held = has_least and has_most and most > 0.0
+        return Answer("interval", most, -least) if is_held else Answer("unstable")
+    if is_harmless:
+        return Answer("harmless")
     factor, is_solved = largest(pile, contacts, dead, live)
     return Answer("factor", factor) if is_solved else Answer("unknown")
 

@@ -20,8 +20,8 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 WIDTH = 1e-4
 """Of brackets that count as closed: ten times the default tolerance, for degenerate limits."""
 ROUNDING = 3e-6
-"""Relative error of the referee's optima: asked for 1e-10, its forces on one wall exceed strength by
-3e-8 of the weight in many contacts, which comes to 1.2e-6 of the load factor in all."""
+"""Relative error of the referee's optima: asked for 1e-10, its forces on one wall exceed strength
+by 3e-8 of the weight in many contacts, which comes to 1.2e-6 of the load factor in all."""
 
 
 def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor: float | None):
