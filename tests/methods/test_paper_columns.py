@@ -62,9 +62,10 @@ def test_the_papers_reading_meets_its_columns(
 def test_signed_moments_with_eq_27_meet_them_too(
     scene: str, most: int, first: float, last: float
 ) -> None:
-    """Within 4 %: the paper's figures do not tell these two readings apart."""
+    """Within 5 %, half of what other readings miss: the paper's figures do not tell these two
+    readings apart."""
     found = later(scene, most, parse_moments("signed-torsion-bending"))
-    assert max(abs(error) for error in found) < 0.04
+    assert max(abs(error) for error in found) < 0.05
 
 
 @pytest.mark.parametrize(("scene", "most", "first", "last"), COLUMNS)
