@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 from cvxlimit import Scene, Solution, Status, builtin_scene, solve
 from cvxlimit.masonry import random_wall
-from cvxlimit.methods.gilbert import Gilbert
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.dilatancy.gilbert import Gilbert
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 
 PLANE = ("ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3")
 

@@ -28,8 +28,8 @@ from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.compare.registry import physics_registry
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.exact_friction import ExactFriction
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.plotting.chart import label_lines
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states
 

@@ -23,8 +23,8 @@ from benchmarks.stability.records import Record, Table
 from benchmarks.stability.truths import arm, rocking
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import resultants, vertex_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -27,14 +27,14 @@ from cvxlimit.loads import Pressure as Pressure
 from cvxlimit.masonry import builtin_scene as builtin_scene
 from cvxlimit.methods.certified import Certified as Certified
 from cvxlimit.methods.convex import Convex as Convex
+from cvxlimit.methods.dilatancy.gilbert import Gilbert as Gilbert
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
 from cvxlimit.methods.driver import Method as Method
 from cvxlimit.methods.driver import Run as Run
 from cvxlimit.methods.exact_friction import ExactFriction as ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
-from cvxlimit.methods.gilbert import Gilbert as Gilbert
 from cvxlimit.methods.settlement import settlement as settlement
 from cvxlimit.methods.solving import solve as solve
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
 from cvxlimit.model.problem import LimitProblem as LimitProblem
 from cvxlimit.proof.certificate import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier

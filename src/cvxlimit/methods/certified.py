@@ -19,6 +19,7 @@ from cvxlimit.bracket import Bracket
 from cvxlimit.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex import dead_load_falls, fallen
+from cvxlimit.methods.dilatancy.wedging import carried_by_dilatancy
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
@@ -30,7 +31,6 @@ from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
-from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status

@@ -14,6 +14,7 @@ from cvxlimit.arrays import FloatArray
 from cvxlimit.bracket import Bracket, known
 from cvxlimit.checks import not_negative, ratio
 from cvxlimit.methods.admissible import carried_exactly
+from cvxlimit.methods.dilatancy.wedging import carried_by_dilatancy
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.standing import (
     Held,
@@ -23,7 +24,6 @@ from cvxlimit.methods.standing import (
     refuse_an_interval,
     told,
 )
-from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.goals import LargestFactor, largest_self_stress

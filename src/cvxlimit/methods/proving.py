@@ -22,6 +22,7 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.convex import TOLERANCE, Inquiry
+from cvxlimit.methods.dilatancy.zero_dilatancy import Verifier
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.readings.named import parse_moments, reading_of
@@ -31,7 +32,6 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
     TrueStrength,
     central_states,
 )
-from cvxlimit.methods.zero_dilatancy import Verifier
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.proof.certificate import Certifier

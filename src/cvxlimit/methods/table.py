@@ -13,11 +13,11 @@ from cvxlimit.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.dilatancy.gilbert import Gilbert
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Method, Run
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.gilbert import Gilbert
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC

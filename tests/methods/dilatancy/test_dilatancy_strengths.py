@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, Solution, Status, Tie, solve
 from cvxlimit.masonry import running_bond, single_block, wall
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from exhaustive import slow
 from helpers import hand_equilibrium, hand_torsion_arm
 

@@ -7,7 +7,7 @@ import pytest
 from cvxlimit import Status, builtin_scene, solve
 from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.gilbert import Gilbert
+from cvxlimit.methods.dilatancy.gilbert import Gilbert
 from helpers import renumbered, yield_excess
 
 PUBLISHED = {

@@ -19,9 +19,9 @@ from cvxlimit.bracket import rounded
 from cvxlimit.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.central_path import followed
-from cvxlimit.methods.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.convex import dead_load_falls
+from cvxlimit.methods.dilatancy.central_path import followed
+from cvxlimit.methods.dilatancy.complementarity import FrictionSystem, has_equations
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.flow import FlowRule, corner_openings
 from cvxlimit.model.goals import Stated

@@ -18,8 +18,8 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result
 from cvxlimit.masonry import running_bond, single_block, wall
-from cvxlimit.methods.complementarity import projected
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.dilatancy.complementarity import projected
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import vertex_forces
 from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
 from planar import extreme_member

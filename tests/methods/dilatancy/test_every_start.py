@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cvxlimit import Status, builtin_scene, solve
-from cvxlimit.methods.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 
 pytestmark = pytest.mark.exhaustive
 
