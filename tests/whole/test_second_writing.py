@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from cvxlimit import Status, solve
+from cvxlimit.errors import ModelError
 from helpers import TOLERANCE
 from second_interaction import READINGS, Interaction
 from second_writing import JOINT, answer, joints, pile
@@ -75,8 +76,12 @@ def test_two_thousand_scenes_of_any_outline(first: int) -> None:
 
 
 def check_interaction(seed: int, reading: str) -> None:
-    """Lower and upper bound, whatever their distance."""
+    """Lower and upper bound, whatever their distance. Intervals are refused."""
     scene = pile(seed, convex=True).scene()
+    if solve(scene).interval is not None:
+        with pytest.raises(ModelError, match="needs a dead load that stands alone"):
+            solve(scene, method="certified", moments=reading)
+        return
     solution = solve(scene, method="certified", moments=reading)
     second = Interaction(scene, reading)
     if solution.status is Status.DEAD_LOAD_UNSTABLE:

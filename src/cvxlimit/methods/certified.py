@@ -117,7 +117,9 @@ class Certified(Method):
             return Status.DEAD_LOAD_UNSTABLE
         proof = _Proof(self, run)
         status = yield from proof.steps()
-        if status is not Status.DEAD_LOAD_UNSTABLE and proof.is_standing_open:
+        if status is Status.DEAD_LOAD_UNSTABLE:
+            dead_load_falls(run.aside())  # which refuses a load that a part of the live one holds
+        elif proof.is_standing_open:
             run.remarks.append(_OPEN)
         return status
 
