@@ -106,6 +106,8 @@ class Answer:
         The lower end, where the answer is an interval.
     dilatancy : Dilatancy or None
         Known where there is no load factor to compute it for.
+    sure : Answer or None
+        The best one whose lower bound is proved, where this one's is higher and is not.
     """
 
     load_factor: float | None = None
@@ -117,6 +119,7 @@ class Answer:
     internal: FloatArray | None = None
     lower_end: LowerEnd | None = None
     dilatancy: Dilatancy | None = None
+    sure: Answer | None = None
 
     def raised(
         self,
@@ -128,10 +131,20 @@ class Answer:
     ) -> Answer:
         """With a better lower bound, and the forces that have it."""
         bracket = self.bracket.raised(lower, is_proved)
-        if bracket is self.bracket:
-            return self
-        given = {"load_factor": load_factor, "forces": forces, "internal": internal}
-        return replace(self, bracket=bracket, **given)  # type: ignore[arg-type]
+        if bracket is not self.bracket:
+            kept = self if self.bracket.lower_is_proved else self.sure
+            return replace(
+                self,
+                load_factor=load_factor,
+                bracket=bracket,
+                forces=forces,
+                internal=internal,
+                sure=None if is_proved else kept,
+            )
+        if is_proved and not self.bracket.lower_is_proved:
+            sure = (self.sure or Answer()).raised(lower, True, load_factor, forces, internal)
+            return self if sure is self.sure else replace(self, sure=sure)
+        return self
 
     def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
         """With a better upper bound, and the mechanism that has it."""

@@ -217,15 +217,24 @@ class _Again:
 
     def _certified(self) -> Iterator[Check]:
         """The load factor and both bounds. A bound depends a little on the states that it refers
-        to, and these on how narrow a bracket was wanted; and load factors are held as their
-        brackets clip them. So several are tried, and one has to be as it is held."""
+        to, and these on how narrow a bracket was wanted; and on the load factor for which forces
+        are put into balance, by some thousand times a change of it where a state has little to
+        spare. Those of the result are clipped by its bracket, those of its history are not. So
+        several are tried, and one has to be as it is held."""
         yield from self._held()
-        factors, found = (self.solution.load_factor, self._carried), list[Bracket]()
+        factors, found = (self.solution.load_factor, self._carried, *self._told), list[Bracket]()
         for factor, tolerance in product(dict.fromkeys(factors), (TOLERANCE, 1.0, SLACK)):
             found.append(self._bracket(factor, tolerance))
             if all(check.is_met for check in self._ends(found)):
                 break
         yield from self._ends(found)
+
+    @property
+    def _told(self) -> list[float | None]:
+        """Load factors from which the history had the lower bound, near what the forces carry."""
+        lower, near = self.solution.bracket.lower, self._carried or 0.0
+        told = [i.load_factor for i in self.solution.history if i.lower == lower]
+        return [t for t in told if t is not None and abs(t - near) <= self._near]
 
     def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
         inquiry = Inquiry(self.run.aside(), self.run.model, tolerance)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from cvxlimit import Scene, builtin_scene, solve
+from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit.bracket import Bracket
 from cvxlimit.masonry import random_wall
 from cvxlimit.masonry.walls import SIZES
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.driver import Answer, Run
+from cvxlimit.methods.interaction.readings.moments import SIGNED
+from cvxlimit.methods.interaction.restriction.lower_bound import prove
 from helpers import interaction_excess
 
 
@@ -47,9 +51,40 @@ def test_what_does_not_move_need_not_open() -> None:
     assert_proved(random_wall(90043, sizes=(*SIZES, (4, 5))))
 
 
+def test_a_proved_bound_beneath_an_unproved_one_comes_back() -> None:
+    """Forces that no proof follows from, a ten-millionth higher than those that are proved."""
+    scene = tower(2)
+    run = Run(scene, moments=SIGNED)
+    solution = solve(scene, method="certified", moments="signed")
+    assert solution.bracket.lower_is_proved
+    at, forces = solution.lower, solution.forces
+    known = Answer(bracket=Bracket(upper=1.01 * at, upper_is_proved=True))
+    for first, second in ((True, False), (False, True)):
+        answer = known
+        for is_proved in (first, second):
+            value = at if is_proved else at * (1.0 + 1e-7)
+            given = forces if is_proved else 0.5 * forces
+            answer = answer.raised(value, is_proved, value, given)
+        assert not answer.bracket.lower_is_proved
+        run.best = answer
+        prove(run, end=0.0)
+        assert run.best.bracket.lower_is_proved
+        assert run.best.bracket.lower == pytest.approx(at, rel=1e-12)
+        excess = interaction_excess(run.best.forces, scene.contacts, "signed").max()
+        assert excess <= 1e-15 * scene.total_weight
+
+
 @pytest.mark.exhaustive
 def test_signed_bracket_of_the_tuff_wall_is_proved() -> None:
     assert_proved(builtin_scene("tuff-wall"))
+
+
+def tower(blocks: int) -> Scene:
+    """Unit cubes on one another, pushed and twisted."""
+    parts = [Block.box(f"b{i}", (0, 0, i), (1, 1, i + 1), 20.0) for i in range(blocks)]
+    load = Load(forces={f"b{blocks - 1}": (1.0, 0.3, 0.0, 0.0, 0.0, 0.6)})
+    ground = Block.box("ground", (-1, -1, -1), (2, 2, 0))
+    return Scene([ground, *parts], ["ground"], load, friction=0.5)
 
 
 def assert_proved(scene: Scene) -> None:

@@ -218,29 +218,43 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
     margin for all contacts does not do, or costs too much, only those that still exceed Eq. 30 get
     a larger one. Where forces are determinate once the centres are held, safe steps with as much
     less friction follow. Beyond ``end`` seconds of the run all take a small share of that time.
+    Where none of it does better, a lower bound that was proved on the way up comes back.
     """
-    best, checker = run.best, LowerBounds(run.assemblage, run.moments)
+    best, sure = run.best, run.best.sure
     if best.forces is None or best.load_factor is None or best.bracket.lower_is_proved:
         return
     width = best.bracket.width
     within = min(PROOF.most_of_width * asked, asked - width)
     spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
+    least = best.bracket.lower - spare
+    if sure is not None and sure.bracket.lower < least:
+        sure = None
+    unbound = replace(best, bracket=replace(best.bracket, lower=-np.inf))
+    found = _proved(run, best.forces, least if sure is None else sure.bracket.lower, end)
+    if found is not None:
+        run.best = found.raising(unbound)
+    elif sure is not None:
+        run.best = unbound.raised(sure.bracket.lower, True, sure.load_factor, sure.forces)
+
+
+def _proved(run: Run, forces: FloatArray, least: float, end: float) -> LowerBound | None:
+    """A proved bound of at least ``least`` near the forces."""
+    checker = LowerBounds(run.assemblage, run.moments)
     until = (1.0 + PROOF.late) * max(end, run.clock.elapsed)
     ways = ((_proof, True), (_proof, False), (_stepped, True))
     for (tried, is_alike), attempts in zip(ways, PROOF.attempts, strict=True):
         margin = np.full(len(run.contacts), PROOF.margin)
         for number in range(attempts):
             if number > 0 and run.clock.elapsed > until:
-                return
+                return None
             with run.clock.phase("certify"):
-                found = tried(run, checker, best.forces, margin)
-            if found is not None and found.load_factor < best.bracket.lower - spare:
+                found = tried(run, checker, forces, margin)
+            if found is not None and found.load_factor < least:
                 break
             if found is not None and found.is_proved:
-                proved = replace(best, bracket=replace(best.bracket, lower=-np.inf))
-                run.best = found.raising(proved)
-                return
+                return found
             margin = np.where(is_alike | _exceeds(run, found), PROOF.growth, 1.0) * margin
+    return None
 
 
 def _exceeds(run: Run, found: LowerBound | None) -> BoolArray:
