@@ -58,9 +58,9 @@ class IndexReadme(MetadataHookInterface):
 
 def version_in(root: Path) -> str:
     """The version that is being built: Hatchling has not read it yet."""
-    text = (root / "src" / "cvxlimit" / "versions.py").read_text("utf-8")
+    text = (root / "src" / "cvxlimit" / "base" / "versions.py").read_text("utf-8")
     found = re.search(r'^__version__ = "(.+)"$', text, re.MULTILINE)
-    assert found, "src/cvxlimit/versions.py has no __version__"
+    assert found, "src/cvxlimit/base/versions.py has no __version__"
     return found[1]
 
 

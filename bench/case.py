@@ -16,7 +16,7 @@ from typing import Any
 
 from bench.sources import SOURCES
 from cvxlimit import Scene
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 from cvxlimit.io import read_scene, scene_to_dict
 
 HOME = Path(__file__).parent

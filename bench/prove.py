@@ -13,8 +13,8 @@ import numpy as np
 
 from bench.case import READINGS, RECORDS, STATES, Case, cases, make, write_record
 from cvxlimit import Certified, Scene, Solution, Status, ZeroDilatancy, __version__, solve
-from cvxlimit.bracket import known
 from cvxlimit.model.formulations import vertex_forces
+from cvxlimit.solution.bracket import known
 from cvxlimit.surfaces import Rocking
 
 OCTAGON = cos(pi / 8)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.case import HOME, Case, cases
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 RESULTS = HOME / "results.jsonl"
 PAGE = HOME.parent / "docs" / "evidence" / "bench.md"

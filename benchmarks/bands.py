@@ -23,7 +23,7 @@ from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.readings.named import MOMENTS
+from cvxlimit.readings.named import MOMENTS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iteration
 from cvxlimit.solvers import installed

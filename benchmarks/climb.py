@@ -17,11 +17,11 @@ from rich.console import Console
 
 from benchmarks.cases.panel import build as panel_of
 from cvxlimit import Scene, builtin_scene, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.interaction.readings.named import MOMENTS
+from cvxlimit.readings.named import MOMENTS
 from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import Bracket
 
 console = Console(highlight=False, soft_wrap=True)
 

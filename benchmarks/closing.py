@@ -37,8 +37,8 @@ from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
-from cvxlimit.methods.interaction.states.pressure import Pressure
-from cvxlimit.methods.interaction.states.support import half_extent
+from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.readings.states.support import half_extent
 from cvxlimit.solvers import settings_for
 
 FloatArray = NDArray[np.float64]

@@ -22,8 +22,8 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks.results import environment
-from cvxlimit.files import write_file
-from cvxlimit.versions import __version__
+from cvxlimit.base.files import write_file
+from cvxlimit.base.versions import __version__
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"

@@ -7,15 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from cvxlimit.bracket import known
 from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Clock
 from cvxlimit.methods.fixed_point import FrozenProblem
-from cvxlimit.methods.interaction.readings.named import parse_moments
-from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Cone, parse_cone
 

@@ -20,7 +20,7 @@ from cvxlimit import solve
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
+from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.solvers import settings_for
 
 console = Console(highlight=False, markup=False, soft_wrap=True)

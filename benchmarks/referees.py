@@ -30,8 +30,8 @@ from benchmarks.baselines import M1, M2, MT, V1, V2, FloatArray, N, program
 from benchmarks.closing import irregular_wall
 from benchmarks.stability.interacting import arms, worst
 from cvxlimit import Scene, builtin_scene, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.methods.certified import Certified
+from cvxlimit.solution.bracket import Bracket
 
 MOST = 10.0
 """Largest compression that SCIP may use at a contact, over the total weight: it needs bounds."""

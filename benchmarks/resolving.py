@@ -41,13 +41,13 @@ from cvxlimit.compare.chart import few_ticks
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.fixed_point import FrozenProblem
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
-from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.plotting.chart import label_lines
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces import Conic
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from cvxlimit.base.files import write_file
 from cvxlimit.compare.models import Row
-from cvxlimit.files import write_file
 
 FORMAT = "cvxlimit-benchmark"
 VERSION = 1

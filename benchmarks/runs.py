@@ -17,10 +17,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from cvxlimit.base.extras import needed
 from cvxlimit.compare.comparison import run_here
 from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
-from cvxlimit.extras import needed
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
 

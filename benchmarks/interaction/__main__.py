@@ -20,7 +20,7 @@ from rich.console import Console
 
 from benchmarks.interaction.experiments import FIRST, Apart, Experiment, Result, experiments
 from benchmarks.interaction.page import write_page
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 console = Console(highlight=False, soft_wrap=True)
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from cvxlimit import Scene, Solution, builtin_scene, solve
-from cvxlimit.bracket import known
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import MOMENTS, Paper
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import MOMENTS, Paper
+from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import SolverSettings, settings_for
 
 AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.interaction.experiments import AXES, DEFAULTS, FIRST, Experiment, Result, setting
 from benchmarks.interaction.pictures import draw
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 Found = dict[str, tuple[Experiment, Result]]
 Pair = tuple[Experiment, Result]

@@ -24,7 +24,7 @@ from benchmarks.stability.words import (
     PEER,
     SPREADS,
 )  # fmt: skip
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 _TABLES = ("default", "methods", "models", "certified", "fixed-point", "orders", "peer")
 

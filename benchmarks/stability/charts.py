@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from benchmarks.stability.families import FAMILIES
 from benchmarks.stability.outcomes import RIGHT, Outcome
 from benchmarks.stability.records import Record
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 COLOURS = {
     Outcome.RIGHT: "#2f7f4f",

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from cvxlimit.files import write_file
+from cvxlimit.base.files import write_file
 
 FOLDER = Path(__file__).parents[1] / "results" / "stability"
 EVERY = 25

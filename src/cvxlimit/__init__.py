@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cvxlimit.versions import __version__
+from cvxlimit.base.versions import __version__
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text("utf-8")
 _HOME = {

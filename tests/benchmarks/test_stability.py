@@ -29,8 +29,8 @@ from benchmarks.stability.truths import Line, arm, closed_form, linear_bounds
 
 from cvxlimit import Block, Certifier, FixedPoint, Load, Scene, builtin_scene, solve
 from cvxlimit.masonry import random_wall, single_block
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.named import MOMENTS, parse_moments
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.named import MOMENTS, parse_moments
 from cvxlimit.solution import Status
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, linear_load_factor

@@ -19,16 +19,16 @@ import pytest
 
 import cvxlimit
 from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
-from cvxlimit.bracket import Bracket
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report, solving
 from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.table import TABLE
 from cvxlimit.plotting import PICTURES
+from cvxlimit.readings.named import MOMENTS
+from cvxlimit.solution.bracket import Bracket
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from cvxlimit import Tie, builtin_scene, settlement, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import pareto_front
 from cvxlimit.compare.comparison import side_by_side
@@ -28,6 +27,7 @@ from cvxlimit.compare.registry import (
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.model.formulations import resultants
 from cvxlimit.scene import Load
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 

@@ -171,4 +171,4 @@ def test_an_address_that_no_index_shows_is_refused() -> None:
 def test_the_version_is_set_in_one_place() -> None:
     """Files that name it besides are compared with it: test_publishing.py."""
     assert "version" in PROJECT["project"]["dynamic"]
-    assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/cvxlimit/versions.py"
+    assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/cvxlimit/base/versions.py"

@@ -16,10 +16,10 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from cvxlimit import Block, Load, PointForce, Pressure, Scene, Solution, Status, Tie, Units, io
-from cvxlimit.bracket import Bracket
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io import (
     json_schema,
     result_from_dict,
@@ -28,10 +28,10 @@ from cvxlimit.io import (
     scene_to_dict,
 )
 from cvxlimit.io.fields import laid_out
-from cvxlimit.joints import Dilatancy
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member
-from cvxlimit.strengths import PROPERTIES
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.kinematics import Dilatancy
 from malformed_scenes import GOLDEN
 
 # ------------------------------------------------- every field, away from its default

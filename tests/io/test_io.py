@@ -19,7 +19,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import (
@@ -35,6 +34,7 @@ from cvxlimit.io import (
 from cvxlimit.io.fields import laid_out
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
+from cvxlimit.solution.bracket import Bracket
 from malformed_scenes import GOLDEN, MALFORMED
 
 

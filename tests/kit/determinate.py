@@ -12,8 +12,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import effective_regions, mean_distance
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess
 

@@ -20,7 +20,7 @@ from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_sce
 from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
-from cvxlimit.methods.interaction.readings.named import parse_moments
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]

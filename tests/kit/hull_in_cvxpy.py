@@ -1,7 +1,7 @@
 """The convex hull of contacts' states once more, written in CVXPY: the second path to one answer.
 
 The package writes it as arrays (:mod:`cvxlimit.methods.interaction.relaxation.hull`); formulas are
-those of :mod:`cvxlimit.methods.interaction.states.copies`.
+those of :mod:`cvxlimit.readings.states.copies`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
-from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
+from cvxlimit.readings.states.copies import Copies, copy_arms, sheared
+from cvxlimit.readings.states.support import half_extent
 from cvxlimit.solvers import LimitState, SolverSettings, run
 
 FloatArray = NDArray[np.float64]

@@ -15,6 +15,7 @@ import pytest
 
 import cvxlimit.masonry as masonry
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry import (
     BUILTIN,
     arch,
@@ -26,7 +27,6 @@ from cvxlimit.masonry import (
     wall,
 )
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 from planar import planar_load_factor
 
 COUNTS = {

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from cvxlimit import Certified, Contacts, Load, Status, builtin_scene, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Clock, Method, Run, Steps, cycles, drive
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import product

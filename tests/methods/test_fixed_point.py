@@ -15,11 +15,11 @@ from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.driver import cycles
 from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem, LeastForces
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.readings.named import parse_moments
-from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.sinks import Rows
 from cvxlimit.plotting.look import title
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import (
     SolverSettings,

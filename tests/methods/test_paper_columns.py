@@ -13,8 +13,8 @@ import pytest
 
 from cvxlimit import builtin_scene, solve
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import Paper, parse_moments
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import Paper, parse_moments
 
 pytestmark = pytest.mark.exhaustive
 

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 
 from cvxlimit import Block, Certified, Load, Scene, Solution, Status, builtin_scene, prove, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError
 from cvxlimit.io import result_from_dict, result_to_dict
 from cvxlimit.methods.proving import SLACK
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from helpers import scenes
 from intervals import leaning

@@ -15,7 +15,6 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry.builtin import BUILTIN
 from cvxlimit.methods.fixed_point import FrozenProblem
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import (
@@ -29,6 +28,7 @@ from cvxlimit.model.point_friction import PointFriction, at_corners
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.reserve import LeastUse
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface

@@ -16,7 +16,6 @@ from tests.kit.pictures import assert_legible
 
 from cvxlimit import Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.joints import ContactKind
 from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
 from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
@@ -25,6 +24,7 @@ from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.forces import FAINTEST, thrust_lines
 from cvxlimit.plotting.pictures.utilisation import IDLE_COLOUR
 from cvxlimit.plotting.sheet import Letters, columns_of, measured
+from cvxlimit.solution.kinematics import ContactKind
 
 KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))
 

@@ -20,7 +20,6 @@ import shapely
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from cvxlimit import plotting
-from cvxlimit.bracket import Bracket
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -33,6 +32,7 @@ from cvxlimit.plotting.picture import cropped, drawn_mesh, seen
 from cvxlimit.plotting.visible import Faces
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import Bracket
 
 MU = 0.6
 LENGTH, THICKNESS, HEIGHT = 1.0, 0.5, 0.4

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
-from cvxlimit.methods.admissible import carried_exactly
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.gluing import with_contacts
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.admissible import carried_exactly
+from cvxlimit.proof.gluing import with_contacts
 from cvxlimit.proof.slater import Strength
 from cvxlimit.scene import Units
 from cvxlimit.solvers import SolverSettings, default_ladder

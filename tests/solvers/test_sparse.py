@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
-from cvxlimit.arrays import IntArray
+from cvxlimit.base.arrays import IntArray
 from cvxlimit.solvers.extensions import CHOLESKY
 from cvxlimit.solvers.sparse import (
     BACKENDS,

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from cvxlimit import GRAVITY, Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.loads import combined
+from cvxlimit.scene.loads import combined
 from cvxlimit.studies import (
     LoadDomain,
     compare_domains,

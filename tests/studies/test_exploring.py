@@ -11,8 +11,8 @@ import pytest
 
 from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError
-from cvxlimit.loads import combined
 from cvxlimit.masonry import arch
+from cvxlimit.scene.loads import combined
 from cvxlimit.studies import explore
 from cvxlimit.studies.domains.exploring import Explorer
 

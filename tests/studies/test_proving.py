@@ -15,7 +15,7 @@ from cvxlimit import GRAVITY, Block, Load, Scene, builtin_scene, prove, solve, s
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
 from cvxlimit.io import write_result, write_scene
-from cvxlimit.loads import combined
+from cvxlimit.scene.loads import combined
 from cvxlimit.studies import load_domain, read_domain, write_domain
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 

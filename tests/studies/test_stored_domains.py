@@ -11,7 +11,7 @@ import pytest
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.methods.interaction.readings.named import Paper
+from cvxlimit.readings.named import Paper
 from cvxlimit.studies import LoadDomain, load_domain, read_domain
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cvxlimit import Contacts
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import settings_for

@@ -12,36 +12,27 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
-    {"errors", "arrays"},
-    {"checks", "extras", "files", "bracket", "markup", "versions", "progressbar"},
-    {"strengths"},
+    {"errors"},
+    {"base"},
     {"geometry"},
-    {"loads", "ties"},
     {"scene", "solvers"},
-    {"masonry", "surfaces", "joints"},
+    {"masonry", "surfaces"},
     {"solution"},
     {"model"},
     {"proof"},
     {"reductions"},
+    {"readings"},
     {"methods"},
     {"io", "plotting"},
-    {"frames"},
     {"compare", "studies"},
-    {"cli"},
+    {"cli", "conveniences"},
     {"__init__", "__main__"},
 )
-"""Modules and packages, lowest first: each sees lower layers only. Give a new one its place."""
+"""Rooms, lowest first: each sees lower ones only. Give a new one its place."""
 
-OUTSIDE = {
-    "arrays", "bracket", "loads", "scene", "ties", "solution", "geometry", "errors", "checks",
-    "extras", "files", "strengths", "joints",
-}  # fmt: skip
-"""All that input, output and plotting may see besides themselves."""
-
-STRENGTH = "plotting.strength"
-"""Sees surfaces, readings of Eq. 30 and the state of least use: how much of its strength a contact
-uses they say."""
-
+OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
+"""All that files and pictures see besides themselves; pictures also see how much of their strength
+contacts use, as surfaces and readings of Eq. 30 have it."""
 
 OWN_PICKLES = {"methods.interaction.branching.workers", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
@@ -58,31 +49,10 @@ def modules() -> dict[str, ast.Module]:
 TREES = modules()
 
 
-CONVENIENCES = {
-    "scene": (
-        "plotting.__init__", "plotting.drawing", "plotting.notebook", "reductions.choice",
-        "studies.domains.exploring",
-    ),
-    "solution": ("plotting.__init__", "plotting.notebook", "frames", "model.problem"),
-    "model.problem": ("methods.modelling",),
-}  # fmt: skip
-"""Arrows that point up: methods that call what is above them, imported when they are called.
-
-``scene.plot()`` and ``solution.to_dataframe()`` read better than functions of their own; nothing in
-``scene`` and ``solution`` depends on them."""
-
-
 def imported(name: str) -> Iterator[str]:
-    """Modules of the package that a module imports, wherever in its text.
-
-    Left out are :data:`CONVENIENCES`, unless they stand at the top of the module.
-    """
-    top = {id(node) for node in TREES[name].body}
+    """Modules of the package that a module imports, wherever in its text."""
     for node in ast.walk(TREES[name]):
-        if id(node) not in top and name in CONVENIENCES:
-            yield from (m for m in _imported_by(name, node) if m not in CONVENIENCES[name])
-        else:
-            yield from _imported_by(name, node)
+        yield from _imported_by(name, node)
 
 
 def _imported_by(name: str, node: ast.AST) -> Iterator[str]:
@@ -114,18 +84,6 @@ def layer(module: str) -> int:
     return found[0]
 
 
-INTERACTION = ("states", "readings", "relaxation", "restriction", "branching")
-"""Folders of ``methods.interaction``, lowest first."""
-
-
-@pytest.mark.parametrize("name", [n for n in TREES if n.startswith("methods.interaction.")])
-def test_arrows_of_interaction_point_downward(name: str) -> None:
-    folder = name.split(".")[2]
-    seen = {m.split(".")[2] for m in imported(name) if m.startswith("methods.interaction.")}
-    above = INTERACTION[INTERACTION.index(folder) + 1 :] if folder in INTERACTION else INTERACTION
-    assert not seen.intersection(above), f"{name} imports {seen}, which are not below it"
-
-
 @pytest.mark.parametrize("name", TREES)
 def test_arrows_point_downward(name: str) -> None:
     top = name.split(".")[0]
@@ -148,15 +106,60 @@ def cycle(graph: dict[str, set[str]]) -> list[str]:
     return []
 
 
+def among_neighbours() -> dict[str, dict[str, set[str]]]:
+    """By folder: which of its files and folders import which others of them."""
+    found: dict[str, dict[str, set[str]]] = {}
+    for name in TREES:
+        for other in imported(name):
+            one, two = name.split("."), other.split(".")
+            pairs = zip(one, two, strict=False)
+            shared = next((i for i, (a, b) in enumerate(pairs) if a != b), None)
+            if shared is not None:
+                below = found.setdefault(".".join(one[:shared]), {})
+                below.setdefault(one[shared], set()).add(two[shared])
+    return found
+
+
+NEIGHBOURS = among_neighbours()
+
+
+@pytest.mark.parametrize("folder", NEIGHBOURS)
+def test_no_circle_among_the_files_and_folders_of_a_folder(folder: str) -> None:
+    """A folder counts as one, with all that is in it."""
+    assert cycle(NEIGHBOURS[folder]) == []
+
+
 @pytest.mark.parametrize("name", [n for n in TREES if n.split(".")[0] in ("io", "plotting")])
 def test_files_and_pictures_see_scenes_and_solutions_only(name: str) -> None:
     own = name.split(".")[0]
-    readings = ("methods.interaction.readings.", "methods.interaction.states.")
-    seen = {m.split(".")[0] for m in imported(name) if not m.startswith(readings)} - {own}
-    allowed = OUTSIDE | {"surfaces", "model"} if name == STRENGTH else OUTSIDE
-    if name != STRENGTH:
-        seen |= {"methods" for m in imported(name) if m.startswith("methods.")}
+    allowed = OUTSIDE | {own} | ({"readings"} if own == "plotting" else set())
+    seen = {m.split(".")[0] for m in imported(name)}
     assert seen <= allowed, f"{name} imports {sorted(seen - allowed)}"
+
+
+def loaded_by_name() -> dict[str, set[str]]:
+    """Modules with an ``import_module``, and what of its argument is written out."""
+    return {
+        name: {
+            ast.unparse(node.args[0])
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module")
+        }
+        for name, tree in TREES.items()
+        if "import_module" in ast.unparse(tree)
+    }
+
+
+def test_what_is_imported_by_name_hides_no_arrow() -> None:
+    """Besides libraries of others, and each room's own modules, there is one such place."""
+    upward = {
+        (name, what)
+        for name, found in loaded_by_name().items()
+        for what in found
+        if what.startswith(("'cvxlimit.", "f'cvxlimit."))
+        and not what.removeprefix("f").startswith(f"'cvxlimit.{name.split('.')[0]}.")
+    }
+    assert upward == {("base.attached", "'cvxlimit.conveniences'")}
 
 
 def test_the_map_is_complete() -> None:
@@ -193,9 +196,9 @@ def test_the_checks_can_fail() -> None:
     assert resolved("cvxlimit.surfaces.base", "Norm") == "surfaces.base"
     assert resolved("cvxlimit.surfaces", "base") == "surfaces.base"
     assert resolved("cvxlimit.surfaces", "Cone") == "surfaces.__init__"
-    assert resolved("cvxlimit", "scene") == "scene"
+    assert resolved("cvxlimit", "scene") == "scene.__init__"
     assert resolved("cvxlimit", "masonry") == "masonry.__init__"
-    assert "scene" in set(imported("model.statics"))
+    assert "scene.__init__" in set(imported("model.statics"))
     assert layer("model.statics") > layer("scene")
     assert cycle({"scene": {"checks"}, "checks": {"errors"}, "errors": set()}) == []
     assert set(cycle({"scene": {"checks"}, "checks": {"scene"}})) == {"scene", "checks"}

@@ -10,8 +10,8 @@ from typing import get_args
 
 import pytest
 
-from cvxlimit.methods.interaction.readings.named import MOMENTS, MomentsName
 from cvxlimit.methods.table import TABLE, MethodName
+from cvxlimit.readings.named import MOMENTS, MomentsName
 from cvxlimit.surfaces.coulomb import NAMED, SurfaceName, surfaces_of
 
 

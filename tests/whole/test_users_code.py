@@ -16,9 +16,9 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.moments import SIGNED
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.model.formulations import ForceModel, Part, vertex_forces
+from cvxlimit.readings.moments import SIGNED
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, YieldSurface

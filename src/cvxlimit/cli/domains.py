@@ -18,8 +18,8 @@ from cvxlimit.cli.options import EFFORT, OUTPUT, argument, named_values, option,
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.loads import Load
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Status
 from cvxlimit.studies import DomainComparison, LoadDomain, compare_domains, load_domain
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from cvxlimit.bracket import known
+from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
     argument,
@@ -26,10 +26,10 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import known
 from cvxlimit.solvers.exporting import FORMATS, write_program
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
-from cvxlimit.versions import __version__
 
 
 @dataclass(frozen=True, kw_only=True)

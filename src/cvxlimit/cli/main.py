@@ -23,6 +23,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.text import Text
 
+from cvxlimit.base.versions import __version__
 from cvxlimit.cli.comparing import compare_command
 from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
@@ -35,7 +36,6 @@ from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.versions import __version__
 
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -11,9 +11,9 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from cvxlimit.base.progressbar import LOG
 from cvxlimit.cli.report import VOICE
 from cvxlimit.errors import InputError
-from cvxlimit.progressbar import LOG
 
 R = TypeVar("R")
 Job = Callable[[], int]

@@ -17,11 +17,11 @@ from rich.console import Console, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from cvxlimit.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Iterate, LowerEnd, Solution, Status
+from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""

@@ -54,13 +54,13 @@ from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE
 from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot, plot_scene, refused
 from cvxlimit.plotting.look import IMAGES
+from cvxlimit.readings.named import MOMENTS
 from cvxlimit.reductions.choice import explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -13,8 +13,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from cvxlimit.bracket import rounded, rounded_down, rounded_up
-from cvxlimit.checks import count
+from cvxlimit.base.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import (
     EFFORT,
@@ -31,6 +30,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.studies import sweep
 
 if TYPE_CHECKING:

@@ -14,15 +14,15 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from cvxlimit.checks import count
+from cvxlimit.base.checks import count
+from cvxlimit.base.extras import needed
+from cvxlimit.base.files import write_file
+from cvxlimit.base.progressbar import progress_bar
 from cvxlimit.compare.chart import draw_time_against_error, on_front
 from cvxlimit.compare.models import PHASES, Method, Reference, Row
 from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
 from cvxlimit.errors import CvxlimitError, ModelError
-from cvxlimit.extras import needed
-from cvxlimit.files import write_file
 from cvxlimit.masonry import single_block
-from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene, check_scene
 
 if TYPE_CHECKING:

@@ -8,19 +8,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cvxlimit.bracket import Bracket, known
 from cvxlimit.errors import ModelError
 from cvxlimit.methods import driver
 from cvxlimit.methods.driver import Clock
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice, chosen
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import SolverSettings, check_installed, default_ladder, settings_for
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of

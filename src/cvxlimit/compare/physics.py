@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from cvxlimit.checks import finite_vector
+from cvxlimit.base.checks import finite_vector
 from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.settlement import settlement

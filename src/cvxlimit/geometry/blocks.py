@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 import cvxlimit.geometry.polyhedra as polyhedra
-from cvxlimit.arrays import FloatArray, ReadOnlyArrays
-from cvxlimit.checks import finite_vector, not_negative
+from cvxlimit.base.arrays import FloatArray, ReadOnlyArrays
+from cvxlimit.base.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces, surface

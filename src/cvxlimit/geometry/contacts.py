@@ -11,11 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
+from cvxlimit.base.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
+from cvxlimit.base.markup import html_table
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.polygons import mean_distance_over, members_of, torsion_arm
-from cvxlimit.markup import html_table
-from cvxlimit.strengths import PROPERTIES, JointValues, Pair
+from cvxlimit.geometry.strengths import PROPERTIES, JointValues, Pair
 
 COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 """Contact force components (Eq. 1), in the column order of every force array."""
@@ -83,7 +83,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         first, or take ``area``, ``corner_xy`` and ``torsion_arm``, which all contacts have.
     area : (n,)
     friction, cohesion, compressive_strength, tensile_strength : (n,)
-        See :class:`~cvxlimit.strengths.JointValues`; a number is that of all contacts.
+        See :class:`~cvxlimit.geometry.strengths.JointValues`; a number is that of all contacts.
     pieces : mapping of int to tuple of (k, 2) arrays
         For contacts that are not convex, have holes or several parts: convex polygons that tile
         them, counter-clockwise, in the plane (t1, t2) about the origin; see :meth:`pieces_of`.

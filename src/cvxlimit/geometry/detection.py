@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray
-from cvxlimit.checks import positive
+from cvxlimit.base.arrays import BoolArray
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -18,7 +18,7 @@ from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import NearMiss
 from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.shapes import Shapes
-from cvxlimit.strengths import DEFAULT_FRICTION
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 
 _SAME_WAY = 0.9

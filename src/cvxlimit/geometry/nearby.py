@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 
 _FEW = 512
 """So many pairs of nodes take less time than boxes along the nodes' own axes."""

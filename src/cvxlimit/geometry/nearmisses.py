@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 
 Kind = Literal["gap", "angle", "overlap", "sliver"]
 

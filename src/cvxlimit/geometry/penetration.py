@@ -10,7 +10,7 @@ import manifold3d
 import numpy as np
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts

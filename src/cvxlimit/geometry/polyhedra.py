@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 from cvxlimit.geometry.nearby import nearby_pairs

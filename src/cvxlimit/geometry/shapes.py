@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import Facets, planes
 from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs

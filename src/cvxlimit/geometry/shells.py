@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces
 from cvxlimit.geometry.nearby import nearby_pairs

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 import cvxlimit.geometry.mesh as mesh
 import cvxlimit.geometry.polyhedra as polyhedra
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.checks import positive
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block, Repair
 from cvxlimit.geometry.mesh import Faces

@@ -14,8 +14,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
 from cvxlimit.io.fields import (
     LARGEST,
     JsonObject,

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.checks import of_type
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.geometry.lumped import Lumped
@@ -31,8 +30,9 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
-from cvxlimit.joints import Dilatancy
 from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.kinematics import Dilatancy
 
 _NOT_FINITE = ("nan", "inf", "-inf")
 
@@ -273,7 +273,7 @@ def read_result(path: Path) -> Solution:
     Example
     -------
     >>> import tempfile, pathlib
-    >>> from cvxlimit.bracket import Bracket
+    >>> from cvxlimit.solution.bracket import Bracket
     >>> solution = Solution(
     ...     "tower", "conic", "none", "signed", 1, 1, 0.25, Bracket(lower=0.2499),
     ...     Status.NOT_CERTIFIED, (), {"total": 0.01},
@@ -314,7 +314,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
 
     Example
     -------
-    >>> from cvxlimit.bracket import Bracket
+    >>> from cvxlimit.solution.bracket import Bracket
     >>> solution = Solution(
     ...     "tower", "conic", "none", "signed", 1, 1, 0.25, Bracket(upper=0.25),
     ...     Status.NOT_CERTIFIED, (Iterate(0.25, 0.01, "CLARABEL", "optimal"),), {"total": 0.01},

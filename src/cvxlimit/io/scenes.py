@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.checks import first_twice, positive
+from cvxlimit.base.checks import first_twice, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io.fields import (
     LARGEST,
     JsonObject,
@@ -39,10 +40,9 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
-from cvxlimit.loads import Load, PointForce, Pressure
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.strengths import PROPERTIES
-from cvxlimit.ties import Tie
+from cvxlimit.scene.loads import Load, PointForce, Pressure
+from cvxlimit.scene.ties import Tie
 
 AXES = ("x", "y", "z")
 POINT = row(AXES)
@@ -267,7 +267,7 @@ def read_scene(path: Path) -> Scene:
     :class:`~cvxlimit.scene.Scene`. Everything else must be there: friction and both loads are
     never guessed (``"dead": {}`` states that there is no dead load).
 
-    The keys of a load are the fields of :class:`~cvxlimit.loads.Load`, all optional.
+    The keys of a load are the fields of :class:`~cvxlimit.scene.loads.Load`, all optional.
 
     Parameters
     ----------

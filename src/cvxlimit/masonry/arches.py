@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import positive
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import ALONG, Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 
 
 def arch(

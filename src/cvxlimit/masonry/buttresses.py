@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import positive
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.arches import between_all, radial_joints
 from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, scene_of
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 
 _PRISM = (
     (0, 1, 2, 3, 4), (5, 6, 7, 8, 9),

@@ -9,12 +9,12 @@ from itertools import combinations, pairwise
 import numpy as np
 
 import cvxlimit.masonry.sizes as sizes
-from cvxlimit.checks import positive
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import Size, Span, is_negligible
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 
 _SHORTEST = 0.25
 """A piece shorter than this share of a unit is not laid: its neighbour is cut longer instead.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import finite_vector, positive
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE

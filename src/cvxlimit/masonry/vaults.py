@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import not_negative, positive
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.arches import Ring, between
 from cvxlimit.masonry.sizes import ALONG, Span, count, scene_of
 from cvxlimit.masonry.walls import running_bond
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 
 
 def barrel_vault(

@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from cvxlimit.checks import finite_vector, positive
+from cvxlimit.base.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import ALONG, Size, count, ground_below, laid, scene_of, size_of
 from cvxlimit.scene import Load, Scene
-from cvxlimit.strengths import DEFAULT_FRICTION
 
 Course = Sequence[float]
 

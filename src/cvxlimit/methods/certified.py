@@ -14,26 +14,26 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.checks import count, not_negative, ratio
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex import dead_load_falls, fallen
-from cvxlimit.methods.dilatancy.wedging import carried_by_dilatancy
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
-from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
+from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import default_ladder, leading_ladder
 
 STARTS = ("relaxation", "middle", "boxes")

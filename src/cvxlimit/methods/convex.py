@@ -10,11 +10,8 @@ from operator import attrgetter
 import numpy as np
 from cvxpy.settings import OPTIMAL_INACCURATE
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, known
-from cvxlimit.checks import not_negative, ratio
-from cvxlimit.methods.admissible import carried_exactly
-from cvxlimit.methods.dilatancy.wedging import carried_by_dilatancy
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import not_negative, ratio
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.standing import (
     Held,
@@ -24,15 +21,18 @@ from cvxlimit.methods.standing import (
     refuse_an_interval,
     told,
 )
+from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certificate, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.solvers.interior.iteration import NUMBERS
 from cvxlimit.surfaces.coulomb import needed_surfaces

@@ -17,19 +17,19 @@ from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, known, rounded
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.progressbar import LOG
 from cvxlimit.errors import ModelError
-from cvxlimit.joints import Dilatancy, dilatancy_of
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
-from cvxlimit.progressbar import LOG
 from cvxlimit.proof.certificate import assumptions
+from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
+from cvxlimit.solution.bracket import Bracket, known, rounded
+from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.checks import count, ratio
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.checks import count, ratio
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
@@ -18,6 +17,7 @@ from cvxlimit.model.point_friction import ExactFlow, PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Rocking
 
 

@@ -10,18 +10,18 @@ from typing import Any, ClassVar
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.checks import count, is_number, not_negative, ratio
+from cvxlimit.base.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps, cycles
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import parse_moments
-from cvxlimit.methods.interaction.states.pressure import Pressure
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import FORCES
 from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder

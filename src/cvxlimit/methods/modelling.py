@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
-from cvxlimit.bracket import Bracket, known
 from cvxlimit.methods.convex import Convex, Inquiry
 from cvxlimit.methods.driver import Answer, Run, Steps, drive
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import LimitState, rungs_of
 
 

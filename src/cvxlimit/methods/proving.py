@@ -16,16 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, rounded_down, rounded_up
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.admissible import INSIDE, carried_exactly
 from cvxlimit.methods.convex import TOLERANCE, Inquiry
 from cvxlimit.methods.dilatancy.zero_dilatancy import Verifier
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import parse_moments, reading_of
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.lower_bound import (
     LowerBounds,
@@ -34,10 +30,14 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
+from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.slater import Strength
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
+from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of

@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.checks import finite_vector
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.loads import Load
 from cvxlimit.methods.convex import TOLERANCE, Convex, Inquiry
 from cvxlimit.methods.driver import Progress, Run, drive, packed
 from cvxlimit.methods.table import check
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
 

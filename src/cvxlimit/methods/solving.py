@@ -8,8 +8,6 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, Moments
-from cvxlimit.methods.interaction.readings.named import MomentsName
 from cvxlimit.methods.table import (
     TABLE,
     MethodName,
@@ -19,6 +17,8 @@ from cvxlimit.methods.table import (
 )
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.readings.moments import INDEPENDENT, Moments
+from cvxlimit.readings.named import MomentsName
 from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -68,7 +68,7 @@ def solve(
         safe reading (default); static torsion about the pressure centre, without or with Eq. 27
         beside it; or tied signs with absolute eccentricities and Eq. 27, with which the paper's
         figures are met, and which depends on the choice of the contacts' axes
-        (:class:`~cvxlimit.methods.interaction.readings.named.Paper` takes the others).
+        (:class:`~cvxlimit.readings.named.Paper` takes the others).
     tolerance : float or None
         Asked relative width of the bracket; for the fixed point, the change that counts as
         converged. None is 1e-5 for the convex method, 1e-3 for the exact one, 1e-4 for the fixed

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, rounded
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Answer, Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
@@ -17,6 +16,7 @@ from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import REFERENCE, Certifier, assumptions
 from cvxlimit.solution import Iterate, LowerEnd
+from cvxlimit.solution.bracket import Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times
 
 _RUNGS = 2

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cvxlimit.checks import ratio
+from cvxlimit.base.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.convex import Convex

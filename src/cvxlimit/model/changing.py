@@ -9,7 +9,7 @@ from typing import Any, Self
 import cvxpy as cp
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.limits import LinearLimits, OwnLimits
 from cvxlimit.model.statement import Statement

@@ -13,15 +13,15 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.promote import promote
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.loads import Load
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.sinks import check_values
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
-from cvxlimit.strengths import PROPERTIES
+from cvxlimit.scene.loads import Load
 from cvxlimit.surfaces.base import number, product
 
 

@@ -17,7 +17,7 @@ from cvxpy.atoms.affine.binary_operators import MulExpression
 from cvxpy.error import DCPError, DPPError, SolverError
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.sinks import Form, Rows, check_values
 from cvxlimit.model.statics import DOF

@@ -11,7 +11,8 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.attached import attached
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.changing import Changeable
@@ -255,9 +256,8 @@ class LimitProblem(Changeable):
         >>> [*found, round(problem.solve().load_factor, 5)]
         [0.4, 0.3]
         """
-        from cvxlimit.methods.modelling import solved
-
-        return solved(self, solver, tolerance, verbose, options)
+        found: Solution = attached("problem_solve")(self, solver, tolerance, verbose, options)
+        return found
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem

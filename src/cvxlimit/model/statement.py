@@ -11,7 +11,7 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of

@@ -9,7 +9,7 @@ from operator import attrgetter
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.scene import Scene

@@ -16,10 +16,9 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
-from cvxlimit.checks import of_type
+from cvxlimit.base.checks import of_type
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
-from cvxlimit.joints import ContactKind, ContactMotion
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
@@ -30,11 +29,12 @@ from cvxlimit.plotting.pictures.exploded import exploded
 from cvxlimit.plotting.pictures.forces import forces, thrust
 from cvxlimit.plotting.pictures.mechanism import cracks, mechanism, mechanism_of
 from cvxlimit.plotting.pictures.utilisation import utilisation
+from cvxlimit.plotting.pictures.webpage import Page, page, scene_page
 from cvxlimit.plotting.registry import PICTURES, figures, picture
 from cvxlimit.plotting.vtu import to_pyvista, vtu_files
-from cvxlimit.plotting.webpage import Page, page, scene_page
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.solution.kinematics import ContactKind, ContactMotion
 
 if TYPE_CHECKING:
     from cvxlimit.plotting.drawing import SceneFigure as SceneFigure

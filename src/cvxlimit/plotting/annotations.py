@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.contacts import COLUMN, Contacts, pressure_centres
-from cvxlimit.loads import Load
 from cvxlimit.plotting.camera import upright
-from cvxlimit.plotting.movement import Motion, contact_forces, displaced, free_size
+from cvxlimit.plotting.movement import Motion, displaced, free_size
+from cvxlimit.readings.utilisation import contact_forces
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution
 
 LEVEL_WITHIN = 10.0

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.camera import Camera, upright
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.picture import SURROUNDINGS, shown_bounds

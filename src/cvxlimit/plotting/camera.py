@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import finite_vector
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.movement import Motion, free_bounds
 from cvxlimit.scene import Scene

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.sheet import KEYS, PAPER, Letters, Sheet, columns_of, lines_of, measured
 

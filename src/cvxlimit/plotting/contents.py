@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
 from cvxlimit.plotting.look import CASE_COLOURS, PALE, block_colours, title

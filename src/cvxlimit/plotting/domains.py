@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.look import printable, saved
 from cvxlimit.plotting.notebook import card
+from cvxlimit.plotting.pictures.webpage import Page, framed
 from cvxlimit.plotting.registry import figures
-from cvxlimit.plotting.webpage import Page, framed
 
 _COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
 

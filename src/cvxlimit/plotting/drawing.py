@@ -22,7 +22,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 import cvxlimit.plotting.look as look
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import Axes as Coordinates

@@ -10,15 +10,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import rounded
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
-from cvxlimit.files import write_file
-from cvxlimit.joints import ContactKind
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
 from cvxlimit.plotting.movement import Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.kinematics import ContactKind
 
 SPEED_STOPS = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", "#134b73")
 """Colours from speed 0 to the largest, evenly spaced: light to dark, so that they also read in
@@ -139,7 +139,7 @@ def title(solution: Solution) -> str:
 
     Example
     -------
-    >>> from cvxlimit.bracket import Bracket
+    >>> from cvxlimit.solution.bracket import Bracket
     >>> from cvxlimit.solution import Solution, Status
     >>> title(Solution("tuff-wall", "conic", "none", "signed", 122, 314, 0.423058,
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))

@@ -7,10 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.checks import of_type
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.joints import (
+from cvxlimit.scene import Scene, check_scene
+from cvxlimit.solution import Solution
+from cvxlimit.solution.kinematics import (
     VISIBLE,
     ContactMotion,
     contact_motion,
@@ -18,8 +20,6 @@ from cvxlimit.joints import (
     relative_rates,
     velocity_of,
 )
-from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Solution
 
 DEFORMATION = 0.09
 """Largest drawn corner displacement, as a fraction of the free blocks' size: clearly seen, and
@@ -105,16 +105,6 @@ def free_size(scene: Scene) -> float:
 
 def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray) -> FloatArray:
     return points + moving.scale * velocity_of(scene, moving.rates, points, block)
-
-
-def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
-    """The solution's forces (n, 6), None if it has none; refused unless one row per contact."""
-    if solution.forces is not None and solution.forces.shape != (len(scene.contacts), 6):
-        raise InputError(
-            f"the solution of {solution.scene!r} has forces of shape {solution.forces.shape}, "
-            f"but scene {scene.name!r} has {len(scene.contacts)} contacts: it does not belong to it"
-        )
-    return solution.forces
 
 
 def _block_rates(scene: Scene, solution: Solution) -> FloatArray:

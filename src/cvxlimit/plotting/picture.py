@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors, linked, triangulated
 from cvxlimit.geometry.overlays import union
 from cvxlimit.geometry.penetration import Body
-from cvxlimit.joints import VISIBLE
 from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
 from cvxlimit.plotting.movement import displaced, free_bounds, free_size
 from cvxlimit.plotting.visible import Faces, outlines, rings
 from cvxlimit.scene import Scene
+from cvxlimit.solution.kinematics import VISIBLE
 
 MARK_WIDTH = 1.8
 """Width of the widest contact's outline in points: readable where a joint opens by less."""

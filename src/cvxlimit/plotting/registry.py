@@ -9,7 +9,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from cvxlimit.extras import needed
+from cvxlimit.base.extras import needed
 from cvxlimit.plotting.contents import Drawing
 
 if TYPE_CHECKING:

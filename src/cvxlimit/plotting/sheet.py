@@ -14,7 +14,7 @@ from matplotlib import rcParams, rcParamsDefault
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.mesh import cross
 from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.extras import needed
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.joints import velocity_of
-from cvxlimit.plotting.movement import Motion, contact_forces, motion
+from cvxlimit.plotting.movement import Motion, motion
+from cvxlimit.readings.utilisation import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.solution.kinematics import velocity_of
 
 POLYGON, POLYHEDRON = 7, 42
 """VTK cell types."""

@@ -14,16 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.bracket import Bracket
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.gluing import glued, without_idle
 from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.slater import NOTHING, ContactFlow, Flow, Strength, Witnesses, finite
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.limits import LinearLimits
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.solution.bracket import Bracket
 
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""

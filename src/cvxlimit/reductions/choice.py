@@ -16,8 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.checks import ratio
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.checks import ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction

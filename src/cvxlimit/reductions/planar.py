@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Part, compressions_at
 from cvxlimit.model.statics import DOF, Statics

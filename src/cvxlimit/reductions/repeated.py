@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.solvers.program import ConeProgram

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import ModelError
-from cvxlimit.files import write_file
 from cvxlimit.solvers.program import ConeProgram
 
 FORMATS = ("cbf", "mps", "npz")

@@ -17,7 +17,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.utilities import ReducedMat
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
 from cvxlimit.solvers.interior.whole import small_program

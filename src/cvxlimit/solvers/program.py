@@ -22,7 +22,7 @@ from cvxpy.reductions.solution import Solution
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import Outcome, attempted, run
 from cvxlimit.solvers.table import SolverSettings

@@ -12,7 +12,7 @@ import cvxpy as cp
 from cvxpy.reductions.solution import Solution
 from cvxpy.settings import ERROR, INF_OR_UNB, SOLUTION_PRESENT
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.solvers.table import SolverSettings, able
 
 

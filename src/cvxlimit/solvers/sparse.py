@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import SuperLU as SuperLUFactors
 from scipy.sparse.linalg import splu
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.solvers.extensions import CHOLESKY
 
 Indices = NDArray[np.signedinteger[Any]]

@@ -13,11 +13,11 @@ import cvxpy as cp
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 
-from cvxlimit.checks import ratio
+from cvxlimit.base.checks import ratio
+from cvxlimit.base.versions import __version__, version_of
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.own import Blockwise, Rescaled
 from cvxlimit.solvers.sparse import BACKENDS, backends
-from cvxlimit.versions import __version__, version_of
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
+from cvxlimit.base.versions import __version__
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.io.scenes import scene_digest
@@ -30,7 +31,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.surfaces import YieldSurface
 from cvxlimit.surfaces.base import number, stated
 from cvxlimit.surfaces.coulomb import BUILT_IN, surfaces_of
-from cvxlimit.versions import __version__
 
 _SIZE = 16
 """Bytes of a digest: two of a billion rows are alike by chance once in 10^20 folders."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import is_number
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import is_number
 
 _LEAST = 40
 """Variations from which leaders pay, each of a few processes solving them at less than a row's

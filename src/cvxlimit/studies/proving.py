@@ -14,9 +14,9 @@ from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.proving import Check, solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.readings.moments import Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.studies.domains.document import DOMAIN

@@ -16,24 +16,24 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import is_number, ratio
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import is_number, ratio
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.extras import needed
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.methods.convex import TOLERANCE, Inquiry
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import ladder_of
 from cvxlimit.solvers.threads import one_thread
-from cvxlimit.strengths import PROPERTIES
 from cvxlimit.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.studies.leaders import Leaders
 from cvxlimit.studies.store import IDENTITY, PROOF

@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvxlimit.base.extras import needed
+from cvxlimit.base.files import write_file, write_new_file
+from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
-from cvxlimit.files import write_file, write_new_file
-from cvxlimit.versions import __version__
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -11,16 +11,16 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from cvxlimit.base.extras import needed
+from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.extras import needed
 from cvxlimit.io.scenes import scene_digest, scene_to_dict
-from cvxlimit.progressbar import progress_bar
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.studies.rows import RESULTS, Row, Structures, Study, packed, work
 from cvxlimit.studies.store import IDENTITY, KEY, PROOF, Store, key_of
 from cvxlimit.studies.variations import Grid, variations_of
-from cvxlimit.versions import __version__
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cvxlimit.checks import count, finite_vector, positive
+from cvxlimit.base.checks import count, finite_vector, positive
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
-from cvxlimit.loads import Load
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.strengths import PROPERTIES
+from cvxlimit.scene.loads import Load
 
 if TYPE_CHECKING:
     from pandas import DataFrame

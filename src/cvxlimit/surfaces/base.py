@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeAlias
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts, least_carried
 from cvxlimit.surfaces.cones import Cone, Conic, Sink

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 
 

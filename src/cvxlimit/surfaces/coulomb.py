@@ -8,7 +8,7 @@ from typing import Literal
 
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.strengths import PROPERTIES
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.surfaces.base import (
     CONSTANT,
     Coefficient,

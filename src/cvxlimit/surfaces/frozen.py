@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.surfaces.base import Coefficient, Condition, Norm, Unknowns, YieldSurface, product
 from cvxlimit.surfaces.cones import Cone

@@ -17,7 +17,7 @@ from cvxlimit.geometry.polygons import (
     convex_hull,
     torsion_arm,
 )
-from cvxlimit.methods.interaction.states.cells import ArmBounds, capped
+from cvxlimit.readings.states.cells import ArmBounds, capped
 from determinate import arm_at
 from helpers import regular
 

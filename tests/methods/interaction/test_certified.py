@@ -16,9 +16,9 @@ from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import random_wall
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.model.statics import Statics
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.solution import Status
 from determinate import arm_at
 from exhaustive import mostly_slow, slow

@@ -12,12 +12,12 @@ from cvxlimit import Scene, solve
 from cvxlimit.masonry import panel
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
 from cvxlimit.solvers import settings_for

@@ -13,20 +13,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Contacts, Load, Scene, builtin_scene
-from cvxlimit.bracket import Bracket
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.pressure import effective_arm
-from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.pressure import effective_arm
+from cvxlimit.readings.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.interior.iteration import Point
 from determinate import (

@@ -15,18 +15,18 @@ from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction import lower_bound
 from cvxlimit.methods.interaction.restriction.inner import Boxes, InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate
 from cvxlimit.methods.interaction.settings import PROOF
-from cvxlimit.methods.interaction.states.majorants import Forces, Point, Row, StepRows
-from cvxlimit.methods.interaction.states.pressure import effective_arm
-from cvxlimit.methods.interaction.states.rectangles import Rectangles
 from cvxlimit.model.statics import Statics
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.majorants import Forces, Point, Row, StepRows
+from cvxlimit.readings.states.pressure import effective_arm
+from cvxlimit.readings.states.rectangles import Rectangles
 from cvxlimit.solvers import leading_ladder, settings_for
 from exhaustive import slow
 from helpers import interaction_excess, named_scene, piles

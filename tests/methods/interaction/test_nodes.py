@@ -11,13 +11,13 @@ from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.interaction.branching.tightening import Reach
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.named import MOMENTS
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.states.cells import triangles
-from cvxlimit.methods.interaction.states.pressure import effective_arm
-from cvxlimit.methods.interaction.states.support import half_extent, whole_boxes
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.named import MOMENTS
+from cvxlimit.readings.states.cells import triangles
+from cvxlimit.readings.states.pressure import effective_arm
+from cvxlimit.readings.states.support import half_extent, whole_boxes
 from cvxlimit.solvers import settings_for
 from determinate import arm_at, hexagons, prism, states, tangential
 from hull_in_cvxpy import hull_solved

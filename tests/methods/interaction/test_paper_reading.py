@@ -18,19 +18,19 @@ from cvxlimit.methods import certified
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.moments import INDEPENDENT, SIGNED
-from cvxlimit.methods.interaction.readings.named import (
+from cvxlimit.methods.interaction.restriction.slater import carrying_forces
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
+from cvxlimit.readings.named import (
     MOMENTS,
     Paper,
     SignedTorsionBending,
     parse_moments,
 )
-from cvxlimit.methods.interaction.restriction.slater import carrying_forces
-from cvxlimit.methods.interaction.restriction.steps import SafeStep
-from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.pressure import Pressure, effective_arm
 from cvxlimit.solution import Status
 from cvxlimit.solvers import default_ladder, settings_for
 from cvxlimit.surfaces import Condition, Conic, Rocking, Sliding

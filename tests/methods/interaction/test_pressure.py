@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cvxlimit import Block, Load, Scene
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.interaction.restriction.lower_bound import rocking_excess
-from cvxlimit.methods.interaction.states.pressure import Pressure, effective_arm
+from cvxlimit.readings.states.pressure import Pressure, effective_arm
 from helpers import interaction_excess
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ from cvxlimit import Block, Load, Scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import random_wall
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.interaction.readings.moments import Moments, TiedMoments
+from cvxlimit.readings.moments import Moments, TiedMoments
 
 FloatArray = NDArray[np.float64]
 

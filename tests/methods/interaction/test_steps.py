@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from cvxlimit import Scene
 from cvxlimit.masonry import panel
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.readings.named import parse_moments
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
-from cvxlimit.methods.interaction.states.majorants import Forces, Point, StepRows
 from cvxlimit.model.sinks import Constraints
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.majorants import Forces, Point, StepRows
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
 from cvxlimit.solvers import run, settings_for

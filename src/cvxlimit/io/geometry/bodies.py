@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces, flipped, linked
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes

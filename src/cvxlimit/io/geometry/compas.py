@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import mapping, number, shown
 from cvxlimit.io.geometry.bodies import Body

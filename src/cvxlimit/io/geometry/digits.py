@@ -11,7 +11,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.io.geometry.bodies import Body
 

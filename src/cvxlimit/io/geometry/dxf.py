@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
 from cvxlimit.io.fields import one_line, read_bytes, shown
 from cvxlimit.io.geometry.bodies import Body, merged
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.extras import needed
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
-from cvxlimit.files import write_file
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, pressure_centres
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.io.fields import one_line

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.checks import positive
+from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
@@ -35,8 +35,8 @@ from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
 from cvxlimit.io.geometry.supports import supports_of
 from cvxlimit.io.geometry.tables import read_table
-from cvxlimit.loads import Load
 from cvxlimit.scene import Scene, Units
+from cvxlimit.scene.loads import Load
 
 AXES = ("x", "y", "z")
 

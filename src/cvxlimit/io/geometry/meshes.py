@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
 from cvxlimit.io.fields import one_line, parsed, read_bytes, shown
 from cvxlimit.io.geometry.bodies import Body, merged, natural
 

@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 
-from cvxlimit.checks import first_twice
+from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import shown
 from cvxlimit.io.geometry.bodies import Body

@@ -1,1 +1,1 @@
-"""Friction that slides without opening: solutions, bounds, and what associated answers owe to it."""
+"""Friction that slides without opening: solutions, bounds, what associated answers owe to it."""

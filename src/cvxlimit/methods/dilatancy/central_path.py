@@ -1,7 +1,7 @@
 """A path to zero-dilatancy solutions from anywhere: interior points, followed around their folds.
 
-The conditions of a solution (:mod:`~cvxlimit.methods.dilatancy.complementarity`) are relaxed by tau:
-every corner presses and opens with n w = r tau, and every contact slides and turns with
+The conditions of a solution, in :mod:`~cvxlimit.methods.dilatancy.complementarity`, are relaxed by
+tau: every corner presses and opens with n w = r tau, and every contact slides and turns with
 
     (a, V) o (lambda, slip) = (r tau, 0),    (b, m) o (lambda, c_T twist) = (r tau, 0),
     a + b = c A + mu N,
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.dilatancy.complementarity import FrictionSystem, Point, in_blocks, typical
 from cvxlimit.solvers import LimitState
 from cvxlimit.solvers.sparse import symmetric_lu

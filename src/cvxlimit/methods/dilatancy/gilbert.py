@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import rounded
-from cvxlimit.checks import count, positive, ratio
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import rounded
 from cvxlimit.solvers import clarabel_at
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import CONSTANT

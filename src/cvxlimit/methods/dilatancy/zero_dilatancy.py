@@ -14,9 +14,8 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import rounded
-from cvxlimit.checks import count, ratio
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex import dead_load_falls
@@ -29,6 +28,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
+from cvxlimit.solution.bracket import rounded
 from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
 from cvxlimit.solvers import run as run_solver
 from cvxlimit.surfaces.base import times

@@ -10,33 +10,6 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class SupportSettings:
-    """Support functions, arms and shapes of contacts."""
-
-    halvings: int = 45  # of pieces at most: they are then as short as rounding
-    pieces: int = 8  # into which an edge is cut at a time
-    most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
-    edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
-    boxes: float = 1e-8  # the same over boxes, which close more slowly
-    sections: int = 23  # of the share of Eq. 30, each 2/5 of the last: 7e-10 of the range is left,
-    at_a_time: int = 4  # shares tried at once
-    shares: int = 5  # of Eq. 30 tried to tell which triangles may have the largest power
-    most_whole: int = 500  # polygons whose arms, 5 ms each, are bounded even of whole contacts
-    cells: int = 4  # along a polygon's sides, two or more along its box's: bounds with 8 are alike
-    digits: int = 40  # binary ones of a polygon's size in which equal ones agree
-    rounding: float = 1e-9  # share of a contact's size, or area, that counts as nothing
-    stations: int = 48  # positions along a contact that ends of inscribed rectangles try,
-    angles: int = 24  # and directions, besides those of the contact's edges
-    grid: int = 21  # pressure centres per axis at which their arms are compared
-    margin: float = 0.99  # share of the least ratio of arms there: what may lie between
-    friction: float = 1e-3  # least in the balance of product bounds, to keep that finite
-    idle: float = 0.3  # least share of it for the half of a moment that is zero at the point
-    central: float = 1e-4  # share of a side from an axis within which centres may cross that
-    narrowest: float = 0.2  # least share of a range that a child gets, so that ranges shrink
-    near_zero: float = 0.25  # of it, up to which a cut is made at zero where both signs are left
-
-
-@dataclass(frozen=True)
 class ProofSettings:
     """When forces count, and how they are proved."""
 
@@ -159,5 +132,5 @@ class BracketSettings:
     least_nodes: int = 30  # but not before so many nodes, however slow the machine
 
 
-SUPPORT, PROOF, CLIMB = SupportSettings(), ProofSettings(), ClimbSettings()
+PROOF, CLIMB = ProofSettings(), ClimbSettings()
 BRANCH, BRACKET = BranchSettings(), BracketSettings()

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.checks import count
+from cvxlimit.base.checks import count
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.extras import needed
 from cvxlimit.plotting.contents import Viewer
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.picture import seen

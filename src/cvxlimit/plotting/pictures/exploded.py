@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 import cvxlimit.plotting.look as look
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import positive
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import positive
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
@@ -17,7 +17,7 @@ from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.utilisation import idle_keys, joint_areas, used_shares
 from cvxlimit.plotting.registry import picture
-from cvxlimit.plotting.strength import forces_of, least_used_state
+from cvxlimit.readings.utilisation import forces_of, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

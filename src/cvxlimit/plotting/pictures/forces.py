@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import annotated, loads_to_scale
 from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.registry import picture
-from cvxlimit.plotting.strength import forces_of
+from cvxlimit.readings.utilisation import forces_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cvxlimit.checks import positive
-from cvxlimit.joints import ContactKind
+from cvxlimit.base.checks import positive
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
 from cvxlimit.plotting.look import SLOW, SPEED_STOPS, SPEED_TEXT, moving_joints, title
@@ -13,6 +12,7 @@ from cvxlimit.plotting.movement import Motion, motion
 from cvxlimit.plotting.registry import picture
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.solution.kinematics import ContactKind
 
 CRACK = 1.8
 """Width of the widest crack, in lines of the mechanism's widest joint: nothing gapes there to be

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cvxlimit.plotting import webpage
+from cvxlimit.plotting.pictures import webpage
 from cvxlimit.plotting.registry import listed
 from cvxlimit.solution import Solution
 

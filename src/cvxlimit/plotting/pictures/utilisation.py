@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
 from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
 from cvxlimit.plotting.registry import picture
-from cvxlimit.plotting.strength import LITTLE, forces_of, least_used_state, share_used
+from cvxlimit.readings.utilisation import LITTLE, forces_of, least_used_state, share_used
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.blocks import LIMITS, Group
 from cvxlimit.solvers.interior.cones import Cones, NesterovTodd

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 
 
 class Cones:

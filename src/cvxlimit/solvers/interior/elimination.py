@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.extensions import BATCH
 from cvxlimit.solvers.interior.blocks import LIMITS, Blocks, Group

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers.interior.blocks import LIMITS
 from cvxlimit.solvers.interior.compiled import newton_system

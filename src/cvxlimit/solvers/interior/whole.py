@@ -9,7 +9,7 @@ import time
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.solvers.extensions import SMALL
 from cvxlimit.solvers.interior.blocks import LIMITS
 from cvxlimit.solvers.interior.iteration import (

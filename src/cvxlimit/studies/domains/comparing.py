@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
-from cvxlimit.loads import Load
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load
 from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.studies.domains.search import load_domain
 

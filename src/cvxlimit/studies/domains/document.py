@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.checks import first_twice
+from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import ANY_FINITE, Path, items, shown, text
 from cvxlimit.io.forms import (

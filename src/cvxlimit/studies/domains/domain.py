@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket, rounded_down, rounded_up
-from cvxlimit.checks import finite_vector
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extras import needed
-from cvxlimit.loads import Load, combined
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
 from cvxlimit.studies.domains.polytopes import Inner, Outer
 from cvxlimit.studies.domains.supports import Support
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-    from cvxlimit.plotting.webpage import Page
+    from cvxlimit.plotting.pictures.webpage import Page
 
 Answer = Literal["carried", "not carried", "open"]
 

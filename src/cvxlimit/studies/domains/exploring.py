@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.checks import finite_vector, is_number
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector, is_number
+from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.extras import needed
-from cvxlimit.loads import Load, combined
+from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.methods.solving import solve
 from cvxlimit.plotting.domains import around
 from cvxlimit.plotting.look import DIGITS
 from cvxlimit.plotting.notebook import card, falling
-from cvxlimit.plotting.webpage import asset
+from cvxlimit.plotting.pictures.webpage import asset
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution
-from cvxlimit.strengths import PROPERTIES
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.studies.domains.search import load_domain, named_loads
 from cvxlimit.studies.variations import varied
 

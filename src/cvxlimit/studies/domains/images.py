@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.solution import Iterate

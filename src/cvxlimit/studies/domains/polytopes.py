@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 
 FLAT = 1e-7
 """Extent, over the natural size of load factors, below which a set counts as flat: ten times what

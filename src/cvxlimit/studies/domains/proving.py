@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.errors import InputError
-from cvxlimit.loads import combined
 from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import combined
 from cvxlimit.solution import Status
 from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.studies.domains.images import Raw

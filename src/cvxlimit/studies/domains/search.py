@@ -13,21 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.checks import count, of_type, ratio
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, of_type, ratio
+from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
 from cvxlimit.io.scenes import LOAD, scene_digest
-from cvxlimit.loads import Load, combined
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.readings.named import MomentsName, parse_moments
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import MethodName, check_choice
 from cvxlimit.model.point_friction import ExactFlow
-from cvxlimit.progressbar import progress_bar
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import MomentsName, parse_moments
 from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution, Status
 from cvxlimit.studies.domains.document import read_domain, write_domain
 from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
@@ -38,7 +39,6 @@ from cvxlimit.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.studies.sweeping import solved
 from cvxlimit.surfaces import Cone, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
-from cvxlimit.versions import __version__
 
 PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0))}
 """Loads unless others are given: pushes of the weight along both horizontal axes."""

@@ -13,21 +13,21 @@ from weakref import WeakKeyDictionary
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import Bracket
-from cvxlimit.loads import Load, combined
-from cvxlimit.methods.admissible import carried_exactly
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Answer, Run, packed
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import REFERENCE, Certifier
 from cvxlimit.proof.slater import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.surfaces.base import times

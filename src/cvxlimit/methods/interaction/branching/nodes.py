@@ -12,19 +12,19 @@ from itertools import islice
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.methods.interaction.relaxation.pieces import Halfway, Key, Piece
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
-from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.methods.interaction.states.support import Range, box_keys
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.pressure import centres
+from cvxlimit.readings.states.support import Range, box_keys
 from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
 from cvxlimit.surfaces import Rocking
 

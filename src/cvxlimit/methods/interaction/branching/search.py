@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.branching.tightening import tightened_root
@@ -24,8 +24,8 @@ from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import BRANCH
-from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.methods.interaction.states.support import whole_boxes
+from cvxlimit.readings.states.pressure import centres
+from cvxlimit.readings.states.support import whole_boxes
 from cvxlimit.solvers import LimitState, Outcome
 
 _State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium

@@ -11,15 +11,15 @@ from itertools import product
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.pieces import Piece, stacked
 from cvxlimit.methods.interaction.relaxation.upper import missed_copies
 from cvxlimit.methods.interaction.settings import BRANCH
-from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.pressure import centres
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.pressure import centres
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 

@@ -8,10 +8,10 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.readings.moments import Moments
 from cvxlimit.solvers import SolverSettings
 
 

@@ -2,7 +2,7 @@
 
 One writing serves the relaxations of a whole run and the thousands of small problems of branch and
 bound, where compiling by CVXPY would take longer than solving. The formulas are those of
-:mod:`~cvxlimit.methods.interaction.states.copies`.
+:mod:`~cvxlimit.readings.states.copies`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.relaxation.pieces import (
     Entry,
     Halfway,
@@ -24,9 +23,10 @@ from cvxlimit.methods.interaction.relaxation.pieces import (
     Piece,
     cut,
 )
-from cvxlimit.methods.interaction.states.copies import Copies, copy_arms, sheared
-from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Equilibrium
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.states.copies import Copies, copy_arms, sheared
+from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.solvers.program import ConeProgram

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.solvers.interior.iteration import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix

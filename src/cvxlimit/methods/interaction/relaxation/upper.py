@@ -11,16 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray, IntArray
-from cvxlimit.bracket import known
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.readings.flow import InteractionFlow
-from cvxlimit.methods.interaction.readings.halves import Half
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.methods.interaction.settings import BRACKET
-from cvxlimit.methods.interaction.states.copies import Copies
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.readings.flow import InteractionFlow
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Rocking
 

@@ -12,16 +12,16 @@ from itertools import islice
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
 from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
-from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.methods.interaction.states.support import whole_boxes
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.pressure import centres
+from cvxlimit.readings.states.support import whole_boxes
 
 
 class Boxes:

@@ -9,17 +9,12 @@ from itertools import product
 
 import numpy as np
 
-from cvxlimit.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.bracket import Bracket
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.driver import Answer, Run
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import PROOF
-from cvxlimit.methods.interaction.states.majorants import Point
-from cvxlimit.methods.interaction.states.pressure import centres
-from cvxlimit.methods.interaction.states.support import half_extent
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.goals import LargestFactor
@@ -27,7 +22,12 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
 from cvxlimit.proof.slater import Strength, Witnesses
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.pressure import centres
+from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
@@ -153,7 +153,7 @@ class LowerBounds:
 
 
 class TrueStrength(Strength):
-    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.methods.admissible.carried_exactly`."""
+    """Eq. 9 and 30 as they stand, for :func:`~cvxlimit.proof.admissible.carried_exactly`."""
 
     def __init__(self, assemblage: Assemblage, moments: Moments) -> None:
         super().__init__(assemblage, DEFAULT_SURFACES)

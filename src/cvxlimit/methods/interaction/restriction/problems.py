@@ -14,20 +14,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.bracket import known
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.readings.moments import Moments
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
-from cvxlimit.methods.interaction.states.copies import Copies
-from cvxlimit.methods.interaction.states.majorants import Point
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.majorants import Point
 from cvxlimit.reductions.choice import Reductions
+from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import (
     LimitState,
     SolverSettings,

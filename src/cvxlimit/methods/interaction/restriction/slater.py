@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.methods.admissible import INSIDE, carried_exactly
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.restriction.lower_bound import (
     TrueStrength,
@@ -18,9 +17,10 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
-from cvxlimit.methods.interaction.states.majorants import Point
 from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.admissible import INSIDE, carried_exactly
+from cvxlimit.readings.states.majorants import Point
 from cvxlimit.solvers import SolverSettings
 
 

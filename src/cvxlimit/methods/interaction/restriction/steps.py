@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.arrays import FloatArray
-from cvxlimit.methods.interaction.readings.halves import Half
-from cvxlimit.methods.interaction.readings.moments import Moments
-from cvxlimit.methods.interaction.settings import SUPPORT
-from cvxlimit.methods.interaction.states.majorants import Forces, Point, StepRows
-from cvxlimit.methods.interaction.states.rectangles import Rectangles
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage, Equilibrium
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.statics import DOF
+from cvxlimit.readings.halves import Half
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.settings import SUPPORT
+from cvxlimit.readings.states.majorants import Forces, Point, StepRows
+from cvxlimit.readings.states.rectangles import Rectangles
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.solvers.program import ConeProgram

@@ -1,0 +1,1 @@
+"""What every part of the package uses: arrays, checks, files, versions, progress, extras."""

@@ -1,0 +1,90 @@
+"""Methods of scenes, solutions and problems that call what is above them.
+
+``scene.plot()`` reads better than a function of its own, but pictures see scenes, not they them:
+nothing in scenes, solutions and models depends on what is here. Such a method says what it does,
+and calls the function of that name by :func:`cvxlimit.base.attached.attached`; the function
+imports what it needs when it is called, since pictures need a second to load.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+
+
+def scene_html(scene: Scene) -> str:
+    """What a notebook shows of a scene."""
+    from cvxlimit.plotting.notebook import scene_html
+
+    return scene_html(scene)
+
+
+def scene_plot(
+    scene: Scene,
+    path: str | os.PathLike[str] | None,
+    viewer: tuple[float, float, float] | None,
+    options: dict[str, Any],
+) -> Any:
+    """:meth:`cvxlimit.Scene.plot`."""
+    from cvxlimit.plotting import plot_scene, scene_figure
+
+    if viewer is not None:
+        options["viewer"] = viewer
+    return scene_figure(scene, **options) if path is None else plot_scene(scene, path, **options)
+
+
+def scene_explain(scene: Scene, surface: Any, options: dict[str, Any]) -> Any:
+    """:meth:`cvxlimit.Scene.explain`."""
+    from cvxlimit.reductions.choice import explain
+
+    return explain(scene, surface, **options)
+
+
+def scene_explore(scene: Scene, options: dict[str, Any]) -> Any:
+    """:meth:`cvxlimit.Scene.explore`."""
+    from cvxlimit.studies.domains.exploring import explore
+
+    return explore(scene, **options)
+
+
+def solution_html(solution: Solution) -> str:
+    """What a notebook shows of a solution."""
+    from cvxlimit.plotting.notebook import solution_html
+
+    return solution_html(solution)
+
+
+def solution_plot(
+    solution: Solution, kind: str, path: str | os.PathLike[str] | None, options: dict[str, Any]
+) -> Any:
+    """:meth:`cvxlimit.Solution.plot`."""
+    from cvxlimit.plotting import picture_of
+
+    return picture_of(solution, kind, path, **options)
+
+
+def solution_table(solution: Solution, what: str) -> Any:
+    """:meth:`cvxlimit.Solution.to_dataframe`."""
+    from cvxlimit.plotting.frames import table_of
+
+    return table_of(solution, what)
+
+
+def solution_problem(solution: Solution) -> LimitProblem:
+    """:attr:`cvxlimit.Solution.problem`."""
+    found = LimitProblem(solution.drawn_scene, solution.surfaces or solution.surface)
+    found.surface = solution.surface
+    return found
+
+
+def problem_solve(
+    problem: LimitProblem, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
+) -> Solution:
+    """:meth:`cvxlimit.LimitProblem.solve`."""
+    from cvxlimit.methods.modelling import solved
+
+    return solved(problem, solver, tolerance, verbose, options)

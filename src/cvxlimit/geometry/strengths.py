@@ -1,0 +1,113 @@
+"""Friction and strengths of contacts: what they are, and how scenes give them to contacts.
+
+:class:`JointValues` is the one list of properties. Scenes, contacts, copies in other units, scene
+files, sweeps, pickles and keys of stored results go by its fields.
+"""
+
+# ruff: noqa: RUF009  # _property is field() of dataclasses
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+from cvxlimit.base.checks import not_negative, of_type, strength
+from cvxlimit.errors import InputError
+
+V = TypeVar("V")
+DEFAULT_FRICTION = 0.7
+"""Coulomb coefficient of joints for which none is stated: tan 35 degrees, usual for dry stone."""
+
+Pair = tuple[str, str]
+ByPair = Mapping[Pair, float]
+
+
+def _property(default: float, check: Callable[[Any, str], float], *, per_area: bool = False) -> Any:
+    return field(default=default, metadata={"check": check, "per_area": per_area})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointValues(Generic[V]):
+    """Friction and strengths: a number each of a scene, an array (n,) each of its n contacts.
+
+    A property is added by a line here and one for its exceptions in :class:`SceneJoints`. Surfaces
+    ask the contacts for it; methods that state friction themselves (interaction, exact, fixed
+    point, Gilbert) ask for ``friction`` alone and have to learn of it, or refuse it.
+
+    Attributes
+    ----------
+    friction
+        Coulomb coefficient.
+    cohesion
+        Force per area that is resisted in shear besides friction.
+    compressive_strength
+        Largest pressure (force per area) that stones bear.
+    tensile_strength
+        Largest tension (force per area) that mortar bears.
+    """
+
+    friction: V = _property(DEFAULT_FRICTION, not_negative)
+    cohesion: V = _property(0.0, not_negative, per_area=True)
+    compressive_strength: V = _property(float("inf"), strength, per_area=True)
+    tensile_strength: V = _property(0.0, not_negative, per_area=True)
+
+
+PROPERTIES = {each.name: each for each in fields(JointValues)}
+"""The fields by name, with their default and, as metadata, how they are checked and whether they
+are forces per area."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneJoints(JointValues[float]):
+    """Joints of a scene: what all of them have, and exceptions between two blocks.
+
+    Exceptions are kept by ids in alphabetical order, read-only; None counts as no exception.
+    """
+
+    contact_friction: ByPair = field(default_factory=dict)
+    contact_cohesion: ByPair = field(default_factory=dict)
+    contact_compressive_strength: ByPair = field(default_factory=dict)
+    contact_tensile_strength: ByPair = field(default_factory=dict)
+
+    @property
+    def joint_values(self) -> dict[str, Any]:
+        names = [name for what in PROPERTIES for name in (what, f"contact_{what}")]
+        return {name: getattr(self, name) for name in names}
+
+    def _check_joints(self, blocks: Collection[str]) -> None:
+        for what, each in PROPERTIES.items():
+            value = each.metadata["check"](getattr(self, what), f"{what} of the scene")
+            own = own_values(what, getattr(self, f"contact_{what}"), blocks)
+            object.__setattr__(self, what, value)
+            object.__setattr__(self, f"contact_{what}", own)
+
+    def _scaled_joints(self, pressure: float) -> dict[str, Any]:
+        result = self.joint_values
+        for what, each in PROPERTIES.items():
+            if each.metadata["per_area"]:
+                own = result[f"contact_{what}"]
+                result[what] *= pressure
+                result[f"contact_{what}"] = {pair: pressure * value for pair, value in own.items()}
+        return result
+
+
+def own_values(what: str, given: Any, blocks: Collection[str]) -> ByPair:
+    """Values by pair of block ids in alphabetical order, checked; None is no pair."""
+    kind = f"contact_{what} must be a mapping of two ids to a number"
+    cure = "write {('b1', 'b2'): 0.5}"
+    checked: dict[Pair, float] = {}
+    for pair, value in of_type({} if given is None else given, Mapping, kind, cure).items():
+        two = isinstance(pair, tuple) and len(pair) == 2
+        if not (two and all(isinstance(key, str) for key in pair)):
+            raise InputError(f"{kind}, got {pair!r}: {cure}")
+        contact = f"contact {pair[0]!r}-{pair[1]!r}"
+        for key in pair:
+            if key not in blocks:
+                raise InputError(f"{what} is given for {contact}, but there is no block {key!r}")
+        first, second = sorted(pair)
+        if (first, second) in checked:
+            raise InputError(f"{what} of contact {first!r}-{second!r} is given twice")
+        checked[first, second] = PROPERTIES[what].metadata["check"](value, f"{what} of {contact}")
+    return MappingProxyType(checked)

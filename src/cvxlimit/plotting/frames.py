@@ -1,0 +1,175 @@
+"""Solutions as pandas tables: contacts, blocks and history, each column with its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.extras import needed
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
+from cvxlimit.plotting.movement import motion
+from cvxlimit.readings.utilisation import BENDING, contact_forces, utilisations
+from cvxlimit.scene import Scene, Units
+from cvxlimit.solution import Iterate, Solution
+from cvxlimit.solution.kinematics import ContactKind
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Columns = dict[str, tuple[Any, str, str]]
+"""Values, unit and description by column."""
+
+
+def table_of(solution: Solution, what: str) -> DataFrame:
+    if what not in _TABLES:
+        raise InputError(f"there is no table {what!r}: choose one of {', '.join(_TABLES)}")
+    pandas = needed("pandas", "frames", "tables")
+    if what == "history":
+        return _history(solution, pandas)
+    if solution.solved_scene is None and (solution.contact_names or what == "blocks"):
+        index, columns = _read(solution, what)
+    else:
+        index, columns = _TABLES[what](solution, solution.drawn_scene)
+    table = pandas.DataFrame(
+        {name: values for name, (values, _, _) in columns.items()},
+        index=pandas.Index(index, name=what.removesuffix("s")),
+    )
+    table.attrs = {
+        **_facts(solution),
+        "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
+        "description": {name: text for name, (_, _, text) in columns.items()},
+    }
+    return table
+
+
+def _read(solution: Solution, what: str) -> tuple[list[str], Columns]:
+    """What a file holds without the scene: forces by contact, or rates by block."""
+    units = solution.units or Units("", "")
+    if what == "contacts":
+        return list(solution.contact_names), _forces(solution.forces, solution.contacts, units)
+    moving = solution.mechanism or {}
+    return list(moving), _moving(np.array([*moving.values()]).reshape(-1, 6), units)
+
+
+def _forces(found: FloatArray | None, number: int, units: Units) -> Columns:
+    forces = np.full((number, 6), np.nan) if found is None else found
+    columns: Columns = {}
+    what = ("shear along t1", "shear along t2", "normal force, compression positive",
+            "moment about t1", "moment about t2", "torsion about the normal")  # fmt: skip
+    for name, text, values in zip(COMPONENTS, what, forces.T, strict=True):
+        unit = f"{units.force}\u00b7{units.length}" if name.startswith("M") else units.force
+        columns[name] = values, unit, f"{text}, on block b"
+    columns["shear"] = np.hypot(forces[:, 0], forces[:, 1]), units.force, "size of (V1, V2)"
+    return columns
+
+
+SCALED = "for unit power of the live load"
+
+
+def _moving(rates: FloatArray, units: Units) -> Columns:
+    return {
+        **_along("u", rates[:, :3], f"{units.length}\u00b7rate", f"velocity along {{}}, {SCALED}"),
+        **_along("r", rates[:, 3:], "rad\u00b7rate", f"rotation about {{}}, {SCALED}"),
+    }
+
+
+def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
+    contacts, length = scene.contacts, scene.units.length
+    ids = np.array([block.id for block in scene.blocks], dtype=object)
+    found = contact_forces(scene, solution)
+    forces = np.full((len(contacts), 6), np.nan) if found is None else found
+    centre, place = pressure_centres(contacts, forces)
+    columns: Columns = {
+        "a": (ids[contacts.a], "", "block out of which the normal points"),
+        "b": (ids[contacts.b], "", "block into which it points, and on which the forces act"),
+        "friction": (contacts.friction, "", "Coulomb coefficient"),
+        "area": (contacts.area, f"{length}\u00b2", "of the contact"),
+    }
+    columns |= _forces(forces, len(contacts), scene.units)
+    for i, values in enumerate(centre.T, 1):
+        text = f"distance of the pressure centre from the contact's centroid, along t{i}"
+        columns[f"e{i}"] = values, length, text
+    columns |= _along("p", place, length, "{} of the pressure centre")
+    for name, used in utilisations(solution, scene).items():
+        columns[name] = used, "", _USED.get(name, "share of the strength of that surface in use")
+    return list(contacts.names), columns | _rates(solution, scene)
+
+
+def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
+    return {
+        f"{name}{axis}": (each, unit, text.format(axis))
+        for axis, each in zip("xyz", values.T, strict=True)
+    }
+
+
+_USED = {
+    "utilisation": "largest share of strength in use, over the surfaces that were solved with; "
+    "1 is at the limit; strength that a formulation states itself, as for crushing, is not in it",
+    "utilisation_rocking": "distance of pressure centre from centroid, over that of the edge",
+    "utilisation_sliding": "shear over friction",
+    "utilisation_torsion": "torsion over the torsional strength without shear",
+    "utilisation_torsion_shear": "torsion and shear together, on the paper's line (Eq. 24)",
+    BENDING: "torsion and shear with the contact's own eccentricity (Eq. 30), as moments say",
+}
+
+
+def _rates(solution: Solution, scene: Scene) -> Columns:
+    rate = f"{scene.units.length}\u00b7rate"
+    moving = motion(scene, solution)
+    what, blank = moving.contacts, 1.0 if moving.moves else np.nan
+    states = [ContactKind(k).name.lower() if moving.moves else "" for k in what.kind.tolist()]
+    widest, twist = blank * what.widest, blank * what.twist
+    return {
+        "opening": (widest, rate, f"largest opening rate over the corners, {SCALED}"),
+        "slip": (blank * what.slip, rate, f"largest sliding rate over the corners, {SCALED}"),
+        "twist": (twist, "rad\u00b7rate", f"relative rotation rate about the normal, {SCALED}"),
+        "state": (states, "", "closed, opens, slides or twists in the mechanism"),
+    }
+
+
+def _blocks(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
+    blocks, length = scene.blocks, scene.units.length
+    moving = motion(scene, solution)
+    blank = 1.0 if moving.moves else np.nan
+    weight = np.array([np.nan if b.density is None else b.weight for b in blocks])
+    volume = np.array([b.volume for b in blocks])
+    centroids = np.array([b.centroid for b in blocks])
+    rates, fixed = blank * moving.rates, set(scene.supports)
+    columns: Columns = {
+        "weight": (weight, scene.units.force, "density times volume"),
+        "volume": (volume, f"{length}\u00b3", "of the block"),
+        **_along("", centroids, length, "{} of the centroid"),
+        **_moving(rates, scene.units),
+        "speed": (blank * moving.speed, "", "largest corner speed over the largest of all"),
+        "is_support": (np.array([b.id in fixed for b in blocks]), "", "fixed block"),
+    }
+    return [b.id for b in blocks], columns
+
+
+def _history(solution: Solution, pandas: Any) -> DataFrame:
+    names = [each.name for each in fields(Iterate)]
+    table = pandas.DataFrame([asdict(iterate) for iterate in solution.history], columns=names)
+    table.index.name = "solve"
+    table.attrs = {**_facts(solution), "units": {"seconds": "s"}}
+    return table
+
+
+def _facts(solution: Solution) -> dict[str, Any]:
+    names = ("scene", "surface", "load_factor", "lower", "upper", "interaction", "moments")
+    band = {} if solution.iteration is None else {"iteration": asdict(solution.iteration)}
+    facts = {name: getattr(solution, name) for name in names}
+    ends = {} if solution.interval is None else {"interval": solution.interval}
+    share = {} if solution.dilatancy is None else {"dilatancy": solution.dilatancy.share}
+    return {**facts, "status": str(solution.status), **band, **ends, **share}
+
+
+_TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {
+    "contacts": _contacts,
+    "blocks": _blocks,
+    "history": lambda solution, scene: ([], {}),
+}

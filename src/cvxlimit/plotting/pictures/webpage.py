@@ -1,0 +1,287 @@
+"""An interactive page in one file: drawn on a canvas by its own script, no network, no WebGL."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from functools import reduce
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+import cvxlimit.plotting.look as look
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.contacts import COMPONENTS
+from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
+from cvxlimit.plotting.camera import default_camera, thin_axis, upright
+from cvxlimit.plotting.look import Saved
+from cvxlimit.plotting.movement import Motion, free_size, motion, still
+from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
+from cvxlimit.plotting.pictures.forces import thrust_of_blocks
+from cvxlimit.plotting.pictures.utilisation import used_shares
+from cvxlimit.readings.utilisation import contact_forces, least_used_state
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import rounded_down, rounded_up
+
+DIGITS = 7
+"""Significant digits of numbers in the page; coordinates have as many relative to the structure's
+size, however far away the origin is: finer than a pixel at any useful zoom."""
+
+_MOST_SOLVED = 400
+"""Contacts up to which a page shows the state that uses joints least; finding it takes a second."""
+
+
+class Page(str, Saved):
+    """A complete HTML page; notebooks show it in a frame of its own."""
+
+    suffixes = (".html",)
+
+    def _repr_html_(self) -> str:
+        return (
+            '<iframe style="width:100%;height:620px;border:1px solid #ddd" '
+            'sandbox="allow-scripts allow-downloads" '
+            f'srcdoc="{html.escape(self)}"></iframe>'
+        )
+
+    def file(self, kind: str) -> bytes:
+        """The page in UTF-8."""
+        return self.encode("utf-8")
+
+
+def page(scene: Scene, solution: Solution) -> Page:
+    """The mechanism as a self-contained interactive page.
+
+    Orbit, zoom, scale the movement, animate it; look inside at contacts, their forces, thrust
+    lines and strength in use; point at something to read its numbers. The view turns by the
+    keyboard too, and is saved as a picture. Texts from the scene are data to the page, never
+    markup.
+    """
+    moving = motion(scene, solution)
+    marking = look.moving_joints(scene, moving)
+    data = _page_data(scene, moving, marking, annotated(scene))
+    forces, what = contact_forces(scene, solution), moving.contacts
+    data["contacts"] |= {
+        "opening": _short(what.widest),
+        "slip": _short(what.slip),
+        "twist": _short(what.twist),
+        "forces": None if forces is None else _short(forces),
+    }
+    if forces is not None:
+        data |= _strength_data(scene, solution, forces)
+    data |= {
+        "shapes": [
+            {
+                "points": _coordinates(scene, shape.points),
+                "moves": _coordinates(scene, shape.moves),
+                "colour": shape.colour,
+                "text": shape.text,
+                "zone": shape.is_zone,
+            }
+            for shape in shapes_of(scene, solution, moving)
+        ],
+        "title": look.title(solution),
+        "advice": _said(solution),
+        "speedText": look.SPEED_TEXT,
+    }
+    return framed("viewer.html", data)
+
+
+def _said(solution: Solution) -> str:
+    """What the number is worth, first in one short sentence."""
+    note = solution.note
+    if solution.status is Status.CERTIFIED:
+        lower = rounded_down(solution.lower, look.DIGITS)
+        upper = rounded_up(solution.upper, look.DIGITS)
+        how = "proved" if solution.is_proved else "recomputed"
+        first = f"{solution.standing}: between {lower} and {upper}, {how} outside the solver"
+        if solution.is_proved:
+            note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
+    elif solution.status.has_answer:
+        first = f"{solution.standing}: {solution.status.advice}"
+    else:  # what to do is in the note
+        first = solution.standing
+    return " ".join(f"{said[0].upper()}{said[1:]}." for said in (first, note) if said)
+
+
+def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict[str, Any]:
+    """Thrust lines, and strength in use as :func:`cvxlimit.plotting.utilisation` shows it."""
+    shown, said = solution, "in the state of forces that was found"
+    try:
+        if len(forces) <= _MOST_SOLVED:
+            shown, said = least_used_state(solution, scene)
+        used = used_shares(shown, scene)
+    except InputError:  # of a surface of one's own only the name is left
+        said, used = "", np.full(len(scene.contacts), np.nan)
+    ends, share, block = thrust_of_blocks(scene, forces)
+    return {
+        "useStops": look.USE_STOPS,
+        "useText": f"{look.USE_TEXT} {said}",
+        "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
+        "thrust": {
+            "ends": _coordinates(scene, ends.reshape(-1, 3)),
+            "share": _short(share),
+            "block": block.tolist(),
+        },
+    }
+
+
+def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
+    """A scene that is not solved as a self-contained interactive page.
+
+    Blocks, supports, joints by how they lie, loads and near misses; what is under the pointer is
+    named. Of a refused scene the blocks to blame are red and the places ringed.
+    """
+    reason = refusal or refused(scene)
+    marking = None if reason else look.scene_joints(scene)
+    notes = annotated(scene, reason)
+    data = _page_data(scene, still(scene), marking, notes)
+    counts = "" if reason else f"{len(scene.contacts)} contacts, "
+    weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
+    advice = f"refused: {reason}" if reason else counts + weight
+    data |= {"title": look.scene_title(scene), "advice": advice, "refused": reason is not None}
+    return framed("viewer.html", data)
+
+
+def asset(name: str) -> str:
+    """A part of pages, as it lies beside this module."""
+    return files("cvxlimit.plotting").joinpath(name).read_text(encoding="utf-8")
+
+
+def framed(name: str, data: dict[str, Any]) -> Page:
+    """A page of the frame that all share, and of what ``name`` has: controls, and a script that
+    finds ``data`` by its name."""
+    frame, ticks, part = map(asset, ("frame.html", "ticks.js", name))
+    controls, script = part.split("<script>\n")
+    parts = {
+        "<!--ASIDE-->\n": controls,
+        "/*TICKS*/\n": ticks,
+        "/*SCRIPT*/\n": script.removesuffix("</script>\n"),
+    }
+    whole = reduce(lambda text, place: text.replace(place, parts[place]), parts, frame)
+    before, after = whole.split("/*DATA*/")
+    return Page(before + _as_script_data(data) + after)
+
+
+def _as_script_data(data: dict[str, Any]) -> str:
+    """JSON that cannot end the script element it stands in, whatever the texts are."""
+    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _page_data(
+    scene: Scene, moving: Motion, marking: Marking | None, notes: Annotations
+) -> dict[str, Any]:
+    return {
+        "units": {"length": scene.units.length, "force": scene.units.force},
+        "bounds": _coordinates(scene, shown_bounds(scene)),
+        "size": free_size(scene),
+        "up": upright(scene).tolist(),
+        "viewer": default_camera(scene, moving).axes[2].tolist(),
+        "front": thin_axis(scene).tolist(),
+        "used": None,
+        "thrust": None,
+        "scale": moving.scale,
+        "moves": moving.moves,
+        "largest": moving.largest,
+        "stops": look.SPEED_STOPS,
+        "stone": look.STONE_COLOUR,
+        "stoneText": "block (no mechanism)" if moving.is_solved else "block",
+        "refused": False,
+        "mesh": _mesh_data(scene),
+        "blocks": _block_data(scene, moving, notes.culprits),
+        "contacts": _contact_data(scene, marking),
+        "kinds": []
+        if marking is None
+        else [
+            {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
+            for kind, colour in marking.colours.items()
+        ],
+        "shapes": [],
+    } | _notes_data(scene, notes)
+
+
+def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
+    return {
+        "arrows": [
+            {
+                "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),
+                "case": arrow.case,
+                "text": arrow.text,
+                "total": arrow.total,
+                "colour": look.CASE_COLOURS[arrow.case],
+            }
+            for arrow in notes.arrows
+        ],
+        "marks": [
+            {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
+            for mark in notes.marks
+        ],
+        "markColour": look.MARK_COLOUR,
+        "markText": "where it is wrong" if notes.refusal else "near miss",
+    }
+
+
+def _mesh_data(scene: Scene) -> dict[str, Any]:
+    mesh = drawn_mesh(scene)
+    return {
+        "points": _coordinates(scene, mesh.points),
+        "pointBlock": mesh.point_block.tolist(),
+        "corners": np.concatenate(mesh.faces).tolist(),
+        "faceStart": np.cumsum([0, *map(len, mesh.faces)]).tolist(),
+        "faceBlock": mesh.face_block.tolist(),
+        "patch": mesh.patch.tolist(),
+    }
+
+
+def _block_data(scene: Scene, moving: Motion, culprits: frozenset[str]) -> dict[str, Any]:
+    return {
+        "id": [b.id for b in scene.blocks],
+        "support": [b.id in set(scene.supports) for b in scene.blocks],
+        "centroid": _coordinates(scene, np.array([b.centroid for b in scene.blocks])),
+        "rates": _short(moving.rates),
+        "speed": _short(moving.speed),
+        "volume": _short(np.array([b.volume for b in scene.blocks])),
+        "weight": _short(np.array([b.weight for b in scene.blocks])),
+        "colour": [round(255 * c) for c in look.block_colours(scene, moving, culprits).flat],
+    }
+
+
+def _contact_data(scene: Scene, marking: Marking | None) -> dict[str, Any]:
+    if marking is None:
+        empty: dict[str, Any] = {name: [] for name in ("name", "a", "b", "kind", "points")}
+        return empty | {"start": [0], "forces": None}
+    c = marking.contacts
+    return {
+        "name": c.names,
+        "a": c.a.tolist(),
+        "b": c.b.tolist(),
+        "kind": marking.kind.tolist(),
+        "width": None if marking.width is None else _short(marking.width),
+        "start": c.corner_start.tolist(),
+        "points": _coordinates(scene, c.corner_points),
+        "origin": _coordinates(scene, c.origin),
+        "pieces": {
+            j: [_coordinates(scene, piece) for piece in c.piece_points(j)] for j in sorted(c.pieces)
+        },
+        "axes": [round(x, 6) for x in c.axes.ravel().tolist()],
+        "area": _short(c.area),
+        "friction": _short(c.friction),
+        "components": COMPONENTS,
+        "forces": None,
+    }
+
+
+def _short(values: FloatArray) -> list[float]:
+    return [float(f"{v:.{DIGITS}g}") for v in values.ravel().tolist()]
+
+
+def _coordinates(scene: Scene, points: FloatArray) -> list[float]:
+    """All coordinates in a row, rounded relative to the size of what is drawn."""
+    decimals = DIGITS - math.ceil(math.log10(free_size(scene)))
+    return [float(v) for v in np.round(points, decimals).ravel()]

@@ -1,0 +1,106 @@
+"""Less of an assemblage: blocks that move as one made one, contacts without force left out.
+
+What a mechanism proves of blocks glued together it proves of the blocks, and what forces prove
+without some contacts they prove with them. Bounds that the whole does not let go without an
+assumption are often plain there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.statics import DOF, Statics
+
+
+def glued(
+    assemblage: Assemblage, mechanism: FloatArray, share: float
+) -> tuple[Assemblage, FloatArray, IntArray] | None:
+    """With blocks glued that a mechanism (free, 6) moves apart by less than a ``share`` of the
+    largest rate; the rates (bodies, 6) of each body's first block; the contacts (k,) left. None if
+    nothing is glued, or all to the supports, and with ties or guides: they are no contacts.
+    """
+    statics = assemblage.statics
+    if statics.guide is not None or assemblage.scene.ties:
+        return None
+    body = _bodies(statics, mechanism, share)
+    number = np.where(statics.row_of_block < 0, 0, body[statics.row_of_block + 1])
+    moving = np.flatnonzero(number[statics.contacts.a] != number[statics.contacts.b])
+    if not len(moving) or len(moving) == len(statics.contacts):
+        return None
+    first = np.unique(body, return_index=True)[1][1:] - 1  # a free block of each body
+    centre = statics.centroids[statics.row_of_block >= 0]
+    origin = np.vstack([np.zeros(3), centre[first]])
+    whole = Statics(
+        contacts=statics.contacts.take(moving),
+        centroids=np.where(number[:, None] > 0, origin[number], statics.centroids),
+        row_of_block=number - 1,
+        dead=_moved(statics.dead, body[1:], centre, origin),
+        live=_moved(statics.live, body[1:], centre, origin),
+    )
+    return assemblage.of_less(whole), mechanism[first], moving
+
+
+def without_idle(
+    assemblage: Assemblage, forces: FloatArray, share: float
+) -> tuple[Assemblage, FloatArray] | None:
+    """Without contacts whose forces (n, 6) are below ``share`` of the largest, and blocks that none
+    touches any more; and the others' forces. None if no contact is left out, if some blocks then
+    lack any support, as one that bears a load would, and with ties or guides.
+    """
+    statics = assemblage.statics
+    if statics.guide is not None or assemblage.scene.ties:
+        return None
+    contacts = statics.contacts
+    reach = np.repeat([float(np.abs(contacts.corner_xy).max()), 1.0], 3)
+    size = np.abs(forces * reach).max(axis=1)
+    busy = np.flatnonzero(size > share * size.max(initial=0.0))
+    if not len(busy) or len(busy) == len(contacts):
+        return None
+    loads = np.stack([statics.dead, statics.live]).reshape(2, -1, DOF)
+    less = with_contacts(assemblage, busy, (loads != 0.0).any(axis=(0, 2)))
+    return (less, forces[busy]) if less.balance.is_supported else None
+
+
+def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: BoolArray) -> Assemblage:
+    """Some contacts only (k,), and the free blocks that they touch or that are named (free,)."""
+    statics = assemblage.statics
+    contacts, number = statics.contacts.take(kept), statics.row_of_block
+    rows = np.concatenate([number[contacts.a], number[contacts.b]])
+    is_kept = blocks.copy()
+    is_kept[rows[rows >= 0]] = True
+    dof, guide = np.repeat(is_kept, DOF), statics.guide
+    smaller = replace(
+        statics,
+        contacts=contacts,
+        row_of_block=np.where((number >= 0) & is_kept[number], np.cumsum(is_kept)[number] - 1, -1),
+        dead=statics.dead[dof],
+        live=statics.live[dof],
+        guide=None if guide is None else guide[dof][:, dof],
+    )
+    return assemblage.of_less(smaller)
+
+
+def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
+    contacts = statics.contacts
+    reach = np.repeat([1.0, float(np.abs(contacts.corner_xy).max())], 3)
+    against = np.abs(statics.relative_rates(mechanism) * reach).max(axis=1)
+    stuck = against <= share * np.abs(mechanism * reach).max()
+    row = np.where(statics.row_of_block < 0, 0, statics.row_of_block + 1)
+    ends = row[contacts.a][stuck], row[contacts.b][stuck]
+    count = len(mechanism) + 1
+    links = sp.coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def _moved(load: FloatArray, body: IntArray, centre: FloatArray, origin: FloatArray) -> FloatArray:
+    each = load.reshape(-1, DOF).copy()
+    each[:, 3:] += np.cross(centre - origin[body], each[:, :3])
+    total = np.zeros((len(origin), DOF))
+    np.add.at(total, body, each)
+    return total[1:].ravel()

@@ -1,0 +1,68 @@
+"""One half of a symmetric scene with interaction: half the problem, bounds of the whole.
+
+Hulls of true states are convex, and safe steps built at a symmetric point are convex and symmetric:
+each of these problems has a symmetric solution. Bounds are computed on the whole scene as ever.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from cvxlimit.base.arrays import IntArray
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.settings import SUPPORT
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.mirror import Mirror
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
+    those of the other; ``forces`` (6 n, 6 k) of all contacts, per forces of those kept; ``rates``
+    (r, 6 free blocks) the symmetric ways in which blocks move.
+    """
+
+    kept: IntArray
+    dropped: IntArray
+    forces: sp.csr_array
+    rates: sp.csr_array
+
+    @classmethod
+    def of(cls, found: Reductions, moments: Moments) -> Half | None:
+        """None without a mirror plane, in planar scenes, where the reading is not indifferent to
+        the mirror, and with contacts that are not rectangles: safe steps put those into places of
+        their own, and their arms, not the problems, take the time (the dome gained nothing)."""
+        mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.best()
+        if mirror is None or found.plane is not None or not contacts.is_rectangle.all():
+            return None
+        if whole.forces is None or whole.rates is None:
+            return None
+        if not _is_indifferent(moments, mirror, contacts):
+            return None
+        is_kept = np.arange(len(contacts)) <= mirror.contacts
+        kept, dropped = np.flatnonzero(is_kept), np.flatnonzero(~is_kept)
+        return cls(kept, dropped, whole.forces, whole.rates)
+
+    @property
+    def forces_of_all(self) -> sp.csr_array:
+        """Per forces (6 n,) of which only those of contacts kept count."""
+        column = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
+        size, entries = self.forces.shape[0], self.forces.tocoo()
+        return sp.csr_array((entries.data, (entries.row, column[entries.col])), (size, size))
+
+
+def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:
+    # a reading that is not indifferent differs almost surely for random forces
+    random = np.random.default_rng(0)
+    forces = random.normal(size=(len(contacts), len(COMPONENTS)))
+    forces[:, COLUMN["N"]] = np.abs(forces[:, COLUMN["N"]])
+    forces[:, COLUMN["M1"] :] *= 0.3 * np.sqrt(contacts.area)[:, None]
+    image = np.empty_like(forces)
+    image[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, forces)
+    one = moments.excess(forces, contacts)
+    other = moments.excess(image, contacts)[mirror.contacts]
+    return bool(np.abs(one - other).max() <= SUPPORT.rounding * np.abs(one).max())

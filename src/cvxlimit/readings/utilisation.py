@@ -1,0 +1,136 @@
+"""What contacts transmit and how much of their strength that uses: for pictures and tables."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.model.reserve import least_used
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import reading_of
+from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.surfaces import Cone, ParabolicTorsionShear, YieldSurface, utilisation
+from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear, surfaces_named
+
+BENDING = "utilisation_torsion_shear_bending"
+"""Column of Eq. 30."""
+
+_WITH_BENDING = ("fixed-point", "certified")
+"""Interactions whose solutions have a reading of Eq. 30."""
+
+
+def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
+    """Shares (n,) of strength in use: ``utilisation``, the largest, and one for each surface;
+    NaN where a contact carries nothing. The largest is over the surfaces that were solved with
+    (for the exact limit of torsion with shear the parabola inside it, of which a little more
+    than all may be in use), with interaction over rocking and Eq. 30 as the solution reads it.
+    Strength that a formulation states itself is no surface. Refused if the solution has lost
+    surfaces of one's own."""
+    contacts, forces = scene.contacts, contact_forces(scene, solution)
+    solved = _solved_with(solution)
+    built_in = (Rocking(), Sliding(), Torsion(), TorsionShear())
+    asked: dict[str, YieldSurface] = {_column(s.name): s for s in (*built_in, *solved)}
+    counted = [_column(surface.name) for surface in solved]
+    reading = reading_of(solution.moments) if solution.interaction in _WITH_BENDING else None
+    if reading is not None:
+        counted = [_column(Rocking.name), BENDING]
+    names = [*asked, *counted]
+    if forces is None:
+        nothing = np.full(len(contacts), np.nan)
+        return {"utilisation": nothing} | dict.fromkeys(names, nothing)
+    found = {name: utilisation(surface, forces, contacts) for name, surface in asked.items()}
+    if reading is not None:
+        found[BENDING] = _with_bending(reading, solved[-1].cone, forces, contacts)
+    return {"utilisation": np.fmax.reduce([found[name] for name in counted])} | found
+
+
+def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
+    forces_of(scene, solution)
+    found = utilisations(solution, scene)
+    name = "utilisation" if surface is None else _column(surface)
+    if name not in found:
+        known = [key.removeprefix("utilisation_") for key in found if key != "utilisation"]
+        raise InputError(f"there is no surface {surface!r}: choose one of {', '.join(known)}")
+    return found[name]
+
+
+LITTLE = 1e-2
+"""A joint that is pressed by less than this share of the largest compression carries next to
+nothing: the share of its strength in use is a quotient of two forces that do not matter."""
+
+
+def least_used_state(
+    solution: Solution, scene: Scene, load_factor: float | None = None
+) -> tuple[Solution, str]:
+    """The solution with the state of force that uses joints least, at its own load factor or at a
+    smaller one, and what that is in words; its own forces where its set of states is not convex."""
+    forces = forces_of(scene, solution)
+    is_plain = solution.interaction == "none" and solution.torsion_shear != "exact"
+    is_plain &= solution.quantity == "load factor" and 0.0 <= solution.lower < np.inf
+    found = None
+    if is_plain:
+        factor = solution.lower if load_factor is None else load_factor
+        found = least_used(scene, _solved_with(solution), factor, forces)
+    at = "at collapse" if load_factor is None else f"at load factor {load_factor:g}"
+    if found is not None:
+        return replace(solution, forces=found), f"{at}, in the state that uses joints least"
+    if load_factor is not None:
+        raise InputError(
+            f"no state of forces of {solution.scene!r} was found at load factor {load_factor:g}: "
+            f"ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
+        )
+    return solution, f"{at}, in the state of forces that was found"
+
+
+def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
+    """The solution's forces (n, 6), None if it has none; refused unless one row per contact."""
+    if solution.forces is not None and solution.forces.shape != (len(scene.contacts), 6):
+        raise InputError(
+            f"the solution of {solution.scene!r} has forces of shape {solution.forces.shape}, "
+            f"but scene {scene.name!r} has {len(scene.contacts)} contacts: it does not belong to it"
+        )
+    return solution.forces
+
+
+def forces_of(scene: Scene, solution: Solution) -> FloatArray:
+    found = contact_forces(scene, solution)
+    if found is None:
+        raise InputError(
+            f"the solution of {solution.scene!r} has no contact forces ({solution.status})"
+        )
+    return found
+
+
+def _with_bending(
+    reading: Moments, cone: Cone, forces: FloatArray, contacts: Contacts
+) -> FloatArray:
+    """Share of Eq. 30's right side in use where each contact itself is pressed: the frozen surface
+    (Eq. 32) of the forces' own eccentricities. Sliding counts as well: it is all that is left where
+    nothing of the contact is effective, in its corners."""
+    at = Pressure.of(forces, contacts)
+    frozen = reading.frozen(reading.eccentricity(at, contacts), cone)
+    sliding = utilisation(Sliding(cone), forces, contacts)
+    return np.fmax(utilisation(frozen, forces, contacts), sliding)
+
+
+def _column(surface: str) -> str:
+    return "utilisation_" + str(surface).replace("-", "_").replace(" ", "_")
+
+
+def _solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
+    found = solution.surfaces or surfaces_named(solution.surface, solution.torsion_shear)
+    if found is None:
+        raise InputError(
+            f"how much of its strength a joint of {solution.scene!r} uses cannot be told: of the "
+            f"surfaces {solution.surface!r} only the names are left, and not all are built in; "
+            "solution.of(scene, surfaces) gives them back"
+        )
+    if solution.torsion_shear == "exact":  # no surface states it: the parabola is just inside
+        return *found, ParabolicTorsionShear()
+    return found

@@ -1,0 +1,7 @@
+"""Scenes: blocks, supports, friction, loads and ties."""
+
+from cvxlimit.scene.loads import GRAVITY, Load, PointForce, Pressure
+from cvxlimit.scene.scene import Scene, Units, check_scene
+from cvxlimit.scene.ties import Tie
+
+__all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Tie", "Units", "check_scene"]

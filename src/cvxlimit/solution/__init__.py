@@ -1,0 +1,23 @@
+"""What comes out: load factor and bracket, forces and mechanism, what joints do in it."""
+
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.solution import (
+    LOAD_FACTOR,
+    Iterate,
+    Iteration,
+    LowerEnd,
+    Member,
+    Solution,
+    Status,
+)
+
+__all__ = [
+    "LOAD_FACTOR",
+    "Bracket",
+    "Iterate",
+    "Iteration",
+    "LowerEnd",
+    "Member",
+    "Solution",
+    "Status",
+]

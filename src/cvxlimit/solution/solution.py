@@ -1,0 +1,572 @@
+"""What comes out: a load factor, its bracket, contact forces, mechanism and history."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.attached import attached
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.lumped import Lumped
+from cvxlimit.scene import Scene, Units, check_scene
+from cvxlimit.solution.bracket import Bracket, rounded, rounded_up
+from cvxlimit.solution.kinematics import Dilatancy
+from cvxlimit.surfaces import YieldSurface
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+Table = Literal["contacts", "blocks", "history"]
+
+
+class Status(StrEnum):
+    """How an analysis ended; :attr:`advice` gives likely causes and a cure."""
+
+    CERTIFIED = "certified"
+    NOT_CERTIFIED = "not certified"
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    CYCLING = "cycling"
+    DIVERGED = "diverged"
+    SOLVER_FAILED = "solver failed"
+    DEAD_LOAD_UNSTABLE = "dead load cannot stand"
+    LIVE_LOAD_HARMLESS = "live load does no harm"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def has_answer(self) -> bool:
+        """False when no load factor exists at all."""
+        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS)
+
+    @property
+    def is_good(self) -> bool:
+        """True when the answer keeps its promise: bracket closed, or iteration converged."""
+        return self in (Status.CERTIFIED, Status.CONVERGED)
+
+    @property
+    def advice(self) -> str:
+        """One sentence: the meaning, and what to do."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.CERTIFIED: (
+        "the bracket, recomputed outside the solver, is within the tolerance; with interaction and "
+        "no tolerance asked for, within 5 %"
+    ),
+    Status.NOT_CERTIFIED: (
+        "the bracket is wider than the tolerance: use its bounds, or ask for a wider tolerance; "
+        "with interaction give it more time, without it try another surface or solver"
+    ),
+    Status.CONVERGED: "the iteration settled within its tolerance, which bounds nothing",
+    Status.NOT_CONVERGED: (
+        "the iteration did not settle, or settled where Coulomb's law is exceeded, and its last "
+        "load factor is not an answer: for interaction with bending use method 'certified', for "
+        "friction without dilatancy 'zero-dilatancy'"
+    ),
+    Status.CYCLING: (
+        "the fixed point returns to the same load factors, and none of them is an answer: "
+        "use method 'certified', or another old-value weight"
+    ),
+    Status.DIVERGED: (
+        "the fixed point reached eccentricities at which no load factor exists: "
+        "use method 'certified', or a larger old-value weight"
+    ),
+    Status.SOLVER_FAILED: (
+        "every solver failed, which says nothing about the structure: try other solvers "
+        "(solver, ladder), or leave the choice to the package"
+    ),
+    Status.DEAD_LOAD_UNSTABLE: (
+        "this was proved, and checked outside the solver: change the geometry, the supports, "
+        "the friction or the dead load"
+    ),
+    Status.LIVE_LOAD_HARMLESS: (
+        "forces that carry any multiple of the live load were found and checked: "
+        "change the direction of the live load"
+    ),
+    Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
+}
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """One solve: an attempt of the solver ladder, or an iterate of an interaction loop.
+
+    Numbers that do not apply are None. ``equilibrium_residual`` and ``yield_excess`` are in
+    units of the total load, ``flow_violation`` in units of the mechanism's largest rate;
+    ``change`` is the convergence measure of Eq. 43.
+    """
+
+    load_factor: float | None
+    seconds: float
+    solver: str
+    status: str
+    lower: float | None = None
+    upper: float | None = None
+    change: float | None = None
+    equilibrium_residual: float | None = None
+    yield_excess: float | None = None
+    flow_violation: float | None = None
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """How far an iteration without bounds went: the paper's criterion, and a band.
+
+    The band is how far the last iterates lie apart. It bounds neither the collapse load nor where
+    the iteration goes on to, and another solver may have another one.
+
+    Attributes
+    ----------
+    met_after : int or None
+        Solves after which the load factor first changed by no more than the tolerance, which is
+        where the paper stops (Eq. 43); None if it never did.
+    met_at : float or None
+        The load factor then.
+    lowest, highest : float
+        Load factors of the last iterates.
+    last : int
+        How many those are.
+
+    Example
+    -------
+    >>> print(Iteration(22, 0.342684, 0.339134, 0.342684, 40))
+    met the paper's criterion (Eq. 43) after 22 solves, at 0.34268; last 40 iterates 0.33913 to \
+0.34268
+    """
+
+    met_after: int | None
+    met_at: float | None
+    lowest: float
+    highest: float
+    last: int
+
+    @property
+    def band(self) -> str:
+        """Its ends in words, rounded to the nearest: they are no bounds."""
+        ends = f"{rounded(self.lowest, 5)} to {rounded(self.highest, 5)}"
+        return f"last {self.last} iterates {ends}"
+
+    @property
+    def width(self) -> float:
+        """The band's width over its larger end."""
+        return (self.highest - self.lowest) / max(abs(self.lowest), abs(self.highest), 1e-300)
+
+    def __str__(self) -> str:
+        if self.met_after is None or self.met_at is None:
+            return f"did not meet the paper's criterion (Eq. 43); {self.band}"
+        met = f"met the paper's criterion (Eq. 43) after {self.met_after} solves"
+        return f"{met}, at {rounded(self.met_at, 5)}; {self.band}"
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One of several solutions, where the answer is a set: friction without dilatancy.
+
+    Attributes
+    ----------
+    load_factor : float
+    start : str
+        How it was found, in ``iterations`` convex problems.
+    equilibrium, yield_excess : float
+        Largest residual and excess, in units of the total load.
+    flow : float
+        Largest penetration at a corner over the largest opening or slip.
+    complementarity : float
+        Power of contact forces that friction does not account for, over the load factor's.
+    forces : (contacts, 6) array, mechanism : (free blocks, 6) array
+        User's units; live power 1.
+    """
+
+    load_factor: float
+    start: str
+    iterations: int
+    equilibrium: float
+    yield_excess: float
+    flow: float
+    complementarity: float
+    forces: FloatArray = field(repr=False)
+    mechanism: FloatArray = field(repr=False)
+
+    @property
+    def residual(self) -> float:
+        """The largest of the four."""
+        return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
+
+
+@dataclass(frozen=True, eq=False)
+class LowerEnd:
+    """The lower end of an interval of load factors: the dead load does not stand with less of the
+    live load.
+
+    Attributes
+    ----------
+    load_factor : float
+    bracket : Bracket
+        Of this end: forces show that ``upper`` is carried, the mechanism that no factor below
+        ``lower`` is.
+    forces : (contacts, 6) array or None
+        At this end, as :attr:`Solution.forces`.
+    mechanism : mapping of block id to (6,) array, or None
+        Rates with which blocks fall below it, scaled to live power -1.
+    """
+
+    load_factor: float
+    bracket: Bracket
+    forces: FloatArray | None = field(default=None, repr=False)
+    mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+
+    @property
+    def lower(self) -> float:
+        """No factor below it is carried; -inf without a bound."""
+        return self.bracket.lower
+
+    @property
+    def upper(self) -> float:
+        """It is carried; inf without a bound."""
+        return self.bracket.upper
+
+
+LOAD_FACTOR = "load factor"
+"""What a solution is about unless it says otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of an analysis: plain numbers and NumPy arrays, and the scene that was solved.
+
+    Pickles, and goes to JSON (without the scene). Notebooks show it with a picture and its bracket.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    surface : str
+        ``"conic"``, ``"octagon"``, ``"16-gon"`` ...
+    interaction : str
+        ``"none"``, ``"fixed-point"`` or ``"certified"``.
+    moments : str
+        Name of the reading of Eq. 30, ``"independent"`` for example; matters with interaction only.
+    blocks, contacts : int
+        Numbers of free blocks and of contacts.
+    load_factor : float or None
+        The method's value, inside its bracket if it has one; None when no answer exists.
+    bracket : Bracket
+        Bounds of the load factor asked for, recomputed outside the solver; infinite where the
+        method has none.
+    status : Status
+    history : tuple of Iterate
+    seconds : mapping
+        ``detect``, ``compile``, ``solve``, ``certify`` and ``total``.
+    forces : (contacts, 6) array or None
+        V1, V2, N, M1, M2, MT on block b of each contact, user's units.
+    mechanism : mapping of block id to (6,) array, or None
+        ux, uy, uz, rx, ry, rz rates of the free blocks at their centroids, scaled to live
+        power 1.
+    note : str
+        What the status rests on, in a sentence; empty if there is nothing to add.
+    versions : mapping of distribution to version
+        cvxlimit, CVXPY and every solver that ran; empty where they are not known.
+    torsion_shear : str
+        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
+    flow : str
+        ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
+    members : tuple of Member
+        All solutions found, lowest first, where the answer is a set: zero dilatancy.
+    dilatancy : Dilatancy or None
+        How far the load factor rests on joints that open because they slide; None without forces
+        and mechanism, and where friction does not dilate (``flow``).
+    iteration : Iteration or None
+        Where the paper would have stopped and the band of the last iterates, of the fixed point.
+    internal : (p,) array or None
+        Internal forces behind the lower bound, where strength is stated in these: the pressures on
+        cells of contacts that crush, for example.
+    lower_end : LowerEnd or None
+        The lower end, where the dead load stands only together with a part of the live load, and
+        ``load_factor`` is the upper end; None where it stands alone.
+    model : tuple of str
+        Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
+        the full one.
+    quantity : str
+        Quantity of ``load_factor`` and the bracket: the load factor, or a support's reaction.
+    contact_names : tuple of str
+        In the order of ``forces``; empty for a file of a version below 0.2.
+    scene_digest : str
+        For a solution read from a file, the digest of its scene
+        (:func:`~cvxlimit.io.scene_digest`); empty for one that has its scene, and for older files.
+    units : Units or None
+        Units of all numbers; None for a file of a version below 0.2.
+    lumped : Lumped or None
+        Faces that contacts take as planes that they are not in, and by which angle; None without
+        any, and for a file of a version below 0.3.
+    solved_scene : Scene or None
+        What was solved; None for a solution read from a file, to which :meth:`of` gives it.
+    surfaces : tuple of YieldSurface
+        What limited the contact forces; empty for a solution read from a file. Surfaces of one's
+        own pickle if they are in a module, which must be importable to unpickle. Strength that a
+        formulation states itself (friction at corners, stone that crushes) is not among them, and
+        not in the utilisation of tables and pictures.
+    """
+
+    scene: str
+    surface: str
+    interaction: str
+    moments: str
+    blocks: int
+    contacts: int
+    load_factor: float | None
+    bracket: Bracket
+    status: Status
+    history: tuple[Iterate, ...]
+    seconds: Mapping[str, float]
+    forces: FloatArray | None = field(default=None, repr=False)
+    mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+    note: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict, repr=False)
+    torsion_shear: str = "linear"
+    flow: str = "associated"
+    members: tuple[Member, ...] = field(default=(), repr=False)
+    dilatancy: Dilatancy | None = None
+    iteration: Iteration | None = None
+    internal: FloatArray | None = field(default=None, repr=False)
+    lower_end: LowerEnd | None = None
+    model: tuple[str, ...] = ()
+    quantity: str = LOAD_FACTOR
+    solved_scene: Scene | None = field(default=None, repr=False)
+    surfaces: tuple[YieldSurface, ...] = field(default=(), repr=False)
+    contact_names: tuple[str, ...] = field(default=(), repr=False)
+    scene_digest: str = field(default="", repr=False)
+    units: Units | None = None
+    lumped: Lumped | None = None
+
+    def __post_init__(self) -> None:
+        if self.solved_scene is not None:
+            object.__setattr__(self, "contact_names", self.solved_scene.contacts.names)
+            object.__setattr__(self, "units", self.solved_scene.units)
+            object.__setattr__(self, "lumped", self.solved_scene.lumped)
+
+    def __repr__(self) -> str:
+        """One line: what was solved, the load factor, its bracket, how it ended."""
+        what = f"{self.scene!r}, {self.surface}"
+        if self.interaction != "none":
+            what += f", {self.interaction} interaction, {self.moments} moments"
+        if self.load_factor is None:
+            return f"Solution({what}: {self.range_text or self.standing})"
+        inside = f" in {self.bracket}" if self.bracket.has_any else ""
+        value = f"{self.quantity} {self.range_text or rounded(self.load_factor)}"
+        return f"Solution({what}: {value}{inside}, {self.standing})"
+
+    @property
+    def standing(self) -> str:
+        """The status, and how far apart what it stands for is: the bracket with interaction, the
+        last iterates of an iteration."""
+        width = 0.0 if self.interaction == "none" else self.gap
+        if self.iteration is not None:
+            if not self.status.is_good:
+                return f"{self.status}, {self.iteration.band}"
+            width = self.iteration.width
+        if self.is_answered and not self.status.is_good:
+            return "certified, without an upper end"
+        if self.dilatancy is not None and self.dilatancy.is_all:
+            return "carried by dilatancy alone"
+        if width <= 1e-6 or not self.status.is_good:
+            return str(self.status)
+        return f"{self.status} within {rounded_up(100.0 * width, 2)} %"
+
+    @property
+    def lower(self) -> float:
+        """Lower end of the bracket; -inf without one."""
+        return self.bracket.lower
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the bracket; inf without one."""
+        return self.bracket.upper
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Least and largest load factor that are carried, the latter infinite if any are, where
+        the dead load stands only together with a part of the live load; else None.
+
+        Example
+        -------
+        >>> from cvxlimit import Block, Load, Scene, solve
+        >>> blocks = [Block.box("ground", (0, 0, -1), (1, 1, 0))]
+        >>> blocks += [Block.box("slab", (0, 0, 0), (1, 1, 0.5), density=20.0)]
+        >>> leaning = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))  # beyond friction of 0.5
+        >>> back = Load(acceleration=(-1, 0, 0))
+        >>> solution = solve(Scene(blocks, ["ground"], back, leaning, friction=0.5))
+        >>> [round(end, 6) for end in solution.interval]
+        [0.1, 1.1]
+        """
+        if self.lower_end is None:
+            return None
+        largest = float("inf") if self.load_factor is None else self.load_factor
+        return self.lower_end.load_factor, largest
+
+    @property
+    def range_text(self) -> str:
+        """The interval in words; empty if the dead load stands alone."""
+        if self.interval is None:
+            return ""
+        low, high = (rounded(end, 6) for end in self.interval)
+        return f"{low} and more" if self.load_factor is None else f"{low} to {high}"
+
+    @property
+    def is_answered(self) -> bool:
+        """True when the answer keeps its promise: the status is good, or the lower end of an
+        interval without an upper one is certified."""
+        return self.status.is_good or (self.lower_end is not None and not self.status.has_answer)
+
+    @property
+    def gap(self) -> float:
+        """Relative width of the bracket; infinite without one."""
+        return self.bracket.width
+
+    @property
+    def is_proved(self) -> bool:
+        """True if neither bound rests on an assumption about the size of forces or rates."""
+        return self.bracket.is_proved
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Surfaces of a script, a notebook or a function could not be read anywhere else."""
+        kinds = [type(surface) for surface in self.surfaces]
+        lasts = all(k.__module__ != "__main__" and "<locals>" not in k.__qualname__ for k in kinds)
+        kept = {name: value for name, value in vars(self).items() if name != "problem"}
+        return kept if lasts else kept | {"surfaces": ()}
+
+    def of(self, scene: Scene, surfaces: Sequence[YieldSurface] = ()) -> Solution:
+        """The same solution with its scene, which tables and pictures need.
+
+        Surfaces of one's own are needed besides where the share of strength in use is asked for.
+
+        Raises
+        ------
+        InputError
+            If the scene has another number of free blocks or contacts, or other blocks.
+        """
+        check_scene(scene)
+        free = [scene.blocks[i].id for i in scene.free]
+        found = {"free blocks": len(free), "contacts": len(scene.contacts)}
+        own = {"free blocks": self.blocks, "contacts": self.contacts}
+        for what, number in own.items():
+            if number != found[what]:
+                raise InputError(
+                    f"the solution of {self.scene!r} has {number} {what}, but scene "
+                    f"{scene.name!r} has {found[what]}: it does not belong to it"
+                )
+        missing = sorted(set(free) - set(free if self.mechanism is None else self.mechanism))
+        if missing:
+            raise InputError(
+                f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene!r} does "
+                f"not belong to scene {scene.name!r}"
+            )
+        return replace(self, solved_scene=scene, surfaces=tuple(surfaces) or self.surfaces)
+
+    @property
+    def drawn_scene(self) -> Scene:
+        """The scene that was solved.
+
+        Raises
+        ------
+        InputError
+            If the solution has no scene, as after reading a file.
+        """
+        if self.solved_scene is None:
+            raise InputError(
+                f"the solution of {self.scene!r} comes without its scene: "
+                "solution.of(scene) gives it back"
+            )
+        return self.solved_scene
+
+    @cached_property
+    def problem(self) -> Any:
+        """The CVXPY problem without interaction, of which this is a solution: the one that was
+        solved, or the one of its scene and surfaces; to look at, to change, and to solve again.
+
+        Returns
+        -------
+        LimitProblem
+
+        Raises
+        ------
+        InputError
+            If the solution has no scene, as after reading a file.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> problem = solve(builtin_scene("single-block")).problem
+        >>> problem.add("prop", problem.V1 >= -1.0)
+        >>> round(problem.solve().load_factor, 4)
+        0.3125
+        """
+        return attached("solution_problem")(self)
+
+    def to_dataframe(self, what: Table = "contacts") -> DataFrame:
+        """The results as a table: a row per contact, per block, or per solve.
+
+        ``"contacts"``: both blocks, forces V1 ... MT on the second, pressure centre, utilisation by
+        surface, opening, slip and twist rates for live power 1. ``"blocks"``: weight, centroid,
+        rates. ``"history"``: what every solver gave. ``table.attrs["units"]`` and
+        ``table.attrs["description"]`` say what each column is. A solution read from a file has the
+        columns of forces and rates alone, until :meth:`of` gives it its scene.
+
+        Raises
+        ------
+        InputError
+            For another table, or a solution of an older file, which names no contacts.
+        ModelError
+            If pandas is not installed.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> solve(builtin_scene("single-block")).to_dataframe()["state"].iloc[0]
+        'opens'
+        """
+        table: DataFrame = attached("solution_table")(self, what)
+        return table
+
+    def plot(
+        self,
+        kind: str = "mechanism",
+        path: str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> Any:
+        """Draw the result; nothing is shown by itself, but notebooks show the figure that ends a
+        cell.
+
+        Parameters
+        ----------
+        kind : str
+            ``"mechanism"``, ``"forces"``, ``"thrust"`` and so on: a name in
+            :data:`cvxlimit.plotting.PICTURES`, one's own among them.
+        path : path or None
+            With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``;
+            ``.html`` for pages.
+        options
+            Of the function of that name in :mod:`cvxlimit.plotting`: ``viewer=(1, -1, 0.5)`` and
+            others.
+
+        Returns
+        -------
+        SceneFigure, Animation or Page; with a path, the file's path
+
+        Raises
+        ------
+        InputError
+            For another kind or suffix, or a solution without its scene.
+        ModelError
+            If Matplotlib is not installed.
+        """
+        return attached("solution_plot")(self, kind, path, options)
+
+    def _repr_html_(self) -> str:
+        return str(attached("solution_html")(self))
