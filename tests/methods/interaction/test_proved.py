@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
-from cvxlimit.bracket import Bracket
 from cvxlimit.masonry import random_wall
 from cvxlimit.masonry.walls import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Answer, Run
-from cvxlimit.methods.interaction.readings.moments import SIGNED
 from cvxlimit.methods.interaction.restriction.lower_bound import prove
+from cvxlimit.readings.moments import SIGNED
+from cvxlimit.solution.bracket import Bracket
 from helpers import interaction_excess
 
 
