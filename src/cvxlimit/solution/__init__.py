@@ -1,15 +1,8 @@
 """What comes out: load factor and bracket, forces and mechanism, what joints do in it."""
 
 from cvxlimit.solution.bracket import Bracket
-from cvxlimit.solution.solution import (
-    LOAD_FACTOR,
-    Iterate,
-    Iteration,
-    LowerEnd,
-    Member,
-    Solution,
-    Status,
-)
+from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Status
+from cvxlimit.solution.solution import LOAD_FACTOR, Solution
 
 __all__ = [
     "LOAD_FACTOR",

@@ -1,0 +1,218 @@
+"""How an analysis ended, and what a solution is made of: iterates, members, the lower end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.solution.bracket import Bracket, rounded
+
+
+class Status(StrEnum):
+    """How an analysis ended; :attr:`advice` gives likely causes and a cure."""
+
+    CERTIFIED = "certified"
+    NOT_CERTIFIED = "not certified"
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    CYCLING = "cycling"
+    DIVERGED = "diverged"
+    SOLVER_FAILED = "solver failed"
+    DEAD_LOAD_UNSTABLE = "dead load cannot stand"
+    LIVE_LOAD_HARMLESS = "live load does no harm"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def has_answer(self) -> bool:
+        """False when no load factor exists at all."""
+        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS)
+
+    @property
+    def is_good(self) -> bool:
+        """True when the answer keeps its promise: bracket closed, or iteration converged."""
+        return self in (Status.CERTIFIED, Status.CONVERGED)
+
+    @property
+    def advice(self) -> str:
+        """One sentence: the meaning, and what to do."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.CERTIFIED: (
+        "the bracket, recomputed outside the solver, is within the tolerance; with interaction and "
+        "no tolerance asked for, within 5 %"
+    ),
+    Status.NOT_CERTIFIED: (
+        "the bracket is wider than the tolerance: use its bounds, or ask for a wider tolerance; "
+        "with interaction give it more time, without it try another surface or solver"
+    ),
+    Status.CONVERGED: "the iteration settled within its tolerance, which bounds nothing",
+    Status.NOT_CONVERGED: (
+        "the iteration did not settle, or settled where Coulomb's law is exceeded, and its last "
+        "load factor is not an answer: for interaction with bending use method 'certified', for "
+        "friction without dilatancy 'zero-dilatancy'"
+    ),
+    Status.CYCLING: (
+        "the fixed point returns to the same load factors, and none of them is an answer: "
+        "use method 'certified', or another old-value weight"
+    ),
+    Status.DIVERGED: (
+        "the fixed point reached eccentricities at which no load factor exists: "
+        "use method 'certified', or a larger old-value weight"
+    ),
+    Status.SOLVER_FAILED: (
+        "every solver failed, which says nothing about the structure: try other solvers "
+        "(solver, ladder), or leave the choice to the package"
+    ),
+    Status.DEAD_LOAD_UNSTABLE: (
+        "this was proved, and checked outside the solver: change the geometry, the supports, "
+        "the friction or the dead load"
+    ),
+    Status.LIVE_LOAD_HARMLESS: (
+        "forces that carry any multiple of the live load were found and checked: "
+        "change the direction of the live load"
+    ),
+    Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
+}
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """One solve: an attempt of the solver ladder, or an iterate of an interaction loop.
+
+    Numbers that do not apply are None. ``equilibrium_residual`` and ``yield_excess`` are in
+    units of the total load, ``flow_violation`` in units of the mechanism's largest rate;
+    ``change`` is the convergence measure of Eq. 43.
+    """
+
+    load_factor: float | None
+    seconds: float
+    solver: str
+    status: str
+    lower: float | None = None
+    upper: float | None = None
+    change: float | None = None
+    equilibrium_residual: float | None = None
+    yield_excess: float | None = None
+    flow_violation: float | None = None
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """How far an iteration without bounds went: the paper's criterion, and a band.
+
+    The band is how far the last iterates lie apart. It bounds neither the collapse load nor where
+    the iteration goes on to, and another solver may have another one.
+
+    Attributes
+    ----------
+    met_after : int or None
+        Solves after which the load factor first changed by no more than the tolerance, which is
+        where the paper stops (Eq. 43); None if it never did.
+    met_at : float or None
+        The load factor then.
+    lowest, highest : float
+        Load factors of the last iterates.
+    last : int
+        How many those are.
+
+    Example
+    -------
+    >>> print(Iteration(22, 0.342684, 0.339134, 0.342684, 40))
+    met the paper's criterion (Eq. 43) after 22 solves, at 0.34268; last 40 iterates 0.33913 to \
+0.34268
+    """
+
+    met_after: int | None
+    met_at: float | None
+    lowest: float
+    highest: float
+    last: int
+
+    @property
+    def band(self) -> str:
+        """Its ends in words, rounded to the nearest: they are no bounds."""
+        ends = f"{rounded(self.lowest, 5)} to {rounded(self.highest, 5)}"
+        return f"last {self.last} iterates {ends}"
+
+    @property
+    def width(self) -> float:
+        """The band's width over its larger end."""
+        return (self.highest - self.lowest) / max(abs(self.lowest), abs(self.highest), 1e-300)
+
+    def __str__(self) -> str:
+        if self.met_after is None or self.met_at is None:
+            return f"did not meet the paper's criterion (Eq. 43); {self.band}"
+        met = f"met the paper's criterion (Eq. 43) after {self.met_after} solves"
+        return f"{met}, at {rounded(self.met_at, 5)}; {self.band}"
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One of several solutions, where the answer is a set: friction without dilatancy.
+
+    Attributes
+    ----------
+    load_factor : float
+    start : str
+        How it was found, in ``iterations`` convex problems.
+    equilibrium, yield_excess : float
+        Largest residual and excess, in units of the total load.
+    flow : float
+        Largest penetration at a corner over the largest opening or slip.
+    complementarity : float
+        Power of contact forces that friction does not account for, over the load factor's.
+    forces : (contacts, 6) array, mechanism : (free blocks, 6) array
+        User's units; live power 1.
+    """
+
+    load_factor: float
+    start: str
+    iterations: int
+    equilibrium: float
+    yield_excess: float
+    flow: float
+    complementarity: float
+    forces: FloatArray = field(repr=False)
+    mechanism: FloatArray = field(repr=False)
+
+    @property
+    def residual(self) -> float:
+        """The largest of the four."""
+        return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
+
+
+@dataclass(frozen=True, eq=False)
+class LowerEnd:
+    """The lower end of an interval of load factors: the dead load does not stand with less of the
+    live load.
+
+    Attributes
+    ----------
+    load_factor : float
+    bracket : Bracket
+        Of this end: forces show that ``upper`` is carried, the mechanism that no factor below
+        ``lower`` is.
+    forces : (contacts, 6) array or None
+        At this end, as :attr:`Solution.forces`.
+    mechanism : mapping of block id to (6,) array, or None
+        Rates with which blocks fall below it, scaled to live power -1.
+    """
+
+    load_factor: float
+    bracket: Bracket
+    forces: FloatArray | None = field(default=None, repr=False)
+    mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+
+    @property
+    def lower(self) -> float:
+        """No factor below it is carried; -inf without a bound."""
+        return self.bracket.lower
+
+    @property
+    def upper(self) -> float:
+        """It is carried; inf without a bound."""
+        return self.bracket.upper
