@@ -18,7 +18,7 @@ at least -shortfall * N of work besides.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, islice, repeat
 from typing import Any
@@ -49,12 +49,15 @@ class Shortfall:
 
     ``missing`` (n,) is the opening that contacts lack, negative where some is to spare;
     ``unresisted`` (k,) slip that no condition resists, twists times the size of a contact;
-    ``dissipation`` the power that forces can take up at most while rates are as the rule has them.
+    ``dissipation`` the power that forces can take up at most while rates are as the rule has them,
+    ``by_contact`` (n,) of each, and ``multipliers`` those of the rows of resistance.
     """
 
     missing: FloatArray
     unresisted: FloatArray
     dissipation: float = 0.0
+    by_contact: FloatArray = field(default_factory=lambda: np.zeros(0))
+    multipliers: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
@@ -229,11 +232,15 @@ class FlowRule(StrengthRows):
         flows = flows + self._loose @ np.where(idle, 0.0, solve(target))
         least = self._multipliers(flows)
         rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
-        lost = resistance.constant @ (least + multipliers) - norms.constant @ flows
+        multipliers = least + multipliers
+        lost = np.zeros(len(self.model.contacts))
+        np.add.at(lost, resistance.contact, resistance.constant * multipliers)
+        np.add.at(lost, norms.contact, -norms.constant * flows)
         missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
         at = self.model.contact[self._pressed]
         np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
-        return Shortfall(missing, -rest[self._free] * self._reach, float(lost))
+        unresisted = -rest[self._free] * self._reach
+        return Shortfall(missing, unresisted, float(lost.sum()), lost, multipliers)
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
         result = np.zeros(self._resistance.size)

@@ -1,0 +1,104 @@
+"""Friction held at given compressions: Tresca's law in place of Coulomb's, for any surface.
+
+A condition is one of friction if shear or torsion stand in it. Its resistance grows with the
+compression, k N and more; held at compressions N' it is k N' and more, a number, and joints slide
+on it without opening. Everything else about a surface stays associated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.model.flow import FlowRule, Shortfall
+from cvxlimit.model.formulations import ForceModel, Formulation
+from cvxlimit.surfaces.base import (
+    CONSTANT,
+    Condition,
+    YieldSurface,
+    is_some,
+    number,
+    product,
+)
+
+_SHEARS = ("V1", "V2", "MT", "V")
+"""What friction bounds: components, and the shear of planar models."""
+
+
+def is_friction(condition: Condition) -> bool:
+    """True if a condition bounds shear or torsion."""
+    return any(is_some(form.get(name, 0.0)) for form in condition.forms() for name in _SHEARS)
+
+
+def held(condition: Condition, pressed: Any) -> Condition:
+    """A condition with its friction held at compressions (n,), numbers or a Parameter."""
+    slope = condition.resistance.get("N", 0.0)
+    if not (is_friction(condition) and is_some(slope)):
+        return condition
+    rest = {name: k for name, k in condition.resistance.items() if name != "N"}
+    at = pressed if condition.contact is None else pressed[condition.contact]
+    friction = product(slope, at)
+    rest[CONSTANT] = rest[CONSTANT] + friction if CONSTANT in rest else friction
+    return replace(condition, resistance=rest)
+
+
+class Tresca(YieldSurface):
+    """Another surface, its friction held at compressions (n,)."""
+
+    def __init__(self, surface: YieldSurface, pressed: Any) -> None:
+        super().__init__(surface.cone)
+        self.surface, self.pressed = surface, pressed
+        self.name = surface.name  # type: ignore[misc]  # stands for it wherever names are asked
+        self.implies = surface.implies  # type: ignore[misc]
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [held(condition, self.pressed) for condition in self.surface.conditions(contacts)]
+
+
+def tresca(surfaces: Sequence[YieldSurface], pressed: Any) -> tuple[YieldSurface, ...]:
+    """Surfaces with friction held; those without any as they are."""
+    return tuple(s if s.name == "rocking" else Tresca(s, pressed) for s in surfaces)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldFormulation:
+    """A formulation that states friction itself, as planar models do, with that friction held."""
+
+    formulation: Formulation
+    pressed: Any
+
+    def __call__(self, contacts: Contacts) -> ForceModel:
+        model = self.formulation(contacts)
+        return replace(model, conditions=[held(c, self.pressed) for c in model.conditions])
+
+
+class Slip:
+    """What joints lose and lack in a mechanism that slides without opening, and what dilatancy
+    would have added: the flow rule with friction held, in the internal forces of a model."""
+
+    def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
+        contacts = model if isinstance(model, Contacts) else model.contacts
+        self.flow = FlowRule(tresca(surfaces, np.zeros(len(contacts))), model)
+        slopes, at = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
+        for _, condition, _ in self.flow.model.strength(surfaces):
+            row = condition.rows(len(contacts))
+            slope = number(condition.resistance.get("N", 0.0)) if is_friction(condition) else 0.0
+            slopes.append(np.broadcast_to(slope, len(row)))
+            at.append(row)
+        self._slope, self._contact = np.concatenate(slopes), np.concatenate(at)
+
+    def of(self, rates: FloatArray) -> Shortfall:
+        """Of relative rates (n, 6): openings that are missing, and what cohesion and strength take
+        up of their power."""
+        return self.flow.shortfall(rates)
+
+    def dilatancy(self, found: Shortfall) -> FloatArray:
+        """The opening (n,) that associated friction would add: times the compression, what friction
+        takes up."""
+        each = self._slope * found.multipliers
+        return np.asarray(np.bincount(self._contact, each, len(self.flow.model.contacts)), float)
