@@ -434,6 +434,8 @@ class Certifier:
     def _opening(self, missing: FloatArray) -> tuple[FloatArray | None, float]:
         """A field that opens every contact, and its share that makes up for what is missing."""
         asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
+        if not asks.any():
+            return np.zeros((len(self.statics.dead) // DOF, DOF)), 0.0
         for field in self.witnesses.opening_fields():
             spare = self._spare_opening(field)
             if spare.min() > 0.0:

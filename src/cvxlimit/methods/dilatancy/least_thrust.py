@@ -1,0 +1,328 @@
+"""Below which load factor no solution without dilatancy lies: proved, from least thrusts of joints.
+
+Let N' be compressions that no admissible state at a load factor between a and c falls below, joint
+by joint. Every solution without dilatancy in that interval has its forces on the friction mu N of
+its own compressions N >= N'. Forces y that balance the loads at a factor F with no more friction
+than mu N' are then among those that its mechanism u resists least of all, so that
+
+    F  =  -f_D . u - y . A' u  <=  -f_D . u - x . A' u  =  its load factor.
+
+No solution lies between a and the smaller one of c and F. The proof is in docs/lower-bound.md. From
+a = 0 on, intervals are excluded one after the other, until friction of the least thrusts at a
+carries no more than a.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.base.arrays import BoolArray, FloatArray
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
+from cvxlimit.methods.driver import Run
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.gluing import with_contacts
+from cvxlimit.proof.minorant import minorant
+from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
+from cvxlimit.solvers import LimitState
+from cvxlimit.surfaces.base import number, stated, times
+
+_LOST = 1e-5
+"""Of the total dead load, spread over all joints: what is known of a least thrust to so much is not
+asked again. All of them together change friction by that share of the load at most."""
+
+_RISE = 1e-4
+"""Relative rise of the bound in a round below which no further one is begun."""
+
+_FEWER = 0.9
+"""Joint problems for the sum of all open thrusts go on while they leave at most this share open."""
+
+
+@dataclass(frozen=True, eq=False)
+class LowerBound:
+    """No solution without dilatancy has a load factor from 0 up to ``load_factor``.
+
+    Attributes
+    ----------
+    load_factor : float
+        The bound; 0 where nothing is proved.
+    thrusts : (n,)
+        Compressions that every admissible state from there on exceeds, as far as they were used.
+    forces : (n, 6) or None
+        Forces that carry ``load_factor`` with the friction of such compressions.
+    rounds, solves : int
+        Of least thrusts, and of convex problems in all.
+    is_cut : bool
+        True if the time ended first; more of it may raise the bound.
+    """
+
+    load_factor: float
+    thrusts: FloatArray
+    forces: FloatArray | None = None
+    rounds: int = 0
+    solves: int = 0
+    is_cut: bool = False
+
+
+def lower_bound(
+    run: Run,
+    upper: float,
+    states: Iterable[tuple[FloatArray, float]] = (),
+    seconds: float = np.inf,
+) -> LowerBound:
+    """The largest load factor below which least thrusts exclude every solution without dilatancy.
+
+    Parameters
+    ----------
+    run : Run
+        Its surfaces may be any whose friction grows with compression; see :func:`is_covered`.
+    upper : float
+        No more is asked for: the load factor of the lowest solution known, or the associated one.
+    states : iterable of (forces (n, 6), load factor)
+        Admissible states that are known: what they show need not be sought.
+    seconds : float
+        After which no further problem is begun; what is proved by then holds.
+    """
+    return _Search(run, upper, states, seconds).bound()
+
+
+def is_covered(run: Run) -> bool:
+    """True if strength depends on forces in such a way that the proof holds: friction grows with
+    compression, and is stated by surfaces, not by a formulation of its own."""
+    if run.formulation is not corner_compressions:
+        return False
+    conditions = [c for s in run.surfaces for c in stated(s, run.contacts)]
+    slopes = [number(c.resistance.get("N", 0.0)) for c in conditions if is_friction(c)]
+    return all(np.min(slope) >= 0.0 for slope in slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class _LeastThrust:
+    """Goal: the least weighted sum of compressions at a load factor, scaled."""
+
+    weight: cp.Parameter
+    factor: cp.Parameter
+
+    def __call__(self, into: Stated) -> Any:
+        into.into.zero(into.factor - self.factor)
+        pressure = into.forces["N"]
+        return -np.ones(pressure.size) @ times(self.weight, pressure)
+
+
+class _Thrusts:
+    """What is known of the least thrusts of all joints: bounds from below that are linear in the
+    load factor, proved, and states, which bound them from above between their load factors."""
+
+    def __init__(self, count: int) -> None:
+        self.lines = [(np.zeros(count), np.zeros(count), np.zeros(count))]  # none is below zero
+        self.known: dict[float, FloatArray] = {}
+
+    def least(self, start: float, end: float) -> FloatArray:
+        """Proved for all load factors from ``start`` to ``end``: the least of the greatest line,
+        which is at an end, or where two lines cross."""
+        largest = max(abs(start), abs(end))
+        constant, slope, rounding = (np.array(part) for part in zip(*self.lines, strict=True))
+        constant = constant - largest * rounding
+        at = [np.full(constant.shape[1:], end) for end in (start, end)]
+        for i in range(len(constant)):
+            for k in range(i):
+                turn = slope[i] - slope[k]
+                cross = (constant[k] - constant[i]) / np.where(turn != 0.0, turn, np.inf)
+                at.append(np.clip(cross, start, end))
+        found: FloatArray = np.min([(constant + slope * x).max(axis=0) for x in at], axis=0)
+        return found
+
+    def show(self, factor: float, pressed: FloatArray) -> None:
+        """A state with compressions (n,) at a load factor."""
+        before = self.known.get(factor)
+        self.known[factor] = pressed if before is None else np.minimum(before, pressed)
+
+    def shown(self, factor: float) -> FloatArray:
+        """No least thrust at a load factor is above that of a mean of two states."""
+        result = self.known.get(factor)
+        count = len(self.lines[0][0])
+        found = np.full(count, np.inf) if result is None else result
+        for low, below in self.known.items():
+            for high, above in self.known.items():
+                if low < factor < high:
+                    share = (factor - low) / (high - low)
+                    found = np.minimum(found, (1.0 - share) * below + share * above)
+        return found
+
+
+class _Search:
+    """Least thrusts sought, and what they exclude."""
+
+    def __init__(
+        self, run: Run, upper: float, states: Iterable[tuple[FloatArray, float]], seconds: float
+    ) -> None:
+        if not is_covered(run):
+            raise ModelError(
+                "no lower bound without dilatancy: it needs friction that grows with compression, "
+                "stated by surfaces"
+            )
+        self.run, self.until, self.upper = run.aside(), time.perf_counter() + seconds, upper
+        self.solves, self.factor = 0, 0.0
+        self.random = np.random.default_rng(0)
+        # parts without live load carry their dead load by themselves, however they do it
+        given, loaded = run.assemblage, loaded_blocks(run.assemblage.statics)
+        self.kept = np.flatnonzero(contacts_of(given.statics, loaded))
+        self.part = given if loaded.all() else with_contacts(given, self.kept, loaded)
+        self.count = len(run.contacts)
+        self.thrusts = _Thrusts(len(self.kept))
+        for forces, factor in states:
+            self.thrusts.show(factor, forces[self.kept, COLUMN["N"]])
+        with run.clock.phase("compile"):
+            found = self._reduced(run.surfaces)
+            self.weight = cp.Parameter(len(self.kept), nonneg=True)
+            self.at = cp.Parameter()
+            goal = _LeastThrust(self.weight, self.at)
+            self.problem = LimitProblem(
+                found.assemblage, run.surfaces, reduction=found.best(), goal=goal
+            )
+        with run.clock.phase("certify"):
+            self.certifier = Certifier(found.assemblage, run.surfaces)
+
+    def bound(self) -> LowerBound:
+        """Rounds of least thrusts at the bound reached, until they raise it no more."""
+        a, forces, rounds, is_cut = 0.0, None, 0, False
+        while a < self.upper:
+            rounds += 1
+            is_cut = self._tighten(a)
+            before = a
+            a, forces, was_cut = self._excluded(a, forces)
+            is_cut = is_cut or was_cut
+            if is_cut or a - before <= _RISE * a:
+                break
+        thrusts, whole = np.zeros(self.count), None
+        thrusts[self.kept] = self.thrusts.least(a, a)
+        if forces is not None:
+            whole = np.zeros((self.count, len(COMPONENTS)))
+            whole[self.kept] = forces
+        return LowerBound(a, thrusts, whole, rounds, self.solves, is_cut)
+
+    @property
+    def _is_late(self) -> bool:
+        return time.perf_counter() > self.until
+
+    # Least thrusts
+
+    def _tighten(self, factor: float) -> bool:
+        """Ask for the least thrust of every joint at a load factor whose value is open; True if the
+        time ended before."""
+        lost = _LOST * self.part.scaling.force / len(self.kept)
+        self.factor, self.at.value = factor, factor / self.part.scaling.load_factor(1.0)
+        is_asked = self._friction() == 0.0  # or need not be
+
+        def opened() -> BoolArray:
+            gap = self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
+            return np.asarray((gap > lost) & ~is_asked)
+
+        while (is_open := opened()).any():  # all that are open at once: many come out at nothing
+            if self._is_late:
+                return True
+            if self._asked(is_open * self.random.uniform(size=len(is_open))) is None:
+                return False  # no state carries the load at this factor, or none was found
+            if opened().sum() > _FEWER * is_open.sum():
+                break
+        line = [np.zeros(len(self.kept)) for _ in range(3)]
+        while (is_open := opened()).any():
+            if self._is_late:
+                break
+            gap = self._friction() * (
+                self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
+            )
+            j = int(np.where(is_open, gap, -1.0).argmax())
+            is_asked[j] = True
+            weight = np.zeros(len(self.kept))
+            weight[j] = 1.0
+            state = self._asked(weight)
+            if state is None or state.mechanism is None:
+                continue
+            with self.run.clock.phase("certify"):
+                unit = np.zeros((len(self.kept), len(COMPONENTS)))
+                unit[j, COLUMN["N"]] = 1.0
+                rates = state.mechanism * self.part.scaling.live  # a force of one does power one
+                found = minorant(self.certifier, unit, rates)
+            if found is not None:
+                for part, value in zip(line, found, strict=True):
+                    part[j] = value
+        self.thrusts.lines.append((line[0], line[1], line[2]))
+        return bool(is_open.any())
+
+    def _friction(self) -> FloatArray:
+        return np.asarray(self.part.contacts.friction)
+
+    def _asked(self, weight: FloatArray) -> LimitState | None:
+        self.weight.value = weight
+        state = self._solved(self.problem)
+        if state.forces is None:
+            return None
+        self.thrusts.show(self.factor, state.forces[:, COLUMN["N"]])
+        return state
+
+    def _solved(self, problem: LimitProblem) -> LimitState:
+        self.solves += 1
+        return self.run.try_solvers(problem.run, self.run.ladder or problem.ladder()[:2])[0]
+
+    # What they exclude
+
+    def _excluded(
+        self, a: float, forces: FloatArray | None
+    ) -> tuple[float, FloatArray | None, bool]:
+        """The end of what is excluded from ``a`` on, by intervals that are halved where friction of
+        their least thrusts does not reach their end."""
+        width = self.upper - a
+        while a < self.upper:
+            if self._is_late:
+                return a, forces, True
+            end = min(a + width, self.upper)
+            least = self.thrusts.least(a, end)
+            factor, found = self._carried(least)
+            if factor > a:
+                forces = found
+            if factor >= end:
+                a, width = end, 2.0 * width
+                continue
+            rise = factor - a
+            a = max(a, factor)
+            lost = self._friction() @ (self.thrusts.least(a, a) - least)
+            if rise > _RISE * a and rise > 0.5 * width:
+                continue
+            if width <= _RISE * a or lost <= _LOST * self.part.scaling.force:
+                return a, forces, False
+            width *= 0.5
+        return a, forces, False
+
+    def _carried(self, pressed: FloatArray) -> tuple[float, FloatArray | None]:
+        """What is carried with friction of such compressions, proved, and the forces."""
+        surfaces = tresca(self.run.surfaces, pressed)
+        with self.run.clock.phase("compile"):
+            found = self._reduced(surfaces)
+            problem = LimitProblem(found.assemblage, surfaces, reduction=found.best())
+        state = self._solved(problem)
+        if state.forces is None or state.load_factor is None:
+            return -np.inf, None
+        with self.run.clock.phase("certify"):
+            certifier = Certifier(found.assemblage, surfaces)
+        if certifier.witnesses.dead_state is None:
+            inside = self._solved(problem.inside())
+            if inside.forces is not None and inside.load_factor is not None:
+                certifier.offer_dead_state(inside.forces, inside.load_factor)
+        with self.run.clock.phase("certify"):
+            bracket = certifier.of(state)
+        return (bracket.lower if bracket.lower_is_proved else -np.inf), state.forces
+
+    def _reduced(self, surfaces: Any) -> Reductions:
+        found = Reductions.of(self.part, surfaces, model=self.run.model)
+        return replace(found, mirror=None, loaded=None)
