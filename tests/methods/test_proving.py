@@ -306,7 +306,10 @@ def test_random_scenes_are_proved_again(scene: Scene) -> None:
 
 HARD = [
     # 1.7e-10 of the load factor, by which the bracket clips it, moves the lower bound by 6e-7
-    panel(0.2, 3, left_return=0.2, friction=0.6, live=Load(acceleration=(1.0, -2.4492935982947064e-16, -0.5))),
+    panel(
+        0.2, 3, left_return=0.2, friction=0.6,
+        live=Load(acceleration=(1.0, -2.4492935982947064e-16, -0.5)),
+    ),
     # another state to refer to proves 2e-6 more
     panel(
         0.20796, 1, left_return=0.10796, friction=0.5,
