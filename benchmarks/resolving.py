@@ -225,7 +225,7 @@ def timed(scene: Scene, most: int) -> dict[str, tuple[float, float]]:
     middle = Point.middle(step.statics.contacts)
     found = {
         "relaxation": _measured(lambda s: hull.solve(copies, s), QUICK),
-        "safe step, as arrays": _measured(lambda s: step.solve(middle, s), QUICK),
+        "safe step": _measured(lambda s: step.solve(middle, s), QUICK),
     }
     for has_rows, what in ((True, "rows"), (False, "by CVXPY")):
         if has_rows or len(run.contacts) <= most:

@@ -15,6 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry.builtin import BUILTIN
 from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import (
@@ -29,6 +30,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.reserve import LeastUse
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
+from cvxlimit.readings.states.majorants import Point
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
@@ -86,6 +88,23 @@ def test_frozen_at_random_eccentricities(name: str, moments: str, cone: str) -> 
     for seed in range(2):
         at_random(frozen.problem, seed)
         assert_same_rows(frozen.problem)
+
+
+@everywhere(("single-block", "arch"))
+@pytest.mark.parametrize("moments", READINGS)
+def test_safe_steps_at_random_points(name: str, moments: str) -> None:
+    """With all that a step may have: a price of slack, a bound, and a share of the curvature."""
+    assemblage = Assemblage.of(builtin_scene(name))
+    step, random = SafeStep(assemblage, parse_moments(moments)), np.random.default_rng(1)
+    contacts = step.statics.contacts
+    for price, curvature, most in ((None, 1.0, None), (5.0, 1.0, 0.3), (None, 0.1, None)):
+        centre = 0.3 * random.uniform(-1.0, 1.0, contacts.sides.shape) * contacts.sides
+        shear = random.uniform(-1.0, 1.0, centre.shape) * contacts.friction[:, None]
+        stated = step.at(Point(centre, shear), price, curvature, most)
+        assert stated.parameters.keys() == {p.name() for p in stated.problem.problem.parameters()}
+        assert_same_rows(stated.problem)
+        at_random(stated.problem)
+        assert_same_rows(stated.problem)
 
 
 class Lens(Cone):

@@ -270,17 +270,21 @@ class LimitProblem(Changeable):
         variables, cones = program.matrix.shape[1], len(program.cones)
         return Shape(variables, program.zero, cones, program.nonneg)
 
-    def run(self, settings: SolverSettings | None = None, has_rows: bool = True) -> LimitState:
+    def run(
+        self, settings: SolverSettings | None = None, has_rows: bool | None = None
+    ) -> LimitState:
         """One run of one solver, the ladder's first, by the rows, or by CVXPY where it wants more
         than matrices; never raises for what the solver does.
 
-        Where rounding decides, Clarabel's last rungs see the rows in CVXPY's order.
+        Unless ``has_rows`` says which, Clarabel's last rungs see the rows in CVXPY's order: where
+        rounding decides.
         """
         settings = settings or self.ladder()[0]
-        is_last = settings.name == "CLARABEL" and settings.label != ""
+        if has_rows is None:
+            has_rows = settings.name != "CLARABEL" or settings.label == ""
         has_rows = has_rows and not getattr(self.goal, "is_quadratic", False)
         has_rows = has_rows and (self._own is None or self._own.has_rows)
-        if not settings.row.takes_matrices or is_last or not has_rows:
+        if not settings.row.takes_matrices or not has_rows:
             return self._run_by_cvxpy(settings)
         program, kept = self.program, self._kept
         if self.repeats is not None:

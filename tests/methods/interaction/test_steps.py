@@ -1,4 +1,4 @@
-"""Safe steps as matrices against the same steps stated in CVXPY: every row as its text has it."""
+"""Safe steps against the same steps stated in CVXPY: every row as its text has it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from cvxlimit import Scene
 from cvxlimit.masonry import panel
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
+from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.readings.halves import Half
 from cvxlimit.readings.named import parse_moments
@@ -28,9 +29,9 @@ def referee(
     step: SafeStep, point: Point, price: float | None, curvature: float, most: float | None
 ) -> float:
     """The scaled value of the step's problem."""
-    count, own = len(step.kept), step.own
-    into = Constraints()
-    c, internal = step.model.unknowns(into)
+    count, own = len(step.kept), step.rectangles.take(step.kept)
+    into, model = Constraints(), corner_compressions(own.contacts)
+    c, internal = model.unknowns(into)
     names = ("N", "V1", "V2", "X1", "X2", "MT", "m1", "m2", "u", "s1", "s2", "t")
     known = {name: c[name] for name in ("N", "V1", "V2", "MT")} | {"X1": -c["M2"], "X2": c["M1"]}
     value = {name: known.get(name, cp.Variable(count)) for name in names}
@@ -63,7 +64,7 @@ def referee(
     half, scaled, alpha = step.half, step.assemblage.scaled, cp.Variable()
     if most is not None:
         limits.append(step.scaling.load_factor(1.0) * alpha <= most)
-    forces = step.model.meaning @ cp.hstack(internal)
+    forces = model.meaning @ cp.hstack(internal)
     load = scaled.dead + alpha * scaled.live
     balance = scaled.matrix @ (forces if half is None else half.forces @ forces) + load
     if half is not None:

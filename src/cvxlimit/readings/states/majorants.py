@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -57,33 +58,65 @@ class Point:
         return Point((1.0 - share) * self.centre, (1.0 - share) * self.shear)
 
 
+class Linear(dict[str, "float | FloatArray"]):
+    """A linear form of components, as surfaces take it, with sums and multiples by numbers (n,).
+    What comes of single numbers alone is a number, and a zero of these no entry: neither depends on
+    where a step is built."""
+
+    __array_ufunc__ = None  # NumPy's arrays leave arithmetic to forms
+
+    def __add__(self, other: Linear) -> Linear:
+        more = {name: self[name] + k if name in self else k for name, k in other.items()}
+        return Linear({**self, **more})
+
+    def __sub__(self, other: Linear) -> Linear:
+        return self + -1.0 * other
+
+    def __neg__(self) -> Linear:
+        return -1.0 * self
+
+    def __mul__(self, k: float | FloatArray) -> Linear:
+        if np.ndim(k) == 0 and k == 0.0:
+            return Linear()
+        return Linear((name, k * value) for name, value in self.items())
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, k: float | FloatArray) -> Linear:
+        return self * (1.0 / k)
+
+
+Values = TypeVar("Values", Linear, FloatArray)
+"""Linear forms, or what they come to at some forces: nothing here is more than their sums and
+multiples."""
+
+
 @dataclass(frozen=True, eq=False)
-class Forces:
-    """Linear forms (..., n) a step is written in: contact forces, with ``X`` = N e1 and N e2, and
-    bounds ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT). Values serve as
-    well as coefficients: nothing here is more than their sums and multiples."""
+class Forces(Generic[Values]):
+    """What a step is written in: contact forces, with ``X`` = N e1 and N e2, and bounds ``m`` >=
+    abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT)."""
 
-    N: FloatArray
-    V: Sequence[FloatArray]
-    X: Sequence[FloatArray]
-    MT: FloatArray
-    m: Sequence[FloatArray]
-    u: FloatArray
-    s: Sequence[FloatArray] = ()
-    t: FloatArray | None = None
+    N: Values
+    V: Sequence[Values]
+    X: Sequence[Values]
+    MT: Values
+    m: Sequence[Values]
+    u: Values
+    s: Sequence[Values] = ()
+    t: Values | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Product:
+class Product(Generic[Values]):
     """x y / N with a balance k (n,), and x, y over N at the point (x0, y0)."""
 
-    x: FloatArray
-    y: FloatArray
+    x: Values
+    y: Values
     k: FloatArray
     x0: FloatArray
     y0: FloatArray
 
-    def majorant(self, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def majorant(self, normal: Values) -> tuple[Values, FloatArray, Values]:
         """p, p over N at the point, and a linear part: x y / N <= linear + p^2 / (4 N), exact where
         x, y / N = x0, y0."""
         x, y = self.x / self.k, self.k * self.y
@@ -93,21 +126,21 @@ class Product:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class Row(Generic[Values]):
     """linear + sum of squares / (4 N) <= 0 at every contact; ``at`` are the squares' roots over N
     at the row's own point."""
 
-    linear: FloatArray
-    squares: Sequence[FloatArray] = ()
+    linear: Values
+    squares: Sequence[Values] = ()
     at: Sequence[FloatArray] = ()
 
     @classmethod
-    def of(cls, linear: FloatArray, products: Sequence[Product], normal: FloatArray) -> Row:
+    def of(cls, linear: Values, products: Sequence[Product[Values]], normal: Values) -> Row[Values]:
         parts = [product.majorant(normal) for product in products]
         roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
         return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
 
-    def lengthened(self, normal: FloatArray, share: float) -> Row:
+    def lengthened(self, normal: Values, share: float) -> Row[Values]:
         """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
         Exact at the row's own point like the row itself, but no longer inside the true condition: a
         step with such rows goes farther, and its forces prove nothing."""
@@ -117,15 +150,18 @@ class Row:
             squares.append(share**0.5 * (p - p0 * normal))
         return Row(linear, squares, self.at)
 
-    def cone(self, normal: FloatArray, slack: FloatArray, arm: FloatArray) -> list[FloatArray]:
+    def cone(self, normal: Values, slack: Values, arm: FloatArray) -> list[Values]:
         """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone, bound first. In
         units of an ``arm`` (n,) w is as large as N, without which its last rows are nearly one."""
         w = (slack - self.linear) / arm
-        return [normal + w, *(p / np.sqrt(arm) for p in self.squares), normal - w]
+        found = [normal + w]
+        found += [p / np.sqrt(arm) for p in self.squares]
+        found.append(normal - w)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
-class StepRows:
+class StepRows(Generic[Values]):
     """Rows of one reading at one point: Eq. 30, and Eq. 27 where it stands beside it.
 
     ``slopes`` (2, 2) are d_i / e_i of the reading's lever, for each axis at positive and at
@@ -140,14 +176,14 @@ class StepRows:
       so that later steps may cross it: abs(X_i V_j) <= m_i s_j.
     """
 
-    f: Forces
+    f: Forces[Values]
     point: Point
     rectangles: Rectangles
     slopes: FloatArray | None
     is_limited: bool
     balance: float
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[Row[Values]]:
         f, resistance = self.f, self._resistance
         base = (self._slope * self._sides).sum(axis=1) * f.u - resistance
         if self.slopes is None:
@@ -157,8 +193,13 @@ class StepRows:
         found = limits if self.is_limited else []
         for turn in (1.0, -1.0):
             found.append(Row.of(turn * f.MT + base, self._products(turn), f.N))
-        kept = [i for i in (0, 1) if not self._is_split(i)]
-        return [*found, *(Row(-self._reach(i)[0]) for i in kept)]
+        return found + [self._side(i) for i in (0, 1) if not self._is_split(i)]
+
+    def _side(self, i: int) -> Row[Values]:
+        """Where pressure stays on its side of an axis; where it may cross that, N >= 0 in place of
+        a row without entries, inside which nothing is."""
+        x, sign = self._reach(i)
+        return Row(-(x + (self._sides[:, i] * (sign == 0.0)) * self.f.N))
 
     @cached_property
     def _sides(self) -> FloatArray:
@@ -176,7 +217,7 @@ class StepRows:
         return np.asarray(np.sqrt(self.balance * self._sides / 2.0 / friction))
 
     @property
-    def _resistance(self) -> FloatArray:
+    def _resistance(self) -> Values:
         effective = [self._sides[:, i] * self.f.N - 2.0 * self.f.m[i] for i in (0, 1)]
         first, second = (self.rectangles.contacts.friction[:, None] * self._slope).T
         return first * effective[0] + second * effective[1]
@@ -184,13 +225,13 @@ class StepRows:
     def _is_split(self, i: int) -> bool:
         return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
 
-    def _products(self, turn: float) -> list[Product]:
+    def _products(self, turn: float) -> list[Product[Values]]:
         found = []
         for part in (1.0, -1.0):  # in this order: solvers' last digits depend on it
             found += [self._halved(i, turn, part) for i in (0, 1) if self._is_split(i)]
         return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
 
-    def _halved(self, i: int, turn: float, part: float) -> Product:
+    def _halved(self, i: int, turn: float, part: float) -> Product[Values]:
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         assert self.slopes is not None
         along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
@@ -204,7 +245,7 @@ class StepRows:
             along * self.point.shear[:, j] - slope * self._size,
         )
 
-    def _whole(self, i: int, turn: float) -> Product:
+    def _whole(self, i: int, turn: float) -> Product[Values]:
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         shear, there = self.point.shear[:, j], -slope * self._size
         y = -slope * f.u
@@ -214,13 +255,12 @@ class StepRows:
             most = float(np.abs(self.slopes[i]).max())
             kept = turn * _SIGN[i] * sign * np.where(sign > 0.0, *self.slopes[i])
             y, there = y + kept * f.V[j], there + kept * shear
-        if free.any():
-            x = x + free * f.m[i]
-            y = y + most * free * f.s[j]
+        x = x + free * f.m[i]
+        y = y + most * free * f.s[j]
         there = there + most * free * np.abs(shear)
         return Product(x, y, self._k[:, i], np.abs(self.point.centre[:, i]), there)
 
-    def _reach(self, i: int) -> tuple[FloatArray, FloatArray]:
+    def _reach(self, i: int) -> tuple[Values, FloatArray]:
         """N e_i with the sign of the point's, and that sign: zero where it may change. Such rows
         let the centre cross the axis, and cut off a little of the torque."""
         centre = self.point.centre[:, i]

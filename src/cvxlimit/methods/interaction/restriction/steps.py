@@ -1,31 +1,36 @@
-"""The convex step of one scene, written straight as matrices.
+"""The convex step of one scene: a limit problem whose coefficients say where it is built.
 
-CVXPY takes as long to compile a step of a small scene as solvers take for it, and every step has
-other coefficients: Parameters for them, nine vectors, would need gigabytes.
+Majorants (:mod:`~cvxlimit.readings.states.majorants`) are a yield surface in forces and
+in bounds on their sizes. Its coefficients are Parameters: at another point, at another price or
+with other curvature, the rows are the same but for their numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import partial
+from itertools import chain
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
-import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.model.assemblage import Assemblage, Equilibrium
-from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.statics import DOF
+from cvxlimit.geometry.contacts import COMPONENTS, Contacts
+from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
+from cvxlimit.model.goals import Stated
+from cvxlimit.model.problem import LimitProblem
 from cvxlimit.readings.halves import Half
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.settings import SUPPORT
-from cvxlimit.readings.states.majorants import Forces, Point, StepRows
+from cvxlimit.readings.states.majorants import Forces, Linear, Point, StepRows
 from cvxlimit.readings.states.rectangles import Rectangles
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.surfaces.base import Condition, LinearForm, Norm, YieldSurface, times
+from cvxlimit.surfaces.coulomb import Rocking
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,24 +42,25 @@ class StepState(LimitState):
 
 class SafeStep:
     """With a ``half`` of a symmetric scene steps are restricted to that; answers are those of the
-    whole. Solvers that start from the step before find that in a cache."""
+    whole. Solvers that start from the step before find that in a cache.
+
+    ``stated`` has the problems that were stated, by whether slack has a price, and whether the load
+    factor a bound: their ``parameters`` are those of a point.
+    """
 
     def __init__(
         self, scene: Scene | Assemblage, moments: Moments, half: Half | None = None
     ) -> None:
         whole = Assemblage.of(scene)
-        self.moments, self.scaling = moments, whole.scaling
-        largest, slopes = moments.largest_arm(whole.contacts), moments.slopes
+        self.moments, self.scaling, self.half = moments, whole.scaling, half
+        largest = moments.largest_arm(whole.contacts)
         rectangles = Rectangles.of(whole.contacts, moments.inscribed, largest)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
         statics = replace(whole.statics, contacts=rectangles.contacts)
-        self.assemblage = replace(whole, statics=statics)
-        self.statics, self.half = self.assemblage.scaled, half
+        self.assemblage = replace(whole, statics=statics, repeats=None)
+        self.statics = self.assemblage.scaled
         self.kept = np.arange(len(whole.contacts)) if half is None else half.kept
-        self.own = self.rectangles.take(self.kept)
-        self.model = corner_compressions(self.own.contacts)
-        is_tied = slopes is not None and bool((slopes[:, 0] == slopes[:, 1]).all())
-        self._magnitudes = 6 if slopes is None else 3 if is_tied else 5  # m, u, s, t of Forces
+        self.stated: dict[tuple[bool, bool], StatedStep] = {}
         self._cache: dict[str, Any] = {}
 
     def solve(
@@ -67,124 +73,166 @@ class SafeStep:
     ) -> StepState:
         """The load factor, at most ``most``, less ``price`` x slack; None: no slack. Then, with all
         of the rows' ``curvature``, every answer is safe; with a share of it steps are longer."""
-        program = self.program(point, price, curvature, most)
-        outcome, x, y = program.solve(settings, self._cache)
-        if x is None or y is None:
-            return StepState(outcome, None, None, None, slack=np.inf)
-        forces = np.asarray(self._per_internal @ x[: self._per_internal.shape[1]])
+        step = self.at(point, price, curvature, most)
+        state = step.problem.run(settings, has_rows=True)
+        if state.forces is None:
+            return StepState(state.outcome, None, None, None, slack=np.inf)
+        forces = self.rectangles.outward(state.forces / self.scaling.forces(np.ones(6)))
         return StepState(
-            outcome,
-            self.scaling.load_factor(float(x[-1])),
-            self.scaling.forces(self.rectangles.outward(forces.reshape(-1, DOF))),
-            self.equilibrium.mechanism(y),
-            slack=0.0 if price is None else float(x[-1 - len(self.kept) : -1].sum()),
+            state.outcome,
+            state.load_factor,
+            self.scaling.forces(forces),
+            state.mechanism,
+            slack=0.0 if price is None else float(state.own["slack"].sum()),
         )
 
-    def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
-        inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
-        return Point.of(inner, self.statics.contacts, otherwise, least)
-
-    def program(
+    def at(
         self,
         point: Point,
         price: float | None = None,
         curvature: float = 1.0,
         most: float | None = None,
-    ) -> ConeProgram:
-        """Unknown are internal forces, magnitudes, slack if it has a price, and the load factor."""
-        equilibrium, count = self.equilibrium, len(self.kept)
-        dead, live = (equilibrium.of_load(load) for load in (self.statics.dead, self.statics.live))
-        meaning = self._fields(price is not None)
-        linear, cones = self._bounds(point, price is not None, curvature)
-        blocks = [[form] for form in linear] + cones
-        local = sp.vstack([_local(block) for block in blocks], format="csr") @ meaning
-        width, internal = meaning.shape[1] + 1, equilibrium.matrix.shape[1]
-        signs = sp.eye_array(internal, width, format="csr")[self.model.nonneg]
-        factor = sp.csr_array(([-1.0], ([0], [width - 1])), (1, width))[: most is not None]
-        nothing = sp.csr_array((len(live), width - 1 - internal))
-        parts = [
-            sp.hstack([equilibrium.matrix, nothing, sp.csr_array(live[:, None])]),
-            -factor,
-            -signs,
-            sp.hstack([-local, sp.csr_array((local.shape[0], 1))]),
-        ]
-        matrix = sp.vstack(parts, format="csc")
-        right = np.zeros(matrix.shape[0])
-        right[: len(dead)] = -dead
-        if most is not None:
-            right[len(dead)] = most / self.scaling.load_factor(1.0)
-        cost = np.zeros(width)
-        cost[-1] = -1.0
-        if price is not None:
-            cost[-1 - count : -1] = price
-        nonneg = factor.shape[0] + signs.shape[0] + count * len(linear)
-        sizes = tuple(len(cone) for cone in cones for _ in range(count))
-        return ConeProgram(cost, matrix, right, len(live), nonneg, sizes)
+    ) -> StatedStep:
+        """The problem with its Parameters set."""
+        key = price is not None, most is not None
+        if key not in self.stated:
+            self.stated[key] = StatedStep(self, *key, self._cache)
+        self.stated[key].set(point, price, curvature, most)
+        return self.stated[key]
 
-    def _bounds(
-        self, point: Point, has_slack: bool, curvature: float
-    ) -> tuple[list[FloatArray], list[list[FloatArray]]]:
-        """Forms (fields, contacts) that are not negative, and second-order cones, bound first: of
-        the magnitudes, and of Eq. 30 at ``point``."""
-        size = DOF + self._magnitudes + has_slack
-        unit = np.eye(size)[:, :, None] * np.ones(len(self.kept))
-        slack = unit[-1] if has_slack else 0.0 * unit[-1]
-        f = self._forces(unit)
-        linear = [slack] if has_slack else []
-        linear.append(self.own.contacts.friction * f.N - f.u)
+    def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
+        inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
+        return Point.of(inner, self.statics.contacts, otherwise, least)
+
+
+class StatedStep:
+    """``problem``, unknown in which are internal forces, bounds on sizes, slack if it has a price,
+    and the load factor; and its ``parameters`` by name."""
+
+    def __init__(
+        self, step: SafeStep, has_price: bool, has_most: bool, cache: dict[str, Any]
+    ) -> None:
+        self.moments, self.kept, half = step.moments, step.kept, step.half
+        self.own, self.scaling = step.rectangles.take(step.kept), step.scaling
+        slopes, sizes = self.moments.slopes, ("m1", "m2", "u", "s1", "s2", "t")
+        is_tied = slopes is not None and bool((slopes[:, 0] == slopes[:, 1]).all())
+        names = sizes[: 6 if slopes is None else 3 if is_tied else 5]
+        self._forces, self._slack = self._forms(names), Linear({"slack": 1.0} if has_price else {})
+        # with a share of the curvature rows have all components that they ever have
+        rows = self._rows(Point.middle(step.statics.contacts), 0.5)
+        self._coefficients = [_named(form, f"form {i}") for i, form in enumerate(_forms(rows))]
+        goal = _LessSlack(
+            cp.Parameter(name="price") if has_price else None,
+            cp.Parameter(name="most") if has_most else None,
+        )
+        every = [k for form in self._coefficients for k in form.values()] + [goal.price, goal.most]
+        self.parameters = {k.name(): k for k in every if isinstance(k, cp.Parameter)}
+        surface = _Majorants([*self._bounds(), *_stated(rows, iter(self._coefficients))])
+        formulation = partial(_with_parts, names=(*names, *self._slack))
+        given = Reduction.none(step.assemblage.statics, formulation)
+        if half is not None:
+            own = given.contacts.take(half.kept)
+            given = replace(given, contacts=own, forces=half.forces, rates=half.rates)
+        surfaces = Rocking(), surface
+        self.problem = LimitProblem(step.assemblage, surfaces, reduction=given, goal=goal)
+        self.problem._kept = cache
+
+    def set(self, point: Point, price: float | None, curvature: float, most: float | None) -> None:
+        """Give the Parameters the values for a point."""
+        none, rows = np.zeros(len(self.kept)), self._rows(point, curvature)
+        for form, coefficients in zip(_forms(rows), self._coefficients, strict=True):
+            for name, coefficient in coefficients.items():
+                if isinstance(coefficient, cp.Parameter):
+                    coefficient.value = none + form.get(name, 0.0)
+        if price is not None:
+            self.parameters["price"].value = price
+        if most is not None:
+            self.parameters["most"].value = most / self.scaling.load_factor(1.0)
+
+    def _forms(self, names: Sequence[str]) -> Forces[Linear]:
+        """Forces by component, moments over the unit of length, and bounds by name."""
+        one = {name: Linear({name: 1.0}) for name in (*COMPONENTS, *names)}
+        m1, m2, mt = (one[name] / self.scaling.length for name in ("M1", "M2", "MT"))
+        m, s = ([one[n] for n in names if n[0] == kind] for kind in "ms")
+        return Forces(one["N"], [one["V1"], one["V2"]], [-m2, m1], mt, m, one["u"], s, one.get("t"))
+
+    def _bounds(self) -> Iterator[Condition]:
+        f = self._forces
+        yield Condition([], self.own.contacts.friction * f.N - f.u)
+        yield Condition([Norm(*f.V)], f.u)
         sizes = [*zip(f.X, f.m, strict=True), *zip(f.V[: len(f.s)], f.s, strict=True)]
         sizes += [] if f.t is None else [(f.MT, f.t)]
-        linear += [bound - sign * value for value, bound in sizes for sign in (1.0, -1.0)]
-        cones = [[f.u, *f.V]]
-        moments, here = self.moments, Point(point.centre[self.kept], point.shear[self.kept])
+        yield from (Condition([Norm(value)], bound) for value, bound in sizes)
+
+    def _rows(self, point: Point, curvature: float) -> list[Condition]:
+        """Eq. 30 at a point, and Eq. 27 where it stands beside it."""
+        f, moments, contacts = self._forces, self.moments, self.own.contacts
+        here = Point(point.centre[self.kept], point.shear[self.kept])
+        arm = np.maximum(contacts.friction, SUPPORT.friction) * contacts.torsion_arm
+        arm = np.where(arm > 0.0, arm, 1.0)  # of the torque that contacts resist, per compression
+        found = []
         slopes, is_limited = moments.slopes, moments.is_limited
         for row in StepRows(f, here, self.own, slopes, is_limited, moments.balance).rows():
-            if row.squares:
-                longer = row if curvature == 1.0 else row.lengthened(f.N, curvature)
-                cones.append(longer.cone(f.N, slack, self._arm))
-            else:
-                linear.append(slack - row.linear)
-        return linear, cones
-
-    def _forces(self, unit: FloatArray) -> Forces:
-        v1, v2, normal, m1, m2, mt, *sizes = unit[: DOF + self._magnitudes]
-        t = sizes[5] if len(sizes) == 6 else None
-        return Forces(normal, (v1, v2), (-m2, m1), mt, sizes[:2], sizes[2], sizes[3:5], t)
-
-    @cached_property
-    def _arm(self) -> FloatArray:
-        """Of the torque that contacts resist, per compression."""
-        contacts = self.own.contacts
-        arm = np.maximum(contacts.friction, SUPPORT.friction) * contacts.torsion_arm
-        return np.where(arm > 0.0, arm, 1.0)
-
-    def _fields(self, has_slack: bool) -> sp.csr_array:
-        """Contact forces, component by component, then magnitudes and slack (fields x contacts)."""
-        count = len(self.kept)
-        order = DOF * np.arange(count) + np.arange(DOF)[:, None]
-        others = sp.eye_array((self._magnitudes + has_slack) * count)
-        forces = self.model.meaning[order.ravel()]
-        return sp.csr_array(sp.block_diag([forces, others], format="csr"))
-
-    @cached_property
-    def _per_internal(self) -> sp.csr_array:
-        """Forces (6 n, p) of all contacts, scaled, per internal force."""
-        meaning = self.model.meaning
-        return meaning if self.half is None else (self.half.forces @ meaning).tocsr()
-
-    @cached_property
-    def equilibrium(self) -> Equilibrium:
-        """Scaled, of the internal forces."""
-        statics, rates = self.statics, None if self.half is None else self.half.rates
-        loads = np.stack([statics.dead.ravel(), statics.live.ravel()])
-        matrix = (statics.matrix @ self._per_internal).tocsr()
-        return Equilibrium.of(matrix, loads, self.scaling, rates)
+            if not row.squares:
+                found.append(Condition([], self._slack - row.linear))
+                continue
+            longer = row if curvature == 1.0 else row.lengthened(f.N, curvature)
+            bound, *rest = longer.cone(f.N, self._slack, arm)
+            found.append(Condition([Norm(*rest)], bound))
+        return found
 
 
-def _local(forms: Sequence[FloatArray]) -> sp.csr_array:
-    """Rows (forms x contacts) of forms (fields, contacts), those of one contact together."""
-    stack = np.stack(forms, axis=1)
-    fields, size, count = stack.shape
-    field, form, contact = np.nonzero(stack)
-    at = size * contact + form, count * field + contact
-    return sp.csr_array((stack[field, form, contact], at), (size * count, fields * count))
+class _Majorants(YieldSurface):
+    """Conditions of a step."""
+
+    name = "safe step"
+
+    def __init__(self, stated: Sequence[Condition]) -> None:
+        super().__init__()
+        self._stated = stated
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return self._stated
+
+
+@dataclass(frozen=True, eq=False)
+class _LessSlack:
+    """The load factor, at most ``most``, less ``price`` x slack."""
+
+    price: cp.Parameter | None
+    most: cp.Parameter | None
+
+    def __call__(self, stated: Stated) -> Any:
+        if self.most is not None:
+            stated.into.nonneg(-stated.factor + self.most)
+        if self.price is None:
+            return stated.factor
+        slack = stated.own["slack"] = stated.forces["slack"]
+        return stated.factor - times(self.price, np.ones(slack.size) @ slack)
+
+
+def _with_parts(contacts: Contacts, names: Sequence[str]) -> ForceModel:
+    """Corner compressions, and unknowns that give no forces."""
+    model, every = corner_compressions(contacts), np.arange(len(contacts))
+    parts = [Part(name, {}, every, nonneg=name == "slack") for name in names]
+    return replace(model, parts=[*model.parts, *parts])
+
+
+def _forms(conditions: Sequence[Condition]) -> Iterator[LinearForm]:
+    return chain.from_iterable(condition.forms() for condition in conditions)
+
+
+def _named(form: LinearForm, name: str) -> LinearForm:
+    """The form with Parameters in place of what differs from contact to contact."""
+    return {
+        component: cp.Parameter(np.shape(k), name=f"{name}, {component}") if np.ndim(k) else k
+        for component, k in form.items()
+    }
+
+
+def _stated(rows: Sequence[Condition], forms: Iterator[LinearForm]) -> Iterator[Condition]:
+    """The conditions with other forms."""
+    for row in rows:
+        resistance = next(forms)
+        norms = [Norm(*(next(forms) for _ in norm.rows)) for norm in row.norms]
+        yield Condition(norms, resistance)
