@@ -126,6 +126,21 @@ class TestConvergence:
         expected = planar_load_factor(scene, one, other)
         assert solve(scene).load_factor == pytest.approx(expected, rel=1e-5)
 
+    @pytest.mark.parametrize(
+        ("lower", "upper", "ends"),
+        [(8, 6, "in each other at one end and 0 apart"), (6, 8, "0 apart at one end and 0.00285")],
+    )
+    def test_coarse_sides_apart_beyond_the_tolerance_are_refused_with_the_cure(
+        self, lower: int, upper: int, ends: str
+    ) -> None:
+        scene, one, other = hump(lower, upper, 0.3)
+        with pytest.raises(GeometryError, match=r"block 'up'.*up-low: faces at an angle") as refused:
+            solve(scene)
+        assert ends in str(refused.value)
+        tolerance = float(str(refused.value).split("a joint tolerance of ")[1].split()[0])
+        found = solve(replace(scene, joint_tolerance=tolerance))
+        assert found.load_factor == pytest.approx(planar_load_factor(scene, one, other), rel=0.02)
+
     def test_what_two_meshes_leave_out_is_told(self) -> None:
         scene, *_ = hump(64, 48, 0.05)
         assert scene.lumped is not None

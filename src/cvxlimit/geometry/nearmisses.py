@@ -13,8 +13,8 @@ Kind = Literal["gap", "angle", "overlap", "sliver"]
 
 _WORDS = {
     "gap": "a gap of {size:.3g}{unit}, joined up to {allowed:.3g}",
-    "angle": "faces at an angle of {degrees:.3g} degrees, {nearest:.3g}{unit} apart at one end and "
-    "{farthest:.3g}{unit} at the other, joined up to {allowed:.3g}{cure}",
+    "angle": "faces at an angle of {degrees:.3g} degrees, {nearest} at one end and {farthest} at "
+    "the other, joined up to {allowed:.3g}{cure}",
     "overlap": "an overlap of {size:.3g}{unit}, joined up to {allowed:.3g}",
     "sliver": "a joint {size:.3g}{unit} wide, kept from {allowed:.3g}",
 }
@@ -58,15 +58,19 @@ class NearMiss:
         cure = "; no joint tolerance joins faces that are so steep to each other"
         if self.cure < math.inf:
             cure = f"; a joint tolerance of {_rounded_up(self.cure)} joins them"
-        near, far = self.gaps
+        unit = f" {unit}" if unit else ""
+        ends = [gap if abs(gap) > 1e-9 * self.size else 0.0 for gap in self.gaps]  # rounding
+        nearest, farthest = (
+            f"{abs(gap):.3g}{unit} {'in each other' if gap < 0.0 else 'apart'}" for gap in ends
+        )
         words = _WORDS[self.kind].format(
             size=self.size,
             allowed=self.allowed,
             degrees=math.degrees(self.angle),
-            nearest=near if abs(near) > 1e-9 * abs(far) else 0.0,  # rounding
-            farthest=far,
+            nearest=nearest,
+            farthest=farthest,
             cure=cure,
-            unit=f" {unit}" if unit else "",
+            unit=unit,
         )
         return f"{self.a}-{self.b}: {words}"
 
