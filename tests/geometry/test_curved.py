@@ -134,7 +134,8 @@ class TestConvergence:
         self, lower: int, upper: int, ends: str
     ) -> None:
         scene, one, other = hump(lower, upper, 0.3)
-        with pytest.raises(GeometryError, match=r"block 'up'.*up-low: faces at an angle") as refused:
+        apart = r"block 'up'.*up-low: faces at an angle"
+        with pytest.raises(GeometryError, match=apart) as refused:
             solve(scene)
         assert ends in str(refused.value)
         tolerance = float(str(refused.value).split("a joint tolerance of ")[1].split()[0])
