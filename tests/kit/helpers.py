@@ -386,6 +386,20 @@ def renumbered(scene: Scene, seed: int) -> Scene:
 # Users' own surfaces, and single contacts of any shape.
 
 
+class Share(YieldSurface):
+    """Sliding at a share of the friction."""
+
+    name = "share"
+
+    def __init__(self, share: float) -> None:
+        super().__init__()
+        self.share = share
+
+    def conditions(self, contacts: Contacts) -> list[Condition]:
+        slip = Norm({"V1": 1}, {"V2": 1})
+        return [Condition([slip], {"N": self.share * contacts.friction})]
+
+
 class Ellipse(YieldSurface):
     """The docstring's example: sqrt(V^2 + (MT / c_T)^2) <= mu N."""
 

@@ -17,7 +17,8 @@ from cvxlimit.errors import InputError
 from cvxlimit.io import write_result, write_scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.studies import load_domain, read_domain, write_domain
-from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces import Rocking
+from helpers import Share
 
 X, Y, Z = (Load(acceleration=axis) for axis in np.eye(3))
 SLOPE = np.radians(30.0)
@@ -34,20 +35,6 @@ def held_block() -> Scene:
     """With a wall at its back, towards which it can be pushed at will."""
     wall, scene = Block.box("wall", (-1, 0, 0), (0, 1, 2.5)), block(2.5, 0.7)
     return Scene([*scene.blocks, wall], ["ground", "wall"], X, friction=0.7)
-
-
-class Share(YieldSurface):
-    """Sliding at a share of the friction."""
-
-    name = "share"
-
-    def __init__(self, share: float) -> None:
-        super().__init__()
-        self.share = share
-
-    def conditions(self, contacts):
-        slip = Norm({"V1": 1}, {"V2": 1})
-        return [Condition([slip], {"N": self.share * contacts.friction})]
 
 
 DOMAINS: dict[str, tuple[Scene, dict[str, Any]]] = {

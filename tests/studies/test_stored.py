@@ -30,8 +30,9 @@ from cvxlimit.solution import Status
 from cvxlimit.studies import read_sweep
 from cvxlimit.studies import rows as rows_module
 from cvxlimit.studies.identity import digest
-from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces import Condition, Norm, Rocking
 from cvxlimit.surfaces.cones import Conic
+from helpers import Share
 
 FRICTION = {"friction": [0.3, 0.4]}
 
@@ -44,20 +45,6 @@ def stone(friction: float = 0.9, height: float = 2.0, density: float = 20.0) -> 
     ground = Block.box("ground", (-5, -5, -1), (5, 5, 0))
     block = Block.box("stone", (0, 0, 0), (1, 0.5, height), density)
     return Scene([ground, block], ["ground"], Load(acceleration=(1, 0, 0)), friction=friction)
-
-
-class Share(YieldSurface):
-    """Sliding at a share of the friction."""
-
-    name = "share"
-
-    def __init__(self, share: float) -> None:
-        super().__init__()
-        self.share = share
-
-    def conditions(self, contacts):
-        slip = Norm({"V1": 1}, {"V2": 1})
-        return [Condition([slip], {"N": self.share * contacts.friction})]
 
 
 class Weighed(Share):

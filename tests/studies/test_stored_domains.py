@@ -13,7 +13,8 @@ from cvxlimit import Block, Load, Scene
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.readings.named import Paper
 from cvxlimit.studies import LoadDomain, load_domain, read_domain
-from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces import Rocking, YieldSurface
+from helpers import Share
 
 
 def block(friction: float = 0.3, density: float = 20.0, cohesion: float = 0.0) -> Scene:
@@ -21,20 +22,6 @@ def block(friction: float = 0.3, density: float = 20.0, cohesion: float = 0.0) -
     tower = Block.box("tower", (0, 0, 0), (1, 1, 1), density)
     live = Load(acceleration=(1, 0, 0))
     return Scene([ground, tower], ["ground"], live, friction=friction, cohesion=cohesion)
-
-
-class Share(YieldSurface):
-    """Sliding at a share of the friction."""
-
-    name = "share"
-
-    def __init__(self, share: float) -> None:
-        super().__init__()
-        self.share = share
-
-    def conditions(self, contacts):
-        slip = Norm({"V1": 1}, {"V2": 1})
-        return [Condition([slip], {"N": self.share * contacts.friction})]
 
 
 def own(share: float) -> list[YieldSurface]:

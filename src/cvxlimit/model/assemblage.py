@@ -219,8 +219,3 @@ class Reduction:
     def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:
         """The full model."""
         return cls((), statics.contacts, len(statics.dead) // DOF, formulation=formulation)
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Ways in which blocks move."""
-        return DOF * self.blocks if self.rates is None else int(self.rates.shape[0])

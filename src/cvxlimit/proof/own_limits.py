@@ -159,11 +159,6 @@ class OwnCertifier:
         hidden = float(rest @ block_sizes(u, 1.0 / size))
         return hidden / power if power > 0.0 else 0.0
 
-    def breaks(self, x: FloatArray, alpha: float) -> tuple[str, ...]:
-        """Names of limits that forces (n, 6) exceed."""
-        over = self.excess(x, alpha) > 0.0
-        return tuple(dict.fromkeys(np.array(self.limits.names, dtype=object)[over].tolist()))
-
     def bracket(
         self, x: FloatArray | None, alpha: float | None, reserve: tuple[FloatArray, float] | None,
         mechanism: FloatArray | None, multipliers: FloatArray | None,

@@ -64,7 +64,7 @@ SUPPORT = record(
 )
 
 
-def _named(value: Any, where: str, owner: str) -> dict[str, Any]:
+def _named(value: Any, where: str, _: str) -> dict[str, Any]:
     each = [items(entry, where) for entry in items(value, where)]
     for entry in each:
         if len(entry) != 2:
