@@ -309,3 +309,19 @@ def test_what_is_not_linear_on_contacts_says_so() -> None:
     problem.remove("cone")
     problem.add("variable", problem.N[0] <= own)
     assert "variables of one's own, as 'own'" in problem.linear_limits()
+    problem.remove("variable")
+    problem.add("load", problem.factor == 0.1)
+    problem.maximise(cp.min(problem.N))
+    assert "the aim has functions as abs or max" in problem.linear_limits()
+
+
+@pytest.mark.parametrize("atom", [cp.abs, cp.max, cp.norm1, cp.pos, lambda x: cp.maximum(x, 0.1)])
+def test_limits_that_are_not_linear_are_named(atom: Any) -> None:
+    """And not the variables that CVXPY makes for them."""
+    problem = LimitProblem(builtin_scene("tuff-wall"))
+    problem.add("plain", problem.N[0] <= 1e3)
+    problem.add("cap", atom(problem.V1) <= 1e3)
+    found = problem.solve()
+    assert found.load_factor is not None
+    assert "limit 'cap' has functions as abs or max" in found.note
+    assert "var" not in found.note

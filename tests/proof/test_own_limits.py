@@ -197,3 +197,20 @@ def test_a_closed_form() -> None:
     problem.remove("weak")
     problem.remove("weak too")
     assert problem.solve().load_factor == pytest.approx(0.4, rel=1e-6)
+
+
+def test_other_values_where_the_dead_load_alone_breaks_the_limits() -> None:
+    """What was inside them before may be outside now: proved anew at every value, both ways."""
+    problem, share = LimitProblem(scene := builtin_scene("arch")), cp.Parameter(value=1.0)
+    at_rest = np.abs(solve(scene).forces[:, 0])
+    most = float(at_rest.max())
+    j = int(at_rest.argmax())
+    problem.add("weak", problem.V1[j] <= most * share, problem.V1[j] >= -most * share)
+    for share.value in (0.7, 0.69, 0.5, 0.7):
+        found, anew = problem.solve(), LimitProblem(scene)
+        anew.add("weak", anew.V1[j] <= most * share.value, anew.V1[j] >= -most * share.value)
+        expected = anew.solve()
+        assert found.bracket.is_proved
+        assert found.lower <= expected.upper
+        assert expected.lower <= found.upper
+        assert found.upper - found.lower <= 1e-5 * abs(found.upper)

@@ -3,6 +3,7 @@ there is none."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,15 +82,24 @@ class OneProblem(Convex):
         if not np.isfinite(bracket.upper) and multipliers is not None:
             inquiry.solve_opening()
             bracket = proof.bracket(forces, factor, known_state, *about)
-        if not bracket.is_within(self.tolerance):
-            # the dead load alone may break the limits, or carry another load factor than theirs
-            inside = problem.inside()
-            near = inquiry.run.solve(inside.run, inside.ladder()[0])
+        # the dead load alone may break the limits, or carry another load factor than theirs
+        others = _inside(inquiry.run, problem)
+        while not bracket.is_within(self.tolerance) and (near := next(others, None)) is not None:
             given, at = certifier.given(near), near.load_factor
             if given is not None and at is not None:
                 other = proof.bracket(forces, factor, (given, at), *about)
                 bracket = bracket.raised(other.lower, other.lower_is_proved)
         return Answer(problem.value(state), bracket, state.forces, mechanism)
+
+
+def _inside(run: Run, problem: LimitProblem) -> Iterator[LimitState]:
+    """States that may be strictly inside the limits: that of the solve before, which costs nothing
+    and often still is where Parameters have changed little, and an answer without an aim."""
+    if problem.within is not None:
+        yield problem.within
+    inside = problem.inside()
+    problem.within = run.solve(inside.run, inside.ladder()[0])
+    yield problem.within
 
 
 _NO_PROOF = "no state strictly inside them was found, or no mechanism that they allow"

@@ -26,6 +26,7 @@ class Changeable(Statement):
         self._aim: cp.Expression | None = None
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
         self._values_before: FloatArray | None = None  # of coefficients, in the run before
+        self.within: LimitState | None = None  # the limits, in a solve before
 
     def linear_limits(self) -> LinearLimits | str:
         """What was added, as rows on contact forces and load factor at the Parameters' present
@@ -65,6 +66,10 @@ class Changeable(Statement):
 
     def inside(self) -> Self:
         """The same limits without an aim: an interior-point solver ends well inside them."""
+        return self._inside
+
+    @cached_property
+    def _inside(self) -> Self:
         nothing = 0.0 * self._in_cvxpy[0].factor  # of variables that the copy shares
         result = copy(self)
         result._limits = dict(self._limits)
@@ -83,9 +88,9 @@ class Changeable(Statement):
         return OwnLimits(self._limits, self._aim) if self._limits or self._aim is not None else None
 
     def _changed(self) -> None:
-        for name in ("problem", "_in_rows", "_own", "_shared", "shape"):
+        for name in ("problem", "_in_rows", "_own", "_shared", "shape", "_inside"):
             self.__dict__.pop(name, None)
-        self._kept, self._values_before = {}, None
+        self._kept, self._values_before, self.within = {}, None, None
 
     def add(self, name: str, *limits: cp.Constraint) -> None:
         """Add limits under a name: CVXPY constraints on :attr:`N`, :attr:`V1` ... :attr:`factor`,

@@ -205,15 +205,26 @@ class OwnLimits:
             elif variable.id in internal:
                 whole[:, internal[variable.id]] = own
             elif abs(own).sum() > 0.0:
-                return (
-                    f"limits with variables of one's own, as {variable.name()!r}, have no bracket"
-                )
+                return self._open([*internal, factor])
         found = _on_contacts(sp.csr_array(whole), sp.csr_array(forces))
         if found is None:
             return "limits on more than the forces of contacts have no bracket"
         aim = None if self._aim is None else (found[[-1]], float(alpha[-1]), -float(offset))
         labels, zero = self._labels(), np.arange(len(right)) < self.dims.zero
         return LinearLimits(tuple(labels), found[:-1], alpha[:-1], np.asarray(right), zero, aim)
+
+    def _open(self, known: Sequence[int]) -> str:
+        """Why there is no bracket with variables that are not ``known``, some of them CVXPY's."""
+        pairs = zip(self.names, self.problem.constraints, strict=True)
+        bent = [
+            f"limit {name!r}" for name, limit in pairs if not all(a.is_affine() for a in limit.args)
+        ]
+        if self._aim is not None and not self._aim.is_affine():
+            bent.append("the aim")
+        if bent:
+            return f"{bent[0]} has functions as abs or max: linear limits can say what they say"
+        own = [v.name() for v in self.problem.variables() if v.id not in known]
+        return f"limits with variables of one's own, as {own[0]!r}, have no bracket"
 
     def multipliers(self, duals: FloatArray) -> FloatArray:
         """What the objective gains per unit of each row's right-hand side, of the rows' duals."""
