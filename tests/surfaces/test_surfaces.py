@@ -327,6 +327,11 @@ class TestConditions:
             (Condition([Norm({"V1": np.ones(7)})], {"N": 1}), r"one number or 1 of them.*(7,)"),
             (Condition([Norm({"V1": "mu"})], {"N": 1}), "must be a number, got 'mu'"),
             (Condition([Norm({"V1": 1}, weight=None)], {"N": 1}), "weight of a norm"),
+            (Condition([Norm({"V1": 1}, weight=-1)], {"N": 1}), "must not be negative, got -1"),
+            (
+                Condition([Norm({"V1": 1}, weight=cp.Parameter(value=-0.5))], {"N": 1}),
+                "weight of a norm in .* must not be negative, got -0.5",
+            ),
             ("abs(V) <= mu N", "must state Condition objects"),
         ],
     )

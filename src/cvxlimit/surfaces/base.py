@@ -33,7 +33,8 @@ CONSTANT = "1"
 class Norm:
     """Weighted size of a vector of linear forms: ``Norm({"V1": 1}, {"V2": 1}, weight=2.0)``.
 
-    A weight in Parameters keeps them out of the cone's rows: only one row then depends on them.
+    A weight in Parameters keeps them out of the cone's rows: only one row then depends on them. It
+    is not negative, for the condition would not be convex.
     """
 
     def __init__(self, *rows: LinearForm, weight: Coefficient = 1.0) -> None:
@@ -205,8 +206,15 @@ def check_condition(
                 hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
                 raise ModelError(f"{owner} has no force component {component!r}: {hint}")
             _check_coefficient(coefficient, f"coefficient of {component} in {owner}", rows)
-    for norm in condition.norms:
+    for norm in condition.norms:  # Parameters may not have values yet
         _check_coefficient(norm.weight, f"weight of a norm in {owner}", rows)
+        given = norm.weight
+        weights = given.value if isinstance(given, cp.Expression) else given
+        if weights is not None and np.min(weights, initial=0.0) < 0.0:
+            raise ModelError(
+                f"weight of a norm in {owner} must not be negative, got {np.min(weights):g}: "
+                "the condition would not be convex; give its size"
+            )
 
 
 def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
