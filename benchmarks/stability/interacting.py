@@ -15,7 +15,8 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.slater import Strength, Witnesses
+from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.strength import Strength
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from cvxlimit import FixedPoint, Solution, solve
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.slater import Strength, Witnesses
+from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.strength import Strength
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 

@@ -15,7 +15,7 @@ from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.gluing import with_contacts
-from cvxlimit.proof.slater import Strength
+from cvxlimit.proof.strength import Strength
 from cvxlimit.scene import Units
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Rocking, Torsion, TorsionShear

@@ -28,7 +28,7 @@ from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certificate, Certifier
-from cvxlimit.proof.slater import Strength
+from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status

@@ -32,7 +32,7 @@ from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.slater import Strength
+from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.scene import Scene

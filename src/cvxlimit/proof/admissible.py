@@ -15,7 +15,7 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.gluing import with_contacts
-from cvxlimit.proof.slater import Strength
+from cvxlimit.proof.strength import Strength
 
 ON_BOUNDARY = 1e-8
 """Excess, as a share of the forces on the less loaded block of the contact, that is put down to the

@@ -21,7 +21,8 @@ from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.gluing import glued, without_idle
-from cvxlimit.proof.slater import NOTHING, ContactFlow, Flow, Strength, Witnesses, finite
+from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import LimitState

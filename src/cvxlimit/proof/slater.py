@@ -7,43 +7,23 @@ Both are found by alternating projections with one sparse factorisation; who use
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from copy import copy
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import recession_of
-from cvxlimit.model.flow import FlowRule, Shortfall, StrengthRows
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
-from cvxlimit.model.statics import DOF, Statics
-from cvxlimit.surfaces.base import (
-    Condition,
-    Recession,
-    YieldSurface,
-    columns,
-    condition_excess,
-    has_constants,
-    number,
-    stated,
-)
-from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking, strength_key
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.flow import StrengthRows
+from cvxlimit.model.statics import DOF
+from cvxlimit.proof.strength import NOTHING, Strength
 
 
 @dataclass(frozen=True)
 class _Numbers:
     """What each number is for, and where it was measured."""
 
-    huge: float = 1e100
-    """Forces and rates beyond this are refused like infinite ones: their products overflow."""
     overshoot: float = 1.9
     """Relaxation of the alternating projections, between 1 and 2: a dead state of the tuff wall
     takes 16 iterations with 1.9 and 20 with 1.0."""
@@ -97,195 +77,6 @@ class _Accelerated:
         square[np.diag_indices(len(before))] += _N.parallel * square.trace() + NOTHING
         share = np.linalg.solve(square, -change @ step)
         return image + share @ np.stack([other - image for other, _ in before])
-
-
-NOTHING = 1e-300
-"""Reserve of a condition without resistance in a state without the forces that it is about: next to
-nothing, but inside."""
-
-
-class Flow(Protocol):
-    """What is asked of a flow rule: see :class:`FlowRule`, whose methods these are."""
-
-    def shortfall(self, rates: FloatArray) -> Shortfall: ...
-
-    def opened(self, rates: FloatArray) -> Shortfall: ...
-
-    def shortfall_bound(self, rates: FloatArray) -> FloatArray: ...
-
-
-class ContactFlow(Flow, Protocol):
-    """A flow rule of contacts, each for itself."""
-
-    def of(self, rows: IntArray) -> ContactFlow:
-        """That of some of them (k,)."""
-
-
-class Strength:
-    """The admissible forces of all contacts of an assemblage, as surfaces and formulation state.
-
-    Forces are checked as *states*: contact forces (n, 6), or, where the formulation has conditions
-    of its own, its internal forces (p,), on which those are stated. ``flow`` is the flow rule of
-    mechanisms, that of surfaces and formulation where it is None.
-    """
-
-    def __init__(
-        self,
-        assemblage: Assemblage,
-        surfaces: Sequence[YieldSurface],
-        formulation: Formulation = corner_compressions,
-        flow: Flow | None = None,
-    ) -> None:
-        self.assemblage = assemblage
-        self.contacts = assemblage.contacts
-        self.formulation = formulation
-        own = model_of(formulation, self.contacts)
-        self.is_internal = bool(own.conditions)
-        self.model = own if self.is_internal else corner_compressions(self.contacts)
-        # by their places: a part may have the name of a component, which conditions would mean
-        self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
-        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
-        self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
-
-    @cached_property
-    def about(self) -> Hashable | None:
-        """What it follows from; see :func:`~cvxlimit.surfaces.coulomb.strength_key`."""
-        return strength_key(self.surfaces, self.contacts)
-
-    @classmethod
-    def shared(
-        cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
-    ) -> Strength:
-        """As the constructor makes it. What follows from contacts and surfaces alone is made once
-        for all scenes that have these, where the assemblage keeps anything."""
-        own = partial(cls, assemblage, surfaces, formulation)
-        about, contacts = strength_key(surfaces, assemblage.contacts), assemblage.contacts
-        if assemblage.repeats is None or about is None or formulation is not corner_compressions:
-            return own()
-
-        def made() -> Strength:
-            new = own()
-            # so that copies have them
-            _ = new.rows, new.rate_sizes, new.is_cone, new._unresisted, new.about
-            return new
-
-        result = copy(assemblage.repeats.shared(("strength", about), contacts, made))
-        result.assemblage = assemblage
-        return result
-
-    @cached_property
-    def balance(self) -> Balance:
-        balance = self.assemblage.balance
-        if self.is_internal:
-            balance = Balance(self.assemblage.statics, self.model)
-        free = self._unresisted.ravel()
-        if not free.any():
-            return balance
-        gives = abs(balance.model.meaning).T
-        return replace(balance, held=(gives @ free > 0.0) & (gives @ ~free == 0.0))
-
-    @cached_property
-    def _unresisted(self) -> NDArray[np.bool_]:
-        found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        for (condition, _), void in zip(self.conditions, self.is_void, strict=True):
-            names = [name for norm in condition.norms for row in norm.rows for name in row]
-            for name in COLUMN.keys() & names:
-                found[condition.rows(len(found))[void], COLUMN[name]] = True
-        return found
-
-    @cached_property
-    def is_void(self) -> list[NDArray[np.bool_]]:
-        found = []
-        for condition, _ in self.conditions:
-            nothing = np.zeros(len(condition.rows(len(self.contacts))))
-            size = sum((np.abs(number(k)) for k in condition.resistance.values()), nothing)
-            found.append((size == 0.0) & bool(condition.norms))
-        return found
-
-    @cached_property
-    def conditions(self) -> list[tuple[Condition, Cone]]:
-        if self.is_internal:
-            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
-        return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
-
-    @cached_property
-    def is_cone(self) -> bool:
-        """True if admissible forces may be scaled at will: no condition has a constant."""
-        return not any(has_constants(condition) for condition, _ in self.conditions)
-
-    def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
-        surfaces = tuple(
-            Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
-            for s in self.surfaces
-        )
-        return surfaces, recession_of(self.formulation)
-
-    def state(self, value: object) -> FloatArray | None:
-        shape = (self.model.meaning.shape[1],) if self.is_internal else (len(self.contacts), 6)
-        return finite(value, shape, "internal force" if self.is_internal else "contact")
-
-    def forces(self, state: FloatArray) -> FloatArray:
-        return self.model.forces(state) if self.is_internal else state
-
-    def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Yield functions as forces, one array per condition; <= 0 is admissible."""
-        values = columns(state) if not self.is_internal else self.model.values(state)
-        found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        if self._unresisted.any():
-            pairs = zip(found, self.is_void, strict=True)
-            found = [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
-        return [-state[self._pressed], *found] if len(self._pressed) else found
-
-    @cached_property
-    def rows(self) -> list[IntArray]:
-        found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
-        return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
-
-    def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:
-        """The load factor, near a given one, whose loads the least change of forces balances."""
-        balance = self.balance
-        if not balance.is_supported:
-            return load_factor
-        residual = statics.residual(self.forces(state), load_factor).ravel()
-        live = statics.live
-        if balance.rates is not None:
-            residual, live = (np.asarray(balance.rates @ load) for load in (residual, live))
-        by_live = balance.solve(live)
-        return load_factor - float(by_live @ residual) / float(by_live @ live)
-
-    def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
-        """The state with the least change that balances the loads of ``statics``."""
-        if not self.balance.is_supported:
-            return state
-        if self.balance.held is not None:
-            unresisted = self.balance.held if self.is_internal else self._unresisted
-            state = np.where(unresisted, 0.0, state)
-        for _ in range(2):
-            residual = statics.residual(self.forces(state), load_factor).ravel()
-            change = self.balance.change(residual)
-            state = state + (change if self.is_internal else self.balance.model.forces(change))
-        return state
-
-    @cached_property
-    def rate_sizes(self) -> FloatArray:
-        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening. Each
-        contact's own: with the largest friction of all, one glued joint would cost every other one
-        its precision."""
-        mu, contacts = self.contacts.friction, self.contacts
-        reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
-        return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
-
-
-def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:
-    if value is None:
-        return None
-    array = np.asarray(value, dtype=float)
-    if array.shape != shape:
-        raise ModelError(
-            f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
-            f"got shape {array.shape}: does it belong to another scene?"
-        )
-    return array if np.abs(array).max(initial=0.0) <= _N.huge else None
 
 
 class Witnesses:

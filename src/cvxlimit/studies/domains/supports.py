@@ -22,7 +22,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import REFERENCE, Certifier
-from cvxlimit.proof.slater import Strength
+from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined

@@ -21,7 +21,8 @@ from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.certificate import REFERENCE
-from cvxlimit.proof.slater import Strength, Witnesses
+from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import centres
