@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Clock
-from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.pressure import Pressure

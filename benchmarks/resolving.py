@@ -40,7 +40,7 @@ from cvxlimit import Scene, builtin_scene
 from cvxlimit.compare.chart import few_ticks
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.model.problem import LimitProblem

@@ -14,7 +14,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.driver import cycles
-from cvxlimit.methods.fixed_point import FixedPoint, FrozenProblem, LeastForces
+from cvxlimit.methods.fixed_point import FixedPoint, LeastForces
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.sinks import Rows
 from cvxlimit.plotting.look import title
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED

@@ -14,7 +14,7 @@ from cvxlimit import Scene, builtin_scene
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry.builtin import BUILTIN
-from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.frozen import FrozenProblem, PressedProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import PlasticField
@@ -82,9 +82,13 @@ def test_all_scenes_and_reductions(name: str, model: str, surface: str) -> None:
 @everywhere(("single-block", "arch"))
 @pytest.mark.parametrize("moments", READINGS)
 @pytest.mark.parametrize("cone", ["conic", "octagon"])
-def test_frozen_at_random_eccentricities(name: str, moments: str, cone: str) -> None:
+@pytest.mark.parametrize("kind", [FrozenProblem, PressedProblem])
+def test_frozen_at_random_eccentricities(
+    name: str, kind: type[FrozenProblem], moments: str, cone: str
+) -> None:
     reading = parse_moments(moments)
-    frozen = FrozenProblem(builtin_scene(name), surfaces_of(cone)[0][1].cone, reading)
+    frozen = kind(builtin_scene(name), surfaces_of(cone)[0][1].cone, reading)
+    assert set(frozen.problem.problem.parameters()) == set(frozen.parameters.values())
     for seed in range(2):
         at_random(frozen.problem, seed)
         assert_same_rows(frozen.problem)

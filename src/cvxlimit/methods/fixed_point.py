@@ -15,20 +15,14 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps, cycles
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.formulations import FORCES
-from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.goals import LARGEST_FACTOR, Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.pressure import Pressure
-from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, Iteration, Status
-from cvxlimit.solvers import LimitState, SolverSettings, iterate_ladder
-from cvxlimit.surfaces.base import YieldSurface
-from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking
-from cvxlimit.surfaces.frozen import TorsionShearBending
+from cvxlimit.solvers import iterate_ladder
 
 FORGOTTEN = 20
 """Solves after which the start counts as forgotten: with the paper's weight of 0.8 it has 1 % left
@@ -54,40 +48,6 @@ class LeastForces:
         units = {c: 1.0 if c in FORCES else length for c in COMPONENTS}
         square = sum(cp.sum_squares(stated.forces[c] / unit) for c, unit in units.items())
         return stated.factor - self.weight * square
-
-
-class FrozenProblem:
-    """The limit problem with eccentricities frozen in Parameters, solved again as they change:
-    ``problem`` is that problem, its ``parameters`` the coefficients of its surface by name."""
-
-    def __init__(
-        self, scene: Scene | Assemblage, cone: Cone, moments: Moments, goal: Goal = LARGEST_FACTOR
-    ) -> None:
-        self.contacts, self.cone, self.moments = scene.contacts, cone, moments
-        nothing = np.zeros((len(self.contacts), len(COLUMN)))
-        surface = self._surface(Pressure.of(nothing, self.contacts))
-        self.parameters = {
-            name: cp.Parameter(len(self.contacts), name=name) for name in surface.shares
-        }
-        surface.shares = {**self.parameters}
-        self.problem = LimitProblem(scene, (Rocking(), surface), goal=goal)
-
-    def solve(self, pressure: Pressure, settings: SolverSettings) -> LimitState:
-        """One run of one solver; never raises for what the solver does."""
-        self.set(pressure)
-        return self.problem.run(settings)
-
-    def set(self, pressure: Pressure) -> None:
-        """Give the Parameters the values for where contacts are pressed."""
-        for name, value in self._surface(pressure).shares.items():
-            self.parameters[name].value = value
-
-    def surfaces(self, pressure: Pressure) -> tuple[YieldSurface, ...]:
-        """Those of the problem, for certificates."""
-        return Rocking(), self._surface(pressure)
-
-    def _surface(self, pressure: Pressure) -> TorsionShearBending:
-        return self.moments.frozen(self.moments.eccentricity(pressure, self.contacts), self.cone)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ each of these problems has a symmetric solution. Bounds are computed on the whol
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.base.arrays import IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.model.assemblage import Reduction
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.settings import SUPPORT
 from cvxlimit.reductions.choice import Reductions
@@ -46,6 +47,11 @@ class Half:
         is_kept = np.arange(len(contacts)) <= mirror.contacts
         kept, dropped = np.flatnonzero(is_kept), np.flatnonzero(~is_kept)
         return cls(kept, dropped, whole.forces, whole.rates)
+
+    def reduction(self, whole: Reduction) -> Reduction:
+        """Of a full model."""
+        contacts = whole.contacts.take(self.kept)
+        return replace(whole, contacts=contacts, forces=self.forces, rates=self.rates)
 
     @property
     def forces_of_all(self) -> sp.csr_array:

@@ -28,7 +28,49 @@ class Eccentricity:
     e2: FloatArray
 
 
-class TorsionShearBending(YieldSurface):
+class Frozen(YieldSurface):
+    """A surface that depends on where contacts are pressed. ``shares`` are the coefficients in
+    unknowns of its own, which :meth:`unknowns` needs: numbers, or CVXPY Parameters in their
+    place."""
+
+    shares: dict[str, Coefficient]
+
+
+class Pressed(Frozen):
+    """Contacts pressed at ``centre`` (n, 2), or up to ``spread`` (n, 2) from there:
+    abs(M2 + e1 N) <= spread1 N, abs(M1 - e2 N) <= spread2 N.
+
+    Inside the true condition wherever torque and arm are those of its farthest point.
+    """
+
+    name = "pressed"
+
+    def __init__(self, centre: FloatArray, spread: FloatArray | None = None) -> None:
+        super().__init__()
+        columns = {"centre": centre} if spread is None else {"centre": centre, "spread": spread}
+        self.shares = {f"{k}{i + 1}": v[:, i] for k, v in columns.items() for i in (0, 1)}
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        s = self.shares
+        turned = {"M2": {"N": s["centre1"]}, "M1": {"N": product(-1.0, s["centre2"])}}
+        rows = [{name: 1.0, **row} for name, row in turned.items()]
+        return [Condition([Norm(row)], {"N": r}) for row, r in zip(rows, self._reach, strict=True)]
+
+    def unknowns(self, contacts: Contacts) -> Unknowns:
+        """M2 = -e1 N + spread1 p1 with abs(p1) <= N."""
+        s = self.shares
+        gives = {"M1": {"N": s["centre2"]}, "M2": {"N": product(-1.0, s["centre1"])}}
+        if "spread1" not in s:
+            return Unknowns(gives, [])
+        gives = {"M1": gives["M1"] | {"p2": s["spread2"]}, "M2": gives["M2"] | {"p1": s["spread1"]}}
+        return Unknowns(gives, [Condition([Norm({p: 1})], {"N": 1}) for p in ("p1", "p2")])
+
+    @property
+    def _reach(self) -> list[Coefficient]:
+        return [self.shares.get(name, 0.0) for name in ("spread1", "spread2")]
+
+
+class TorsionShearBending(Frozen):
     """abs(V1) e2 + abs(V2) e1 + abs(MT) <= c (mu N - abs(V)), independent signs (Eq. 32).
 
     Multiplied by c instead of divided, with Eq. 10 beside it: a contact pressed in a corner resists
@@ -43,7 +85,7 @@ class TorsionShearBending(YieldSurface):
     def __init__(self, eccentricity: Eccentricity, cone: Cone | None = None) -> None:
         super().__init__(cone)
         self.eccentricity = eccentricity
-        self.shares: dict[str, Coefficient] = {**self.shares_of(eccentricity)}
+        self.shares = {**self.shares_of(eccentricity)}
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         at = self.eccentricity

@@ -32,7 +32,12 @@ class Pressure:
     def of(cls, forces: FloatArray, contacts: Contacts, epsilon: float = 0.0) -> Pressure:
         """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31, which takes contacts that carry
         next to nothing for pressed near their centres: bounds are without it."""
-        e1, e2 = eccentricities(forces, epsilon).T
+        return cls.at(eccentricities(forces, epsilon), contacts)
+
+    @classmethod
+    def at(cls, centre: FloatArray, contacts: Contacts) -> Pressure:
+        """At pressure centres (n, 2)."""
+        e1, e2 = centre.T
         return cls(e1, e2, effective_arm(e1, e2, contacts))
 
     @property

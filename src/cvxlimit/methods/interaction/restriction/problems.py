@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
+from cvxlimit.methods.frozen import PressedProblem
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
@@ -26,6 +28,8 @@ from cvxlimit.readings.halves import Half
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.copies import Copies
 from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.readings.states.support import half_extent
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import (
@@ -35,6 +39,7 @@ from cvxlimit.solvers import (
     tight_ladder,
     warm_ladder,
 )
+from cvxlimit.surfaces import Conic
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +111,19 @@ class SafeProblems:
         return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.stepping)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
-        copies = self.moments.safe_copies(self.contacts, centre)
+        frozen = self.pressed
+        own = centre if self.half is None else centre[self.half.kept]
+        at = Pressure.at(own * half_extent(frozen.contacts), frozen.contacts)
         # further rungs have not been seen to help, and cost as much as safe steps
         inside = warm_ladder(len(self.contacts), CLIMB.frozen_inside) if self.warm else ()
         rungs = inside, self.tight[:1]
-        return self.restricted("frozen", lambda rung: self._next("frozen", copies, rung), *rungs)
+        return self.restricted("frozen", lambda rung: frozen.solve(at, rung, True), *rungs)
+
+    @cached_property
+    def pressed(self) -> PressedProblem:
+        """The frozen problem: stated once, its Parameters set to where contacts are pressed."""
+        with self.run.clock.phase("compile"):
+            return PressedProblem(self.run.assemblage, Conic(), self.moments, half=self.half)
 
     def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
         return self.solved(kind, lambda rung: self._next(kind, copies, rung), self.leading)

@@ -130,9 +130,7 @@ class StatedStep:
         surface = _Majorants([*self._bounds(), *_stated(rows, iter(self._coefficients))])
         formulation = partial(_with_parts, names=(*names, *self._slack))
         given = Reduction.none(step.assemblage.statics, formulation)
-        if half is not None:
-            own = given.contacts.take(half.kept)
-            given = replace(given, contacts=own, forces=half.forces, rates=half.rates)
+        given = given if half is None else half.reduction(given)
         surfaces = Rocking(), surface
         self.problem = LimitProblem(step.assemblage, surfaces, reduction=given, goal=goal)
         self.problem._kept = cache
