@@ -28,7 +28,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.goals import Stated
+from cvxlimit.model.goals import LargestFactor, Stated
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.gluing import with_contacts
@@ -87,7 +87,8 @@ def lower_bound(
     run : Run
         Its surfaces may be any whose friction grows with compression; see :func:`is_covered`.
     upper : float
-        No more is asked for: the load factor of the lowest solution known, or the associated one.
+        No more is asked for: the load factor of the lowest solution known, or the associated one;
+        infinite where there is none.
     states : iterable of (forces (n, 6), load factor)
         Admissible states that are known: what they show need not be sought.
     seconds : float
@@ -107,7 +108,7 @@ def is_covered(run: Run) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class _LeastThrust:
+class LeastThrust:
     """Goal: the least weighted sum of compressions at a load factor, scaled."""
 
     weight: cp.Parameter
@@ -186,7 +187,7 @@ class _Search:
             found = self._reduced(run.surfaces)
             self.weight = cp.Parameter(len(self.kept), nonneg=True)
             self.at = cp.Parameter()
-            goal = _LeastThrust(self.weight, self.at)
+            goal = LeastThrust(self.weight, self.at)
             self.problem = LimitProblem(
                 found.assemblage, run.surfaces, reduction=found.best(), goal=goal
             )
@@ -282,13 +283,13 @@ class _Search:
     ) -> tuple[float, FloatArray | None, bool]:
         """The end of what is excluded from ``a`` on, by intervals that are halved where friction of
         their least thrusts does not reach their end."""
-        width = self.upper - a
-        while a < self.upper:
+        width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
+        while a < self.upper and not self.run.is_boundless(a):
             if self._is_late:
                 return a, forces, True
             end = min(a + width, self.upper)
             least = self.thrusts.least(a, end)
-            factor, found = self._carried(least)
+            factor, found = self._carried(least, 2.0 * end)
             if factor > a:
                 forces = found
             if factor >= end:
@@ -304,12 +305,14 @@ class _Search:
             width *= 0.5
         return a, forces, False
 
-    def _carried(self, pressed: FloatArray) -> tuple[float, FloatArray | None]:
-        """What is carried with friction of such compressions, proved, and the forces."""
+    def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
+        """The load factor, ``most`` at most, that is carried with friction of such compressions,
+        proved, and the forces."""
         surfaces = tresca(self.run.surfaces, pressed)
         with self.run.clock.phase("compile"):
             found = self._reduced(surfaces)
-            problem = LimitProblem(found.assemblage, surfaces, reduction=found.best())
+            goal, reduction = LargestFactor(most=most), found.best()
+            problem = LimitProblem(found.assemblage, surfaces, reduction=reduction, goal=goal)
         state = self._solved(problem)
         if state.forces is None or state.load_factor is None:
             return -np.inf, None
