@@ -20,7 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex import TOLERANCE, Inquiry
-from cvxlimit.methods.dilatancy.zero_dilatancy import Verifier
+from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.lower_bound import (

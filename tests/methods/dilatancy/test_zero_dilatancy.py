@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
@@ -18,7 +17,6 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result
 from cvxlimit.masonry import running_bond, single_block, wall
-from cvxlimit.methods.dilatancy.complementarity import projected
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import vertex_forces
 from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
@@ -99,9 +97,13 @@ class TestWalls:
         for member in (solved(name).members[0], solved(name).members[-1]):
             assert_exact(builtin_scene(name), member.forces, member.mechanism, member.load_factor)
 
-    def test_no_bracket(self, name: str) -> None:
-        assert not solved(name).bracket.has_any
-        assert solved(name).flow == "zero-dilatancy"
+    def test_bracket_of_all(self, name: str) -> None:
+        """The associated factor, proved, above all of them."""
+        solution = solved(name)
+        assert solution.flow == "zero-dilatancy"
+        assert solution.bracket.upper_is_proved
+        assert solution.upper == pytest.approx(ASSOCIATED[name], rel=1e-5)
+        assert solution.members[-1].load_factor <= solution.upper * (1 + 1e-6)
 
 
 class TestAllMembersKnown:
@@ -127,30 +129,7 @@ class TestAllMembersKnown:
         assert lowest < 0.95 * highest  # far from unique
 
 
-class TestPolish:
-    """Newton's method on the equations of the fixed point."""
-
-    @given(st.integers(0, 1000))
-    @settings(max_examples=20)
-    def test_nearest_allowed_force(self, seed: int) -> None:
-        """Nearer than 2,000 others in the set, and derivatives as finite differences have them."""
-        rng = np.random.default_rng(seed)
-        force, limit = rng.normal(size=(1, 3)), rng.uniform(0.1, 2.0, 1)
-        found = projected(force, limit)
-        x = found.value[0]
-        assert np.hypot(x[0], x[1]) + abs(x[2]) <= limit[0] + 1e-12
-        other = rng.normal(size=(2000, 3))
-        size = np.hypot(other[:, 0], other[:, 1]) + np.abs(other[:, 2])
-        other *= (limit * rng.uniform(0.0, 1.0, 2000) ** 0.3 / size)[:, None]
-        nearest = np.linalg.norm(other - force, axis=1).min()
-        assert np.linalg.norm(x - force[0]) <= nearest + 1e-12
-        h = 1e-7
-        for k in range(3):
-            moved = projected(force + h * np.eye(3)[k], limit).value[0]
-            np.testing.assert_allclose((moved - x) / h, found.by_force[0, :, k], atol=1e-5)
-        moved = projected(force, limit + h).value[0]
-        np.testing.assert_allclose((moved - x) / h, found.by_limit[0], atol=1e-5)
-
+class TestSpace:
     @pytest.mark.exhaustive
     def test_tuff_wall_in_space(self) -> None:
         """From the start at the associated solution, to rounding; checked by hand."""
@@ -164,7 +143,7 @@ class TestPolish:
         assert_exact(scene, best.forces, best.mechanism, best.load_factor)
 
     @pytest.mark.exhaustive
-    def test_other_surfaces_go_without(self) -> None:
+    def test_parabolic(self) -> None:
         scene = builtin_scene("ferris-tin-loi-1")
         rule = ZeroDilatancy(starts=1)
         solution = solve(scene, surface="parabolic", method=rule)
@@ -190,7 +169,7 @@ class TestSmall:
         pressed = Scene(block.blocks, block.supports, Load(acceleration=(0, 0, -1)), friction=0.4)
         found = solve(pressed, method="zero-dilatancy")
         assert (found.status, found.load_factor) == (Status.NOT_CONVERGED, None)
-        assert "flow 'associated' first" in found.note
+        assert not found.bracket.has_any
 
     def test_wall_one_attains_the_published_range(self) -> None:
         factors = [m.load_factor for m in solved("ferris-tin-loi-1").members]
@@ -227,7 +206,7 @@ class TestSmall:
             assert found.load_factor == pytest.approx(0.6, rel=1e-5)
 
     def test_given_up(self) -> None:
-        rule = ZeroDilatancy(starts=1, max_iterations=2)  # no polish so early
+        rule = ZeroDilatancy(starts=1, max_iterations=2)
         solution = solve(builtin_scene("ferris-tin-loi-3"), method=rule)
         assert solution.status is Status.NOT_CONVERGED
         assert "no zero-dilatancy solution was found from 0 of 1 starts" in solution.note
@@ -239,8 +218,7 @@ class TestSmall:
         assert run(arguments) == 0
         document = json.loads(out.read_text())
         assert document["flow"] == "zero-dilatancy"
-        assert document["lower"] is None
-        assert document["upper"] is None
+        assert document["upper"] == pytest.approx(document["members"][-1]["load_factor"], rel=1e-5)
         again = read_result(out)
         assert len(again.members) == len(document["members"]) > 1
         assert run(["solve", "stack", "--method", "none"]) == 2

@@ -1,4 +1,4 @@
-"""Friction that slides without opening: De Saxce's fixed point, and the members of its set.
+"""Friction that slides without opening: low and high members of its set of solutions.
 
 A solution is a load factor with forces in equilibrium that yield nowhere, and a mechanism on which
 friction opposes slip, pressed contacts do not open, and none opens by sliding. There are many; each
@@ -7,51 +7,46 @@ is admissible in the associated model as well, whose load factor is hence an upp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
-from typing import Any
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.convex import dead_load_falls
-from cvxlimit.methods.dilatancy.central_path import followed
-from cvxlimit.methods.dilatancy.complementarity import FrictionSystem, has_equations
+from cvxlimit.methods.convex import Inquiry, dead_load_falls
+from cvxlimit.methods.dilatancy.members import Verifier
+from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.model.flow import FlowRule, corner_openings
-from cvxlimit.model.goals import Stated
-from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.statics import DOF
-from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.bracket import rounded
-from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at
-from cvxlimit.solvers import run as run_solver
-from cvxlimit.surfaces.base import times
+from cvxlimit.solvers import LimitState
 
 
 @dataclass(frozen=True)
 class _Numbers:
     """Only what is found, and how fast, depends on them: members are checked."""
 
+    first: int = 16  # iterates with the price problem's own mechanism before the first pair,
+    rough: float = 1e-4  # their tolerance: they need not be exact, as the next one corrects them
+    own: int = 12  # and where pairs stall
+    stalls: float = 0.7  # share of the loss that a pair leaves where pairs do not pay any more:
+    # in space the loss then falls by a tenth a pair, and twelve own iterates by a half or more
+    exact: float = 0.01  # tolerance of pairs over the loss that they are to lower
+    finest: float = 1e-11  # of all tolerances: rounding begins there
     # largest random price, over friction at a rate at which the whole live load does power 1, where
     # no iterate has told its size: blocks that wedge each other need some to have a solution
     natural: float = 4.0
     # random prices over the last iterate's largest, in turn: only far higher ones find the lowest
     # branch of a wall whose solutions are all known
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    polish: int = 10  # iterates between polishes, each of which takes as long as five
-    # how far from an iterate paths begin: near ones keep to its branch, far ones arrive more often
-    widths: tuple[float, ...] = (0.1, 1.0)
-    promising: float = 100.0  # residual over the tolerance up to which a path's end is polished
-    walk: int = 6  # steps between mechanisms and forces before it begins again at the lowest
-    price: float = 1000.0  # of power on a mechanism, in scaled load factors: above the multiplier
-    nudge: float = 0.02  # size of random costs of normal forces, in load factors per total load
-    little: float = 0.001  # size of random costs beside power at that price
+    # of walks: how much prices are too high for low members, too low for high ones; random prices
+    # of compressions besides, in load factors per total load; and the share by which held friction
+    # is less at random. With 0.1 four of five walks on Ferris & Tin-Loi's walls end at the lowest
+    # member known within ten; held friction as it is takes four times as many
+    push: float = 0.1
+    walk: int = 6  # pairs of a descent before it ends at a solution
 
 
 _N = _Numbers()
@@ -59,31 +54,35 @@ _N = _Numbers()
 
 @dataclass(frozen=True)
 class ZeroDilatancy(Method):
-    """De Saxce's fixed point from several starts, and a search for low members from there.
+    """Solutions without dilatancy from several starts, and a search for low and high ones.
 
-    Each iterate maximises the load factor less a penalty on normal forces, which follows the
-    dilatancy of the mechanism; at intervals Newton's method is started from the iterate. A solution
-    is accepted if equilibrium, yield, flow and complementarity, recomputed outside the solver, are
-    within the tolerance. On the mechanism of each solution the lowest and the highest load factor
-    are sought; then, from the lowest, a mechanism that goes with its forces, and so on.
+    Two convex problems alternate (:mod:`~cvxlimit.methods.dilatancy.pair`): the load factor with
+    friction held at the compressions of the last forces, whose mechanism slides without opening,
+    and the load factor less a price on compressions, that of the dilatancy of the last mechanism.
+    What forces and mechanism lose never rises; where it stalls, De Saxce's iterates, damped, come
+    between. A solution is accepted if equilibrium, yield, flow and complementarity, recomputed
+    outside the solver, are within the tolerance. From the lowest one, prices that are a little too
+    high lead to the lowest forces on its mechanism, friction held to another mechanism of theirs,
+    and so on; from the highest one likewise upwards.
 
-    With surfaces other than the cone of Eq. 24, whose equations are not stated, the fixed point is
-    on its own, and low members are sought on the mechanisms of the starts only.
+    Associated friction bounds all solutions from above, and so does its proved upper bound here:
+    the bracket of the answer is one of all of them, not of the lowest that was found.
 
     Attributes
     ----------
     tolerance : float
         Largest residual of a solution.
     starts : int
-        The first is the associated solution, the others have random penalties.
+        The first is the associated solution, the others have random prices.
     damping : float
-        Weight of the new penalty against the old one.
+        Weight of the new price against the old one, in iterates with their own mechanism.
     max_iterations : int
-        Per start.
+        Problems per start.
     seed : int
-        Of the random penalties and mechanisms.
+        Of the random prices.
     descents : int
-        Mechanisms tried in the search for low members; 0 for none.
+        Pairs of problems tried in the search for low members, and half as many for high ones; 0
+        for none.
     """
 
     name = "zero-dilatancy"
@@ -95,7 +94,7 @@ class ZeroDilatancy(Method):
     damping: float = 0.8
     max_iterations: int = 150
     seed: int = 0
-    descents: int = 24
+    descents: int = 60
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
@@ -112,6 +111,7 @@ class ZeroDilatancy(Method):
 
 
 Found = tuple[Member, LimitState]
+"""A member, and its forces and mechanism."""
 
 
 class _Search:
@@ -120,300 +120,195 @@ class _Search:
     def __init__(self, rule: ZeroDilatancy, run: Run) -> None:
         self.rule, self.run = rule, run
         self.found: list[Found] = []
-        self.associated: float | None = None
+        self.last: Member | None = None
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
-        with run.clock.phase("compile"):
-            shape = (len(run.contacts), len(COMPONENTS))
-            self.priced = PricedForces(cp.Parameter(), cp.Parameter(shape))
-            self.problem = LimitProblem(run.assemblage, run.surfaces, goal=self.priced)
+        self.pair = Pair(run)
+        with run.clock.phase("certify"):
             self.verifier = Verifier(run)
-            is_known = has_equations(run.surfaces) and not self.verifier.strength.is_internal
-            self.system = FrictionSystem(run.assemblage) if is_known else None
         self.random = np.random.default_rng(rule.seed)
-        self.ladder: tuple[SolverSettings, ...] = run.ladder or _LADDER
 
     def steps(self) -> Steps:
-        prices = np.zeros(len(self.run.contacts))
+        mechanism = yield from self._associated()
         for start in range(self.rule.starts):
-            found = yield from self._iterated(start, prices)
+            if start == 0 and mechanism is not None:
+                found = yield from self._started("associated", self._price(mechanism), True)
+            else:
+                price = self._drawn(_N.scales[max(start - 1, 0) % len(_N.scales)])
+                found = yield from self._started(f"random {start}", price, False)
             self.failed += found is None
-            self._keep(found)
-            prices = self._drawn(_N.scales[(start + 1) % len(_N.scales)])
-        for member in [member for member, _ in self.found]:
-            for sign, which in ((-1.0, "lowest"), (1.0, "highest")):
-                label = f"{which} on the mechanism of {member.start}"
-                self._keep(self._on(member.mechanism, label, sign))
-                yield
-        yield from self._descents()
+        if self.found:
+            yield from self._walked(1.0, self.rule.descents)
+            yield from self._walked(-1.0, self.rule.descents // 2)
         self._report()
         return Status.CONVERGED if self.found else Status.NOT_CONVERGED
 
-    def _keep(self, found: Found | None) -> None:
-        if found is not None:
-            self.found.append(found)
-            self._report()
+    def _associated(self) -> Generator[None, None, FloatArray | None]:
+        """The mechanism of the associated model, whose upper bound holds for all solutions."""
+        aside = self.run.aside()
+        yield from Inquiry(aside, self.run.model).ladder_climbed()
+        self.run.history += [
+            replace(iterate, solver=f"{iterate.solver}, associated friction", lower=None)
+            for iterate in aside.history
+        ]
+        bound = aside.best.bracket
+        if np.isfinite(bound.upper):
+            bracket = self.run.best.bracket.lowered(bound.upper, bound.upper_is_proved)
+            self.run.best = Answer(bracket=bracket)
+        self._report()
+        return aside.best.mechanism
 
-    def _drawn(self, scale: float) -> FloatArray:
-        friction, live = self.run.contacts.friction, self.run.scaling.live
-        natural = _N.natural * float(friction.max()) / live
-        size = scale * (natural if self.typical is None else float(np.max(self.typical)))
-        return size * self.random.uniform(0.0, 1.0, len(friction)) ** 2
+    # One solution
 
-    def _solved(
-        self, sign: float, price: FloatArray, chance: FloatArray | float = 0.0
-    ) -> tuple[LimitState, SolverSettings]:
-        cost = self.run.scaling.live * price
-        cost[:, COLUMN["N"]] += chance
-        self.priced.sign.value, self.priced.price.value = sign, cost
-        return self.run.try_solvers(self.problem.run, self.ladder)
+    def _started(
+        self, label: str, price: FloatArray, iterates: bool
+    ) -> Generator[None, None, Found | None]:
+        before = self.pair.solved
+        state: LimitState | None = self._priced(price, _N.rough)
+        if iterates and state is not None:
+            state = yield from self._iterated(state, price, _N.first, _N.rough)
+        if state is None:
+            return None
+        return (yield from self._paired(label, state, before + self.rule.max_iterations))
 
-    def _iterated(self, start: int, prices: FloatArray) -> Generator[None, None, Found | None]:
-        w, label = self.rule.damping, f"random {start}" if start else "associated"
-        price = np.zeros(self.priced.price.shape)
-        for iteration in range(1, self.rule.max_iterations + 1):
-            price[:, COLUMN["N"]] = prices
-            state, rung = self._solved(1.0, price)
-            member = self.verifier.member(state, label, iteration)
-            self.run.note(state, rung, change=None if member is None else member.residual)
-            if start == 0 and iteration == 1:
-                self.associated = state.load_factor
-            if member is None:
+    def _iterated(
+        self, state: LimitState, price: FloatArray, number: int, tolerance: float
+    ) -> Generator[None, None, LimitState | None]:
+        """De Saxce's iterates: prices follow the price problem's own mechanism, damped."""
+        w = self.rule.damping
+        for _ in range(number):
+            if state.mechanism is None:
                 return None
-            found = member, state
-            if iteration % _N.polish == 0:
-                found = self._followed(self._polished(found), (start, iteration))
-            self._report(found[0])
-            self.typical = self.verifier.rates(found[0].mechanism)[1]
-            if found[0].residual <= self.rule.tolerance:
-                return found
-            prices = (1.0 - w) * prices + w * self.typical
+            price = (1.0 - w) * price + w * self._price(state.mechanism)
+            found = self._priced(price, tolerance)
+            if found is None:
+                return None
+            state = found
+            yield
+        return state
+
+    def _paired(
+        self, label: str, state: LimitState, most: int
+    ) -> Generator[None, None, Found | None]:
+        """Both problems in turn, until forces and mechanism lose no more than the tolerance; at
+        ``most`` so many problems in all."""
+        begun, aim = self.pair.solved, self.rule.tolerance
+        finest = max(_N.exact * aim, _N.finest)
+        loss, before = 1.0, np.inf
+        while self.pair.solved < most:
+            exact = min(max(_N.exact * loss, finest), _N.rough)
+            held = self._held(state, exact)
+            if held is None or held.mechanism is None or state.load_factor is None:
+                return None
+            unit = self.run.scaling.unit(state.load_factor)
+            loss = ((held.load_factor or 0.0) - state.load_factor) / unit
+            if loss <= aim:
+                both = replace(state, mechanism=held.mechanism)
+                with self.run.clock.phase("certify"):
+                    member = self.verifier.member(both, label, self.pair.solved - begun)
+                if member is not None and member.residual <= aim:
+                    self._keep(member, both)
+                    return member, both
+                finest, loss = max(0.1 * finest, _N.finest), min(loss, finest)
+            price = self._price(held.mechanism)
+            self.typical = price
+            exact = min(max(_N.exact * loss, finest), _N.rough)
+            stalls = loss > _N.stalls * before
+            before = np.inf if stalls else loss
+            following = self._priced(price, exact)
+            if stalls and following is not None:
+                following = yield from self._iterated(following, price, _N.own, exact)
+            if following is None:
+                return None
+            state = following
             yield
         return None
 
-    def _better(self, found: Found, way: Callable[[LimitState], LimitState]) -> Found:
-        before, state = found
-        if state.internal is None:
-            return found
-        with self.run.clock.phase("solve"):
-            near = way(state)
-        member = self.verifier.member(near, before.start, before.iterations)
-        if member is None or not member.residual < before.residual:
-            return found
-        return member, near
+    # Low and high ones
 
-    def _polished(self, found: Found) -> Found:
-        return found if self.system is None else self._better(found, self.system.polished)
+    def _walked(self, sign: float, number: int) -> Generator[None]:
+        """Walks of so many pairs in all, down (``sign`` 1) or up: forces that are extreme on a
+        mechanism, a mechanism of theirs, and so on, every second of both random by a little.
+        They begin at the extreme solution and at random prices in turn, and end at a solution."""
+        exact = _N.exact * self.rule.tolerance
+        for walk in range(-(-number // _N.walk)):
+            state: LimitState | None = self._extreme(sign)[1]
+            if walk % 2 == 1:
+                scale = _N.scales[walk // 2 % len(_N.scales)]
+                state = self._with_mechanism(self._priced(self._drawn(scale), _N.rough), exact)
+            for step in range(min(_N.walk, number - walk * _N.walk)):
+                if state is None or state.mechanism is None:
+                    break
+                self.tried += 1
+                price = (1.0 + sign * _N.push) * self._price(state.mechanism)
+                push = _N.push if step % 2 == 1 else 0.0
+                unit = self.run.scaling.unit(state.load_factor or 0.0) / self.run.scaling.force
+                forces = self._priced(price + self._chance(push * unit), exact)
+                state = self._with_mechanism(forces, exact, 1.0 - self._chance(push))
+                yield
+            if state is not None:
+                label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
+                most = self.pair.solved + self.rule.max_iterations // 4
+                yield from self._paired(label, state, most)
 
-    def _followed(self, found: Found, at: tuple[int, int]) -> Found:
-        system, tolerance = self.system, self.rule.tolerance
-        if system is None or found[0].residual <= tolerance:
-            return found
-        width = _N.widths[(at[1] // _N.polish - 1) % len(_N.widths)]
-        random = np.random.default_rng((self.rule.seed, *at))
-        better = self._better(found, lambda state: followed(system, state, width, random))
-        is_near = tolerance < better[0].residual <= _N.promising * tolerance
-        return self._polished(better) if better is not found and is_near else better
+    def _with_mechanism(
+        self, forces: LimitState | None, tolerance: float, share: FloatArray | float = 1.0
+    ) -> LimitState | None:
+        held = None if forces is None else self._held(forces, tolerance, share)
+        return None if forces is None or held is None else replace(forces, mechanism=held.mechanism)
 
-    def _descents(self) -> Generator[None]:
-        if self.system is None or not self.found:
-            return
-        with self.run.clock.phase("compile"):
-            mechanisms = MechanismsOfForces(self.system, self.rule.seed)
-        walk: Found | None = None
-        for tried in range(self.rule.descents):
-            lowest = min(self.found, key=lambda found: found[0].load_factor)
-            walk = lowest if walk is None or tried % _N.walk == 0 else walk
-            self.tried += 1
-            with self.run.clock.phase("solve"):
-                mechanism = mechanisms.of(walk[1], self.ladder[0])
-            if mechanism is None:
-                walk = None
-                continue
-            step = self._on(mechanism, f"descent {self.tried}", -1.0, nudged=tried % 2 == 1)
-            yield
-            if step is None:
-                continue
-            walk = step
-            if step[0].load_factor < lowest[0].load_factor:
-                self._keep(step)
+    def _extreme(self, sign: float) -> Found:
+        return min(self.found, key=lambda found: sign * found[0].load_factor)
 
-    def _on(
-        self, mechanism: FloatArray, label: str, sign: float, nudged: bool = False
-    ) -> Found | None:
-        """The lowest or highest load factor of forces that a mechanism goes with, a high price on
-        what others lose; nudged, a nearly extreme one: as few contacts pressed as chance prefers.
-        """
-        n = len(self.run.contacts)
-        chance = _N.nudge * self.random.uniform(size=n) ** 2 if nudged else 0.0
-        state, rung = self._solved(sign, _N.price * self.verifier.work(mechanism), chance)
-        state = replace(state, mechanism=mechanism)
-        member = self.verifier.member(state, label, 1)
-        residual = None if member is None else member.residual
-        self.run.note(state, f"{rung}, {label}", change=residual)
-        if member is None:
-            return None
-        found = member, state
-        if member.residual > self.rule.tolerance:
-            found = self._polished(found)
-        return found if found[0].residual <= self.rule.tolerance else None
+    # Both problems
 
-    def _report(self, last: Member | None = None) -> None:
+    def _price(self, mechanism: FloatArray) -> FloatArray:
+        return self.pair.dilatancy(mechanism)
+
+    def _drawn(self, scale: float) -> FloatArray:
+        """Random prices: mostly small, some large."""
+        natural = _N.natural * float(self.run.contacts.friction.max()) / self.run.scaling.live
+        return self._chance(scale * (natural if self.typical is None else self.typical.max()))
+
+    def _chance(self, size: float) -> FloatArray:
+        return np.asarray(size * self.random.uniform(size=len(self.run.contacts)) ** 2)
+
+    def _priced(self, price: FloatArray, tolerance: float) -> LimitState | None:
+        state = self.pair.priced(price, tolerance)
+        return None if state.forces is None else state
+
+    def _held(
+        self, state: LimitState, tolerance: float, share: FloatArray | float = 1.0
+    ) -> LimitState | None:
+        found = self.pair.held(share * pressed(state), tolerance)
+        return None if found.mechanism is None or found.load_factor is None else found
+
+    # What is said
+
+    def _keep(self, member: Member, state: LimitState) -> None:
+        self.found.append((member, state))
+        self._report()
+
+    def _report(self) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
-        best = members[0] if members else None if self.associated is None else last
-        above = "" if self.associated is None else (
-            f"; associated friction, {rounded(self.associated)}, bounds all of them from above"
+        bracket = self.run.best.bracket
+        above = "" if not np.isfinite(bracket.upper) else (
+            f"; the bracket is one of all solutions without dilatancy: associated friction, "
+            f"{rounded(bracket.upper)}, bounds them from above"
         )  # fmt: skip
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
         if members:
             span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
-            further = f" and {self.tried} tries further down" if self.tried else ""
+            further = f" and {self.tried} tries further down and up" if self.tried else ""
             remark = (
                 f"{len(members)} zero-dilatancy solutions from {span}, "
                 f"from {tried}{further}{above}; whether there are lower ones is not known"
             )
-        elif self.associated is None:
-            remark = (
-                "associated friction has no largest load factor here, which would bound "
-                "zero-dilatancy solutions from above: solve with flow 'associated' first, it says "
-                f"why; none was found from {tried}"
-            )
         else:
-            residual = "" if best is None else f", last residual {best.residual:.1e}"
-            remark = f"no zero-dilatancy solution was found from {tried}{residual}{above}"
+            remark = f"no zero-dilatancy solution was found from {tried}{above}"
         self.run.remarks = [remark]
-        if best is not None:
+        if members:
+            best = members[0]
             self.run.best = Answer(
-                best.load_factor, self.run.best.bracket, best.forces, best.mechanism, tuple(members)
+                best.load_factor, bracket, best.forces, best.mechanism, tuple(members)
             )
-
-
-_OPENING = np.eye(len(COMPONENTS))[COLUMN["N"]]
-
-_LADDER = clarabel_at(1e-10, 1e-8)
-"""Residuals below 1e-6 of the load factor take rates and forces to 1e-8 or better."""
-
-
-@dataclass(frozen=True, eq=False)
-class PricedForces:
-    """The load factor, up or down, less what forces cost: one compiled problem for all questions.
-
-    With the price on every contact's normal force that its dilatancy would open, contacts slide
-    without opening. With a high price on the power that forces lose on a mechanism, they go with
-    it. ``price`` (n, 6) is scaled like the load factor.
-    """
-
-    sign: cp.Parameter
-    price: cp.Parameter
-
-    def __call__(self, stated: Stated) -> Any:
-        n, goal = len(stated.assemblage.contacts), times(self.sign, stated.factor)
-        for name, k in COLUMN.items():
-            goal = goal - np.ones(n) @ times(self.price[:, k], stated.forces[name])
-        return goal
-
-
-class Verifier:
-    """Checks of zero-dilatancy solutions in NumPy, outside any solver.
-
-    Only friction does not open joints: rates to which the opening that goes with their slip is
-    added must be those of the associated flow rule, under which stone crushes, mortar tears and
-    ties yield. What strength takes up of power is known from these rates, and forces must do it.
-    """
-
-    def __init__(self, run: Run) -> None:
-        self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
-        self.least = run.scaling.least
-        self.flow = FlowRule(run.surfaces, self.contacts)
-        self.certifier = Certifier(run.assemblage, run.surfaces)
-        self.strength = self.certifier.strength
-
-    def rates(self, mechanism: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Relative rates (n, 6), and the opening (n,) that dilatancy would add to them."""
-        rates = self.statics.relative_rates(mechanism)
-        missing = self.flow.shortfall(rates).missing
-        opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
-        return rates, np.maximum(missing + opening, 0.0)
-
-    def work(self, mechanism: FloatArray) -> FloatArray:
-        """(n, 6): times forces, their power on a mechanism and what friction takes up of it."""
-        rates, dilatancy = self.rates(mechanism)
-        return rates + dilatancy[:, None] * _OPENING
-
-    def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
-        """A solver's answer, balanced and scaled to live power 1, with all its residuals."""
-        given, alpha = self.certifier.given(state), state.load_factor
-        if given is None or state.mechanism is None or alpha is None:
-            return None
-        live = float(self.statics.live @ state.mechanism.ravel())
-        if not live > 0.0:
-            return None
-        mechanism = state.mechanism / live
-        rates, dilatancy = self.rates(mechanism)
-        work = rates + dilatancy[:, None] * _OPENING
-        balanced = self.strength.balanced(given, alpha, self.statics)
-        forces = self.strength.forces(balanced)
-        power = (forces * work).sum(axis=1)
-        openings = corner_openings(rates, self.contacts)
-        if self.strength.is_internal:
-            found = self.strength.flow.shortfall(work)
-            penetration = max(float(found.missing.max()), 0.0)
-            lost = abs(float(power.sum()) + found.dissipation)
-        else:
-            penetration = max(-float(openings.min()), 0.0)
-            mu, cohesion = self.contacts.friction, self.contacts.cohesion * self.contacts.area
-            slip = np.where(mu > 0.0, dilatancy / np.where(mu > 0.0, mu, 1.0), 0.0)
-            lost = float(np.abs(power + cohesion * slip).sum())
-        equilibrium, excess = self.certifier.residuals(balanced, alpha)
-        return Member(
-            load_factor=alpha,
-            start=start,
-            iterations=iterations,
-            equilibrium=equilibrium,
-            yield_excess=excess,
-            flow=penetration / max(np.abs(openings).max(), np.abs(rates[:, :2]).max()),
-            complementarity=lost / max(abs(alpha), self.least),
-            forces=forces,
-            mechanism=mechanism,
-        )
-
-
-class MechanismsOfForces:
-    """Mechanisms that go with given forces: as few contacts opening and sliding as chance prefers.
-
-    min  (random costs of openings and slips) + power of the forces on the mechanism,
-    openings >= 0, slips <= multipliers, live power 1:  for linear yield surfaces a vertex, which
-    moves so little that other forces go with it as well.
-    """
-
-    def __init__(self, system: FrictionSystem, seed: int) -> None:
-        self.system, self.random = system, np.random.default_rng(seed)
-        n, self._motion = len(system.cohesion), cp.Variable(len(system.live))
-        self._on_opening = cp.Parameter(system.opening.shape[0], nonneg=True)
-        self._on_slid, self._on_slips = cp.Parameter(n, nonneg=True), cp.Parameter(3 * n)
-        opening, slips = system.opening @ self._motion, system.slip @ self._motion
-        slid = cp.Variable(n)
-        cost = self._on_opening @ opening + self._on_slid @ slid + self._on_slips @ slips
-        limits = [
-            opening >= 0.0,
-            cp.SOC(slid, cp.vstack([slips[0::3], slips[1::3]]), axis=0),
-            slid >= cp.abs(slips[2::3]),
-            system.live @ self._motion == 1.0,
-        ]
-        self._problem = cp.Problem(cp.Minimize(cost), limits)
-
-    def of(self, state: LimitState, settings: SolverSettings) -> FloatArray | None:
-        given = self.system.point(state)
-        pressed = np.maximum(given.pressed, 0.0)
-        self._on_opening.value = _N.price * pressed + self._chance(len(pressed))
-        limit = np.maximum(self.system.limit @ given.pressed + self.system.cohesion, 0.0)
-        self._on_slid.value = _N.price * limit + self._chance(len(limit))
-        self._on_slips.value = _N.price * given.friction.ravel()
-        outcome = run_solver(self._problem, settings)
-        if not outcome.has_values or self._motion.value is None:
-            return None
-        motion = np.asarray(self._motion.value).reshape(-1, DOF)
-        return self.system.assemblage.scaling.mechanism(motion)
-
-    def _chance(self, count: int) -> FloatArray:
-        return _N.little * self.random.uniform(0.0, 1.0, count) ** 2

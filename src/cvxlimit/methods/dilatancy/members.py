@@ -1,0 +1,63 @@
+"""Solutions without dilatancy, checked in NumPy outside any solver."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.dilatancy.tresca import Slip
+from cvxlimit.methods.driver import Run
+from cvxlimit.model.flow import corner_openings
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.solution import Member
+from cvxlimit.solvers import LimitState
+from cvxlimit.surfaces.coulomb import needed_surfaces
+
+
+class Verifier:
+    """Checks of solutions without dilatancy.
+
+    Forces must balance the loads inside all surfaces. The mechanism must be one of the flow rule
+    with friction held at the forces' own compressions: joints slide without opening, and stone
+    crushes, mortar tears and ties yield as that rule has it. What friction, cohesion and strength
+    take up of power is known from the rates, and forces must do it, contact by contact: what they
+    lack adds up to the loss of :mod:`~cvxlimit.methods.dilatancy.pair`.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
+        self.least = run.scaling.least
+        self.certifier = Certifier(run.assemblage, run.surfaces)
+        self.strength = self.certifier.strength
+        self.slip = Slip(needed_surfaces(run.surfaces), self.strength.model)
+
+    def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
+        """A solver's forces and mechanism, balanced and scaled to live power 1, with all their
+        residuals."""
+        given, alpha = self.certifier.given(state), state.load_factor
+        if given is None or state.mechanism is None or alpha is None:
+            return None
+        live = float(self.statics.live @ state.mechanism.ravel())
+        if not live > 0.0:
+            return None
+        mechanism = state.mechanism / live
+        balanced = self.strength.balanced(given, alpha, self.statics)
+        forces = self.strength.forces(balanced)
+        rates = self.statics.relative_rates(mechanism)
+        found = self.slip.of(rates)
+        taken = self.slip.dilatancy(found) * forces[:, COLUMN["N"]] + found.by_contact
+        lost = float(np.abs((forces * rates).sum(axis=1) + taken).sum())
+        openings = corner_openings(rates, self.contacts)
+        penetrates = float(np.abs(found.unresisted).max(initial=found.missing.max()))
+        equilibrium, excess = self.certifier.residuals(balanced, alpha)
+        return Member(
+            load_factor=alpha,
+            start=start,
+            iterations=iterations,
+            equilibrium=equilibrium,
+            yield_excess=excess,
+            flow=max(penetrates, 0.0) / max(np.abs(openings).max(), np.abs(rates[:, :2]).max()),
+            complementarity=lost / max(abs(alpha), self.least),
+            forces=forces,
+            mechanism=mechanism,
+        )
