@@ -50,12 +50,13 @@ class Shortfall:
     ``missing`` (n,) is the opening that contacts lack, negative where some is to spare;
     ``unresisted`` (k,) slip that no condition resists, twists times the size of a contact;
     ``dissipation`` the power that forces can take up at most while rates are as the rule has them,
-    and ``multipliers`` those of the rows of resistance.
+    ``by_contact`` (n,) of each, and ``multipliers`` those of the rows of resistance.
     """
 
     missing: FloatArray
     unresisted: FloatArray
     dissipation: float = 0.0
+    by_contact: FloatArray = field(default_factory=lambda: np.zeros(0))
     multipliers: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
@@ -232,12 +233,14 @@ class FlowRule(StrengthRows):
         least = self._multipliers(flows)
         rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
         multipliers = least + multipliers
-        lost = float(resistance.constant @ multipliers - norms.constant @ flows)
+        lost = np.zeros(len(self.model.contacts))
+        np.add.at(lost, resistance.contact, resistance.constant * multipliers)
+        np.add.at(lost, norms.contact, -norms.constant * flows)
         missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
         at = self.model.contact[self._pressed]
         np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
         unresisted = -rest[self._free] * self._reach
-        return Shortfall(missing, unresisted, lost, multipliers)
+        return Shortfall(missing, unresisted, float(lost.sum()), lost, multipliers)
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
         result = np.zeros(self._resistance.size)
