@@ -23,9 +23,6 @@ from cvxlimit.scene import Scene, Units
 FloatArray = NDArray[np.float64]
 
 V1, V2, N, M1, M2, MT = range(6)
-ROWS = 20
-"""Per contact: 4 of Eq. 9 and 16 of Eq. 25."""
-
 UNITS = {"kN-m": (Units("m", "kN"), 1.0, 1.0), "N-mm": (Units("mm", "N"), 1e3, 1e3)}
 
 
@@ -87,38 +84,53 @@ def torsion_arms(contacts: Contacts) -> FloatArray:
     return result
 
 
-def rocking_rows(contacts: Contacts) -> FloatArray:
-    """Eq. 9 as N_j^T, (n, 4, 6)."""
-    rows = np.zeros((len(contacts), 4, 6))
-    l1, l2 = contacts.sides.T
-    rows[:, 0:2, N] = -l2[:, None] / 2
-    rows[:, 0:2, M1] = [1.0, -1.0]
-    rows[:, 2:4, N] = -l1[:, None] / 2
-    rows[:, 2:4, M2] = [1.0, -1.0]
-    return rows
+def edges(contacts: Contacts) -> sp.csr_array:
+    """Eq. 9 for any polygon: the pressure centre (-M2, M1) / N is inside every edge."""
+    contact = contacts.corner_contact
+    corner = np.arange(len(contact))
+    last = corner + 1 == contacts.corner_start[contact + 1]
+    after = np.where(last, contacts.corner_start[contact], corner + 1)
+    (x, y), (dx, dy) = contacts.corner_xy.T, (contacts.corner_xy[after] - contacts.corner_xy).T
+    values = np.concatenate([dx * y - dy * x, -dx, -dy]) / np.tile(np.hypot(dx, dy), 3)
+    columns = np.concatenate([6 * contact + component for component in (N, M1, M2)])
+    shape = (len(contact), 6 * len(contacts))
+    return sp.csr_array((values, (np.tile(corner, 3), columns)), shape=shape)
 
 
-def octagon_rows(contacts: Contacts) -> FloatArray:
-    """Eq. 25 as N_j^T, (n, 16, 6)."""
+def octagon_rows(contacts: Contacts, arms: FloatArray) -> sp.csr_array:
+    """Eq. 25, 16 rows per contact."""
     rows = np.zeros((len(contacts), 16, 6))
-    arm = torsion_arms(contacts)
-    row = 0
-    for sign in (1.0, -1.0):
-        for k in range(1, 9):
-            rows[:, row, MT] = sign
-            rows[:, row, N] = -arm * contacts.friction
-            rows[:, row, V1] = arm * np.cos(k * np.pi / 4)
-            rows[:, row, V2] = arm * np.sin(k * np.pi / 4)
-            row += 1
-    return rows
+    turn = np.arange(1, 9) * np.pi / 4
+    rows[:, :8, MT], rows[:, 8:, MT] = 1.0, -1.0
+    rows[:, :, N] = -(arms * contacts.friction)[:, None]
+    rows[:, :, V1] = arms[:, None] * np.tile(np.cos(turn), 2)
+    rows[:, :, V2] = arms[:, None] * np.tile(np.sin(turn), 2)
+    each = np.arange(len(contacts))
+    return sp.csr_array(sp.bsr_array((rows, each, np.arange(len(contacts) + 1))))
 
 
-def stacked(blocks: FloatArray) -> sp.csr_array:
-    """Rows (n, k, 6) of every contact on the diagonal of one sparse matrix."""
-    n, k, _ = blocks.shape
-    return sp.csr_array(
-        sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(k * n, 6 * n))
-    )
+def written(data: Program, arms: FloatArray, surface: str) -> cp.Problem:
+    """The paper's problem as one writes it down: Eq. 7 and 9, and Eq. 25 or 24."""
+    x, alpha = cp.Variable((len(data.contacts), 6)), cp.Variable()
+    force, contacts = cp.vec(x, order="C"), data.contacts
+    limits = [data.equilibrium @ force + data.dead + alpha * data.live == 0]
+    if surface == "octagon":
+        limits.append(sp.vstack([edges(contacts), octagon_rows(contacts, arms)]) @ force <= 0)
+    else:
+        strength = cp.multiply(contacts.friction, x[:, N]) - cp.norm(x[:, :2], axis=1)
+        limits += [edges(contacts) @ force <= 0, cp.abs(x[:, MT]) <= cp.multiply(arms, strength)]
+    return cp.Problem(cp.Maximize(alpha), limits)
+
+
+def eight_lines(data: Program, arms: FloatArray) -> cp.Problem:
+    """What anyone writes first for the cone of Eq. 24."""
+    contacts, x, alpha = data.contacts, cp.Variable((len(data.contacts), 6)), cp.Variable()
+    forces = cp.vec(x, order="C")
+    balance = data.equilibrium @ forces + data.dead + alpha * data.live == 0
+    torsion = cp.multiply(1 / arms, cp.abs(x[:, MT]))
+    friction = cp.multiply(contacts.friction, x[:, N])
+    sliding = cp.norm(x[:, :2], axis=1) + torsion <= friction
+    return cp.Problem(cp.Maximize(alpha), [balance, edges(contacts) @ forces <= 0, sliding])
 
 
 @dataclass(frozen=True)
@@ -160,38 +172,8 @@ class Literal(Method):
         return Row(status=problem.status, load_factor=alpha, total=total, **seconds)
 
     def problem(self, data: Program) -> cp.Problem:
-        """max alpha subject to Eq. 7 and N^T x <= 0, one sparse matrix for all contacts."""
-        x, alpha = cp.Variable(6 * len(data.contacts)), cp.Variable()
-        rows = np.concatenate([rocking_rows(data.contacts), octagon_rows(data.contacts)], axis=1)
-        return cp.Problem(
-            cp.Maximize(alpha),
-            [data.equilibrium @ x + data.dead + alpha * data.live == 0, stacked(rows) @ x <= 0],
-        )
-
-
-@dataclass(frozen=True)
-class LiteralConic(Literal):
-    """The same with Eq. 24 instead of its 16 planes: a second-order cone per contact."""
-
-    name: str = "literal/conic/kN-m"
-    line: str = "literal transcription, cone"
-    surface: str = "conic"
-
-    def problem(self, data: Program) -> cp.Problem:
-        """Eq. 9 as rows, Eq. 24 with CVXPY's norm and absolute value."""
-        n = len(data.contacts)
-        x, alpha = cp.Variable((n, 6)), cp.Variable()
-        force = cp.vec(x, order="C")
-        arm, friction = torsion_arms(data.contacts), data.contacts.friction
-        strength = cp.multiply(friction, x[:, N]) - cp.norm(x[:, :2], axis=1)
-        return cp.Problem(
-            cp.Maximize(alpha),
-            [
-                data.equilibrium @ force + data.dead + alpha * data.live == 0,
-                stacked(rocking_rows(data.contacts)) @ force <= 0,
-                cp.abs(x[:, MT]) <= cp.multiply(arm, strength),
-            ],
-        )
+        """One sparse matrix for all contacts."""
+        return written(data, torsion_arms(data.contacts), self.surface)
 
 
 @dataclass(frozen=True)
@@ -205,8 +187,13 @@ class LiteralPerContact(Literal):
         """The same rows, contact by contact; equilibrium block by block."""
         contacts, alpha = data.contacts, cp.Variable()
         x = [cp.Variable(6) for _ in range(len(contacts))]
-        rows = np.concatenate([rocking_rows(contacts), octagon_rows(contacts)], axis=1)
-        constraints = [rows[j] @ x[j] <= 0 for j in range(len(contacts))]
+        rows = octagon_rows(contacts, torsion_arms(contacts))
+        rocks, slides = edges(contacts).toarray(), rows.toarray()
+        own = [slice(6 * j, 6 * j + 6) for j in range(len(contacts))]
+        constraints = [
+            np.vstack([rocks[4 * j : 4 * j + 4, at], slides[16 * j : 16 * j + 16, at]]) @ x[j] <= 0
+            for j, at in enumerate(own)
+        ]
         columns = data.equilibrium.tocsc()
         terms: list[list[cp.Expression]] = [[] for _ in range(len(data.dead) // 6)]
         for j in range(len(contacts)):
@@ -236,9 +223,8 @@ class ScipyLinprog(Literal):
         len(scene.contacts)
         start = time.perf_counter()
         data = program(scene)
-        rows = stacked(
-            np.concatenate([rocking_rows(data.contacts), octagon_rows(data.contacts)], axis=1)
-        )
+        arms = torsion_arms(data.contacts)
+        rows = sp.vstack([edges(data.contacts), octagon_rows(data.contacts, arms)]).tocsr()
         equal = sp.hstack([data.equilibrium, sp.csr_array(data.live[:, None])]).tocsr()
         below = sp.hstack([rows, sp.csr_array((rows.shape[0], 1))]).tocsr()
         cost = np.append(np.zeros(rows.shape[1]), -1.0)
@@ -253,13 +239,19 @@ class ScipyLinprog(Literal):
         return Row(status=status, load_factor=alpha, total=end - start, **seconds)
 
 
+CONES = (
+    Literal("literal/conic/kN-m", "literal transcription, cone", "kN-m", "conic"),
+    Literal("literal/conic/N-mm", "literal, cone, N and mm", "N-mm", "conic"),
+)
+"""The same with Eq. 24 instead of its 16 planes: a second-order cone per contact."""
+
+
 def baselines() -> dict[str, Method]:
     """All baselines by name."""
     methods = [
         Literal(),
         Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm"),
-        LiteralConic(),
-        LiteralConic("literal/conic/N-mm", "literal, cone, N and mm", "N-mm"),
+        *CONES,
         LiteralPerContact(),
         ScipyLinprog(),
     ]

@@ -1,25 +1,73 @@
-"""The charts, from the results alone: time against error, growth, where the time goes."""
+"""What charts share, and those of the suite: time against error, growth, where the time goes."""
 
 from __future__ import annotations
 
+import io
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from benchmarks.results import Record, fitted_exponent
+from benchmarks.machine import fitted_exponent
+from cvxlimit.base.files import write_file
 from cvxlimit.compare.chart import draw_time_against_error, few_ticks, style
 from cvxlimit.compare.models import PHASES
 from cvxlimit.plotting.chart import label_lines
 
+if TYPE_CHECKING:
+    from benchmarks.experiments.suite import Record
+
+__all__ = ["few_ticks", "figure_of", "name_lines", "save", "stacked", "top_legend"]
+
 WIDTH, DPI, LETTERS = 7.7, 190, 9.0
 """Inches in which a page shows a chart, pixels of each, and points of its smallest letters."""
+
+COLOURS = ("#134b73", "#4aa3a8", "#c77f00", "#d62246", "#5b8c2a", "#7c3aed", "#7a1010", "#9aa0ab")
+
+
+def figure_of(height: float) -> Figure:
+    """As wide as a page, so many inches high."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def stacked(number: int, height: float) -> tuple[Figure, Sequence[Axes]]:
+    """So many plots, one above the other."""
+    figure = figure_of(0.5 + height * number)
+    return figure, figure.subplots(number, 1, squeeze=False)[:, 0]
+
+
+def name_lines(figure: Figure, plots: Iterable[Axes]) -> None:
+    """Names on the right of all plots' lines, for which the layout makes room."""
+    for axes in plots:
+        axes.tick_params(labelsize=LETTERS)
+        axes.xaxis.label.set_size(LETTERS)
+        axes.yaxis.label.set_size(LETTERS)
+        axes.grid(True, color="#d9d9d9", linewidth=0.6)
+    figure.draw_without_rendering()
+    for axes in plots:
+        label_lines(axes, LETTERS)
+
+
+def top_legend(figure: Figure, axes: Axes, columns: int) -> None:
+    """What the labels of one plot mean, above all plots."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns,
+                  fontsize=LETTERS, frameon=False, handlelength=1.0)  # fmt: skip
+
+
+def save(figure: Figure, path: Path) -> str:
+    """Write a picture, whole or not at all, and return its path."""
+    picture = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(picture, dpi=DPI, format="png")
+    write_file(path, picture.getvalue())
+    return str(path)
+
 
 FIT_FROM = 400
 """Contacts from which growth is fitted: below, fixed costs hide it."""
@@ -38,17 +86,18 @@ PHASE_NAMES = {
 }  # fmt: skip
 
 
-def draw_all(records: Sequence[Record], about: dict[str, Any], folder: Path) -> list[Path]:
+def draw_all(records: Sequence[Record], folder: Path) -> list[Path]:
     """All charts that the records allow, one set per family; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for family in dict.fromkeys(record.family for record in records):
         members = [record for record in records if record.family == family]
         for kind, figure in _figures(family, members):
-            _sign(figure, about)
-            path = folder / f"{kind}-{_slug(family)}.png"
-            FigureCanvasAgg(figure).print_figure(path, dpi=DPI)
-            written.append(path)
+            about = "\n".join(wrap(members[-1].about, 105))
+            figure.supxlabel(about, fontsize=LETTERS, color="#555")
+            name = re.sub(r"[^a-z0-9]+", "-", family.lower()).strip("-")
+            written.append(folder / f"{kind}-{name}.png")
+            save(figure, written[-1])
     return written
 
 
@@ -58,23 +107,6 @@ def _figures(family: str, records: Sequence[Record]) -> Iterator[tuple[str, Figu
     if grown := _grown(records):
         yield "growth", growth(family, grown)
         yield "phases", phases(family, grown)
-
-
-def _slug(family: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", family.lower()).strip("-")
-
-
-def _sign(figure: Figure, about: dict[str, Any]) -> None:
-    """Machine and versions in small print at the bottom."""
-    machine, versions = about.get("machine", {}), about.get("versions", {})
-    names = ("cvxlimit", "cvxpy", "clarabel", "python")
-    text = f"{machine.get('cpu', '')}, one thread per run; " + ", ".join(
-        f"{name} {versions.get(name, '?')}" for name in names
-    )
-    repeat = about.get("options", {}).get("repeat", 1)
-    runs = f"medians of {repeat} runs, in turns" if repeat > 1 else "one run each"
-    said = "\n".join(wrap(f"{text}; {runs}", 105))
-    figure.supxlabel(said, fontsize=LETTERS, color="#555")
 
 
 def _studied(records: Sequence[Record]) -> dict[str, list[Record]]:
@@ -96,28 +128,16 @@ def time_against_error(family: str, studied: dict[str, list[Record]]) -> Figure:
     labels = dict.fromkeys(r.row.line for group in studied.values() for r in group)
     styles = {label: number for number, label in enumerate(labels)}
     high = max(3.6, 0.175 * len(labels))
-    figure = Figure(figsize=(WIDTH, high * len(studied) + 0.7), layout="constrained")
-    plots = figure.subplots(len(studied), 1, squeeze=False)[:, 0]
+    figure, plots = stacked(len(studied), high + 0.2)
     for axes, (scene, group) in zip(plots, studied.items(), strict=True):
         rows = [record.row for record in group]
         failed = sum(row.failed for row in rows)
         note = f"; {failed} of {len(rows)} methods failed" if failed else ""
         draw_time_against_error(axes, rows, "", styles)
         axes.set_title(f"{scene}{note}", fontsize=LETTERS + 1, loc="left")
-    _name_lines(figure, plots)
+    name_lines(figure, plots)
     _headline(figure, f"{family}: time against true error")
     return figure
-
-
-def _name_lines(figure: Figure, plots: Iterable[Axes]) -> None:
-    """Names on the right of all plots; the layout then makes room for them."""
-    for axes in plots:
-        axes.tick_params(labelsize=LETTERS)
-        axes.xaxis.label.set_size(LETTERS)
-        axes.yaxis.label.set_size(LETTERS)
-    figure.draw_without_rendering()
-    for axes in plots:
-        label_lines(axes, LETTERS)
 
 
 def _headline(figure: Figure, text: str) -> None:
@@ -137,8 +157,7 @@ def _grown(records: Sequence[Record]) -> dict[str, list[Record]]:
 
 def growth(family: str, grown: dict[str, list[Record]]) -> Figure:
     """Total time and peak memory against contacts, with fitted exponents."""
-    figure = Figure(figsize=(WIDTH, 7.4), layout="constrained")
-    plots = figure.subplots(2, 1)
+    figure, plots = stacked(2, 3.5)
     for axes, column, label in (
         (plots[0], "total", "total time (s)"),
         (plots[1], "memory", "peak memory (MB)"),
@@ -146,11 +165,10 @@ def growth(family: str, grown: dict[str, list[Record]]) -> Figure:
         for number, (name, records) in enumerate(grown.items()):
             _grow(axes, number, name, records, column)
         axes.set(xscale="log", yscale="log", ylabel=label, xlabel="contacts")
-        axes.grid(True, color="#d9d9d9", linewidth=0.6)
         if axes.lines:
             few_ticks(axes.xaxis)
             few_ticks(axes.yaxis)
-    _name_lines(figure, plots)
+    name_lines(figure, plots)
     _headline(figure, f"{family}: growth as contacts^p, fitted from {FIT_FROM} contacts on")
     return figure
 
@@ -193,7 +211,7 @@ def phases(family: str, grown: dict[str, list[Record]]) -> Figure:
     size = _common_size(grown)
     there = [r for g in grown.values() for r in g if r.row.contacts == size]
     counts = len(own), len(there)
-    figure = Figure(figsize=(WIDTH, 2.6 + 0.3 * sum(counts)), layout="constrained")
+    figure = figure_of(2.6 + 0.3 * sum(counts))
     above, below = figure.subplots(2, 1, height_ratios=[n + 1 for n in counts])
     names = [f"{r.row.contacts:,} contacts{_plain(r).removeprefix(r.row.line)}" for r in own]
     _bars(above, names, [_shares(r) for r in own])
@@ -251,10 +269,5 @@ def _shares(record: Record) -> dict[str, float]:
 
 def _common_size(grown: dict[str, list[Record]]) -> int:
     """The largest size at which three quarters of the methods have a figure."""
-    counts: dict[int, int] = {}
-    for records in grown.values():
-        for record in records:
-            size = record.row.contacts
-            counts[size] = counts.get(size, 0) + 1
-    enough = 0.75 * max(counts.values())
-    return max(size for size, count in counts.items() if count >= enough)
+    sizes = Counter(record.row.contacts for records in grown.values() for record in records)
+    return max(size for size, count in sizes.items() if count >= 0.75 * max(sizes.values()))

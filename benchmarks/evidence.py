@@ -1,8 +1,9 @@
-"""Every measured figure of the documentation: which command makes it, and the record it leaves.
+"""Every measured figure of the documentation: the records of all experiments, and the pages.
 
-``python -m benchmarks all`` runs each of :data:`PARTS` at one commit, keeps what it prints in
-``docs/evidence/records``, and puts that between the marks of the pages: ``<!-- record NAME -->``
-for all of it, ``<!-- record NAME: TITLE -->`` for what stands below the heading ``### TITLE``.
+``python -m benchmarks all`` makes the record of each :class:`~benchmarks.experiment.Part` at one
+commit, keeps what was printed in ``docs/evidence/records``, and puts that between the marks of the
+pages: ``<!-- record NAME -->`` for all of it, ``<!-- record NAME: TITLE -->`` for what stands below
+the heading ``### TITLE``.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from datetime import datetime
+from itertools import groupby
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks.results import environment
+from benchmarks.experiment import Part, experiments
+from benchmarks.machine import environment
 from cvxlimit.base.files import write_file
 from cvxlimit.base.versions import __version__
 
@@ -32,100 +35,9 @@ SOURCES = ("src", "benchmarks", "pyproject.toml")
 """What a figure depends on."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """A command whose figures the documentation quotes.
-
-    Attributes
-    ----------
-    name : str
-    command : str
-        What follows ``python -m``.
-    minutes : float
-        About how long it takes on one core, for whom waits.
-    keeps : str
-        File or folder, below the repository's root, in which it goes on where it stopped. What a
-        run at another commit left there is deleted.
-    """
-
-    name: str
-    command: str
-    minutes: float
-    keeps: str = ""
-
-
-RUN = "benchmarks run --docs docs/evidence --out benchmarks/results/"
-OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e-8"'
-
-PARTS = (
-    Part("small", "benchmarks.small", 1),
-    Part("headline", "benchmarks headline --repeat 3 --limit 40", 14),
-    Part("methods", "benchmarks.methods", 5),
-    Part(
-        "resolving",
-        "benchmarks.resolving tuff-wall s12-panel s10-panel --sequences --repeat 2"
-        " --picture docs/evidence/resolving.png",
-        7,
-    ),
-    Part("parameters", "benchmarks.parameters", 1),
-    Part("engine", "benchmarks.engine", 3),
-    Part("limit", "benchmarks.limit --picture docs/evidence/limit.png", 4),
-    Part("sweep", "benchmarks.sweep", 2),
-    Part("climb", "benchmarks.climb tuff-wall s12-panel s10-panel 4914", 3),
-    Part("closing", "benchmarks.closing_page --measure", 10, "docs/evidence/closing.jsonl"),
-    Part("nodes", "benchmarks.nodes", 5),
-    Part(
-        "interaction",
-        "benchmarks.interaction --write --budget 1500 --each 40",
-        25,
-        "docs/evidence/interaction.json",
-    ),
-    Part("bands", "benchmarks.bands", 8),
-    Part(
-        "bands-readings",
-        "benchmarks.bands tuff-wall facade random-wall-2 random-wall-13 --compiled yes"
-        " --moments independent paper",
-        2,
-    ),
-    Part(
-        "bands-kernels",
-        "benchmarks.bands tuff-wall facade --solvers BLOCKWISE --compiled yes --moments signed"
-        ' independent --kernels "" Haswell SkylakeX Prescott Zen',
-        1,
-    ),
-    Part(
-        "atlas",
-        "benchmarks.stability --peer .venv-cra/bin/python",
-        12,
-        "benchmarks/results/stability",
-    ),
-    Part("referees", "benchmarks.referees --seconds 10 --picture docs/evidence/referees.png", 5),
-    Part("torsion", "benchmarks.physics docs/evidence speed", 2),
-    Part("physics", "benchmarks.physics docs/evidence models", 6),
-    Part("dilatancy-walls", "benchmarks.dilatancy walls", 1),
-    Part("dilatancy-space", "benchmarks.dilatancy space", 6),
-    Part("dilatancy-unique", "benchmarks.dilatancy unique --walls 30", 2),
-    Part("gilbert", "benchmarks.dilatancy gilbert", 1),
-    Part("models", "benchmarks.models --large", 12),
-    Part("elimination", "benchmarks.elimination", 1),
-    Part("lazy", "benchmarks.lazy", 3),
-    Part("domains", "benchmarks.domains --ideal", 4),
-    Part("domains-space", "benchmarks.domains --scenes facade --loads 3 --tolerance 0.03", 1),
-    Part("domes", "benchmarks.dome", 2),
-    Part("chart-panel", f"{RUN}s12 --cases s12-class --limit 15 --repeat 1", 7),
-    Part(
-        "chart-wall",
-        f'{RUN}planar --cases planar-wall --sizes 150 --limit 10 --methods "cvxlimit*" {OWN} '
-        '"literal/octagon/kN-m" "literal/conic/kN-m"',
-        4,
-    ),
-    Part(
-        "chart-growth",
-        f"{RUN}panels --cases panel --sizes 500 1900 5000 9000 --repeat 1 --limit 120 "
-        f'--methods "cvxlimit/1e-*" "conic/corners/qoco/1e-8" {OWN}',
-        7,
-    ),
-)
+def parts() -> list[Part]:
+    """Every record there is to make; each stands beside the experiment that makes it."""
+    return [part for each in experiments().values() for part in each.parts]
 
 
 @dataclass(frozen=True)
@@ -157,7 +69,7 @@ class Record:
         """
         day = f"{datetime.fromisoformat(self.measured):%d %B %Y}".lstrip("0")
         stamp = (
-            f"*`python -m {self.command}` took {max(self.minutes, 1):.0f} min with cvxlimit "
+            f"*`python -m {self.command}`: {max(self.minutes, 1):.0f} min with cvxlimit "
             f"{self.version} at {self.commit} on {day}; {self.machine}.*"
         )
         tables = [] if title == "stamp" else _paragraphs(self.section(title))
@@ -166,21 +78,13 @@ class Record:
 
 def _paragraphs(output: str) -> list[str]:
     """Runs of table lines as they are, runs of other lines between fences."""
-    found: list[str] = []
-    for is_table, lines in _runs([line for line in output.splitlines() if line.strip()]):
-        text = "\n".join(lines)
-        found.append(text if is_table else f"```text\n{text}\n```")
-    return found
+    lines = [line for line in output.splitlines() if line.strip()]
+    runs = [(is_table, "\n".join(run)) for is_table, run in groupby(lines, _is_row)]
+    return [text if is_table else f"```text\n{text}\n```" for is_table, text in runs]
 
 
-def _runs(lines: Sequence[str]) -> list[tuple[bool, list[str]]]:
-    runs: list[tuple[bool, list[str]]] = []
-    for line in lines:
-        is_table = line.startswith("|")
-        if not runs or runs[-1][0] != is_table:
-            runs.append((is_table, []))
-        runs[-1][1].append(line)
-    return runs
+def _is_row(line: str) -> bool:
+    return line.startswith("|")
 
 
 def read(part: str, folder: Path = FOLDER) -> Record | None:
@@ -192,16 +96,14 @@ def read(part: str, folder: Path = FOLDER) -> Record | None:
     return Record(**{column.name: content[column.name] for column in fields(Record)})
 
 
-def measure(
-    names: Sequence[str] | None, again: bool, workers: int, say: Callable[[str], None]
-) -> int:
+def measure(names: Sequence[str], again: bool, workers: int, say: Callable[[str], None]) -> int:
     """Run the parts that have no record of this commit, so many at a time, and fill the pages.
 
     Returns how many failed.
     """
     commit = committed()
     FOLDER.mkdir(exist_ok=True)
-    due = [part for part in PARTS if names is None or part.name in names]
+    due = [part for part in parts() if not names or part.name in names]
     due.sort(key=lambda part: -part.minutes)  # the longest first, so that workers end together
     if not again:
         due = [part for part in due if (known := read(part.name)) is None or known.commit != commit]

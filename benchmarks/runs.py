@@ -1,7 +1,7 @@
 """Runs in processes of their own: a crash or a timeout is a failed run with its reason.
 
-Every run starts a fresh Python, so that its peak memory is its own and nothing is warm that
-another method warmed; the process itself is warmed up on one block before the clock starts.
+Every run starts a fresh Python, so that its peak memory is its own, nothing is warm that another
+run warmed, and compiled parts and kernels of BLAS can be chosen for it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from cvxlimit.base.extras import needed
 from cvxlimit.compare.comparison import run_here
@@ -23,6 +26,8 @@ from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
+
+T = TypeVar("T")
 
 _TASK, _RESULT, _ERRORS = "task.pickle", "result.pickle", "errors.txt"
 _SERVE = "import sys; from benchmarks.runs import serve; serve(sys.argv[1])"
@@ -77,34 +82,48 @@ class Limits:
             )
 
 
-@dataclass(frozen=True)
-class _Task:
-    method: Method
-    scene: Scene
+class Stopped(Exception):  # noqa: N818 - its text is a reason
+    """A run that was stopped, crashed or raised; the text says why."""
 
 
-def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
-    """One run of ``method`` in a fresh process.
+def apart(call: Callable[[], T], limits: Limits, environment: Mapping[str, str] | None = None) -> T:
+    """What a function of no arguments returns in a fresh process.
 
     Raises
     ------
+    Stopped
+        If it crashed, raised, or took more than it may.
     ModelError
-        If the method cannot be sent to another process.
+        If it cannot be sent to another process.
     """
-    with tempfile.TemporaryDirectory(prefix="cvxlimit-") as folder:
-        task, result = Path(folder) / _TASK, Path(folder) / _RESULT
-        task.write_bytes(_packed(_Task(method, scene), method))
-        code, reason = _watched(Path(folder), limits)
-        if reason is not None:
-            return reason
-        if not result.exists():
-            return Row(reason=_crash(code, (Path(folder) / _ERRORS).read_text(errors="replace")))
-        found: Row = pickle.loads(result.read_bytes())
+    with tempfile.TemporaryDirectory(prefix="cvxlimit-") as name:
+        folder = Path(name)
+        (folder / _TASK).write_bytes(_packed(call, "it"))
+        code = _watched(folder, limits, environment or {})
+        if not (folder / _RESULT).exists():
+            raise Stopped(_crash(code, (folder / _ERRORS).read_text(errors="replace")))
+        found: T = pickle.loads((folder / _RESULT).read_bytes())
         return found
 
 
-def _watched(folder: Path, limits: Limits) -> tuple[int, Row | None]:
-    """Run the task there; its exit code, or which limit it was stopped for.
+def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
+    """One run of ``method``, in a process that one block has warmed up before the clock starts."""
+    check_portable(method)
+    try:
+        return apart(partial(_measured, method, scene), limits)
+    except Stopped as stopped:
+        return Row(reason=str(stopped))
+
+
+def _measured(method: Method, scene: Scene) -> Row:
+    with suppress(Exception):  # what is imported and compiled once is not timed
+        method.measure(single_block())
+    result = run_here(method, scene)
+    return result if result.failed else replace(result, memory=peak_memory(os.getpid()))
+
+
+def _watched(folder: Path, limits: Limits, own: Mapping[str, str]) -> int:
+    """Run the task there; its exit code.
 
     Memory is looked at from outside. Were the address space limited instead, libraries would fail
     in ways of their own: OpenBLAS tries for a minute to start, which looks like a lack of time.
@@ -113,18 +132,18 @@ def _watched(folder: Path, limits: Limits) -> tuple[int, Row | None]:
     end = time.monotonic() + limits.seconds
     with (folder / _ERRORS).open("wb") as errors:
         process = subprocess.Popen(
-            command, env=_environment(limits), stdin=subprocess.DEVNULL,
+            command, env={**_environment(limits), **own}, stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL, stderr=errors,
         )  # fmt: skip
         try:
             while True:
                 with suppress(subprocess.TimeoutExpired):
-                    return process.wait(_LOOK), None
+                    return process.wait(_LOOK)
                 used = peak_memory(process.pid)
                 if limits.memory is not None and used is not None and used > 1e3 * limits.memory:
-                    return -1, Row(reason=f"memory limit of {limits.memory:g} GB")
+                    raise Stopped(f"memory limit of {limits.memory:g} GB")
                 if time.monotonic() > end:
-                    return -1, Row(reason=f"time limit of {limits.seconds:g} s")
+                    raise Stopped(f"time limit of {limits.seconds:g} s")
         finally:
             process.kill()
             process.wait()
@@ -137,18 +156,17 @@ def check_portable(method: Method) -> None:
     ------
     ModelError
     """
-    _packed(method, method)
+    _packed(method, f"model {method.name!r}")
 
 
-def _packed(content: _Task | Method, method: Method) -> bytes:
+def _packed(content: object, what: str) -> bytes:
     """Classes and functions of a script or notebook go along by value."""
     cloudpickle = needed("cloudpickle", "frames", "models in processes of their own")
     try:
         result: bytes = cloudpickle.dumps(content)
     except Exception as error:  # pickling asks the object, which may raise what it likes
         raise ModelError(
-            f"model {method.name!r} cannot be sent to another process: "
-            f"{' '.join(str(error).split())[:160]}"
+            f"{what} cannot be sent to another process: {' '.join(str(error).split())[:160]}"
         ) from error
     return result
 
@@ -175,17 +193,12 @@ def _crash(code: int, stderr: str) -> str:
     return f"the process ended with code {code}{last}"
 
 
-def serve(folder: str) -> None:
+def serve(name: str) -> None:
     """The fresh process's side: read a task, run it, leave a result."""
-    task: _Task = pickle.loads((Path(folder) / _TASK).read_bytes())
-    with suppress(Exception):  # what is imported and compiled once is not timed
-        task.method.measure(single_block())
-    result = run_here(task.method, task.scene)
-    if not result.failed:
-        result = replace(result, memory=peak_memory(os.getpid()))
-    partial = Path(folder) / "partial"
-    partial.write_bytes(pickle.dumps(result))
-    partial.rename(Path(folder) / _RESULT)
+    folder = Path(name)
+    result = pickle.loads((folder / _TASK).read_bytes())()
+    (folder / "partial").write_bytes(_packed(result, "the result"))
+    (folder / "partial").rename(folder / _RESULT)
 
 
 def peak_memory(process: int) -> float | None:

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-import scipy.sparse as sp
 
-from benchmarks.baselines import M1, MT, V2, N, program
+from benchmarks.baselines import program, written
 from benchmarks.stability.families.sample import FALLS, HARMLESS
 from benchmarks.stability.outcomes import Claim, claim_of
-from benchmarks.stability.truths import arm, facets, rocking
+from benchmarks.stability.truths import arm
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.formulations import corner_compressions, resultants, vertex_forces
@@ -44,22 +43,10 @@ _CLAIMS = {"infeasible": FALLS, "unbounded": HARMLESS}
 
 
 def literal_problem(scene: Scene, surface: str) -> cp.Problem:
-    """The paper's problem as one writes it down: resultants, Eq. 9 and 24 or 25, user's units."""
+    """The paper's problem as one writes it down, in the user's units."""
     data = program(scene)
-    contacts, n = data.contacts, len(data.contacts)
-    x, alpha = cp.Variable((n, 6)), cp.Variable()
-    force = cp.vec(x, order="C")
-    constraints = [data.equilibrium @ force + data.dead + alpha * data.live == 0]
-    rows = [rocking(contacts, j) for j in range(n)]
-    if surface == "octagon":
-        rows = [np.vstack([r, facets(contacts, j, 8, 1.0)]) for j, r in enumerate(rows)]
-    else:
-        arms = np.array([arm(contacts.corners_of(j)) for j in range(n)])
-        strength = cp.multiply(contacts.friction, x[:, N]) - cp.norm(x[:, : V2 + 1], axis=1)
-        constraints.append(cp.abs(x[:, MT]) <= cp.multiply(arms, strength))
-    constraints.append(sp.block_diag([*map(sp.csr_array, rows)], format="csr") @ force <= 0)
-    assert rows[0].shape[1] == MT + 1 > M1
-    return cp.Problem(cp.Maximize(alpha), constraints)
+    arms = [arm(data.contacts.corners_of(j)) for j in range(len(data.contacts))]
+    return written(data, np.array(arms), surface)
 
 
 def believed(problem: cp.Problem, solver: str) -> Claim:

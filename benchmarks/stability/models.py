@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.baselines import MT, V1, V2, N, program
-from benchmarks.stability.asking import Tell, asked, key_of
-from benchmarks.stability.families import Sample, sample
+from benchmarks.rows import Row, Rows
+from benchmarks.stability.families import Sample, key_of, sample, samples
 from benchmarks.stability.families.sample import FALLS
 from benchmarks.stability.outcomes import ROUNDING, Outcome, claim_of, reference_of
-from benchmarks.stability.records import Record, Table
 from benchmarks.stability.truths import arm, rocking
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.certified import Certified
@@ -137,24 +136,21 @@ _FAR = 10.0
 crush it however harmless they are without: such answers are not held against strong stone."""
 
 
-def ask_models(number: int, scale: int, tell: Tell, first: int = 0) -> None:
+def ask_models(kept: Rows, number: int, scale: int, first: int = 0) -> None:
     """Every model on ``number`` scenes: its own certificate, and all pairs."""
-    with Table("models") as table:
-        for family, seed in asked(number, scale, None, tell, first):
-            key = key_of(family, seed, scale)
-            if all(f"{key}/{model.name}" in table for model in MODELS):
-                continue
-            made = sample(family, seed, scale)
-            found = {m.name: ask(m, made) for m in MODELS}
-            for name, why in contradictions(found, made.scene).items():
-                found[name] |= {"outcome": Outcome.WRONG, "why": why}
-            for name, record in found.items():
-                table.add(
-                    f"{key}/{name}", {"family": family, "seed": seed, "model": name, **record}
-                )
+    for family, seed, _ in samples(number, scale, first):
+        keys = {m.name: {"key": f"{key_of(family, seed, scale)}/{m.name}"} for m in MODELS}
+        if all(key in kept for key in keys.values()):
+            continue
+        made = sample(family, seed, scale)
+        found = {m.name: ask(m, made) for m in MODELS}
+        for name, why in contradictions(found, made.scene).items():
+            found[name] |= {"outcome": Outcome.WRONG, "why": why}
+        for name, record in found.items():
+            kept.add({**keys[name], "family": family, "seed": seed, "model": name, **record})
 
 
-def ask(model: Model, made: Sample) -> Record:
+def ask(model: Model, made: Sample) -> Row:
     """One model on one scene: what it says, and whether its own certificate bears it out."""
     start = time.process_time()
     try:
@@ -199,7 +195,7 @@ def outcome(solution: Solution) -> Outcome:
     return Outcome.LOOSE if solution.bracket.has_both else Outcome.HONEST
 
 
-def contradictions(found: dict[str, Record], scene: Scene) -> dict[str, str]:
+def contradictions(found: dict[str, Row], scene: Scene) -> dict[str, str]:
     """Models that cannot both be right, each with the reason."""
     result: dict[str, str] = {}
     rectangles = bool(scene.contacts.is_rectangle.all())

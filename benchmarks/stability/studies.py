@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.rows import Row, Rows
 from benchmarks.stability import interacting
-from benchmarks.stability.asking import Tell, asked, key_of
-from benchmarks.stability.families import Sample, sample
+from benchmarks.stability.families import Sample, key_of, sample, samples
+from benchmarks.stability.fixed_points import ask_fixed_point
 from benchmarks.stability.methods import methods
 from benchmarks.stability.models import ask_models
 from benchmarks.stability.outcomes import (
@@ -22,8 +23,6 @@ from benchmarks.stability.outcomes import (
     reference_of,
     refutation,
 )
-from benchmarks.stability.records import Record, Table
-from benchmarks.stability.settling import ask_fixed_point, ask_orders
 from benchmarks.stability.truths import linear_bounds
 from cvxlimit.errors import CvxlimitError
 from cvxlimit.methods.certified import Certified
@@ -33,7 +32,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.surfaces import Rocking
 
-Ask = Callable[[int, int, Tell, int], None]
+Ask = Callable[[Rows, int, int, int], None]
 
 LINEAR_EVERY = 4
 """One scene in so many of the default's study is solved once more as a linear program."""
@@ -42,15 +41,16 @@ BUDGET = Certified(solves=8, branching_seconds=3.0)
 """Of the certified method in this bench: a short one, so that many scenes can be tried."""
 
 
-def ask_default(number: int, scale: int, tell: Tell, first: int = 0) -> None:
+def ask_default(kept: Rows, number: int, scale: int, first: int = 0) -> None:
     """Our default on ``number`` scenes: what it says, and whether anything refutes it."""
-    with Table("default") as table:
-        for family, seed in asked(number, scale, table, tell, first):
-            table.add(key_of(family, seed, scale), _default(family, seed, scale))
+    for family, seed, _ in samples(number, scale, first):
+        key = {"key": key_of(family, seed, scale)}
+        if key not in kept:
+            kept.add({**key, **_default(family, seed, scale)})
 
 
-def _default(family: str, seed: int, scale: int) -> Record:
-    about: Record = {"family": family, "seed": seed, "scale": scale}
+def _default(family: str, seed: int, scale: int) -> Row:
+    about: Row = {"family": family, "seed": seed, "scale": scale}
     start = time.process_time()
     try:
         made = sample(family, seed, scale)
@@ -98,18 +98,17 @@ def _contradiction(scene: Scene, solution: Solution) -> str:
     return ""
 
 
-def ask_certified(number: int, scale: int, tell: Tell, first: int = 0) -> None:
+def ask_certified(kept: Rows, number: int, scale: int, first: int = 0) -> None:
     """The certified interaction on a short budget: does anything refute its bracket?"""
-    with Table("certified") as table:
-        for family, seed in asked(number, scale, table, tell, first):
-            for moments in ("independent", "signed"):
-                key = f"{key_of(family, seed, scale)}/{moments}"
-                if key not in table:
-                    table.add(key, _certified(family, seed, scale, moments))
+    for family, seed, _ in samples(number, scale, first):
+        for moments in ("independent", "signed"):
+            key = {"key": f"{key_of(family, seed, scale)}/{moments}"}
+            if key not in kept:
+                kept.add({**key, **_certified(family, seed, scale, moments)})
 
 
-def _certified(family: str, seed: int, scale: int, moments: str) -> Record:
-    about: Record = {"family": family, "seed": seed, "scale": scale, "moments": moments}
+def _certified(family: str, seed: int, scale: int, moments: str) -> Row:
+    about: Row = {"family": family, "seed": seed, "scale": scale, "moments": moments}
     start = time.process_time()
     try:
         made = sample(family, seed, scale)
@@ -154,27 +153,26 @@ def _refuted(solution: Solution, truth: float | None, states: list[float]) -> st
     return ""
 
 
-def ask_methods(number: int, scale: int, tell: Tell, first: int = 0) -> None:
+def ask_methods(kept: Rows, number: int, scale: int, first: int = 0) -> None:
     """Every method on ``number`` scenes: what it claims, and what that is worth."""
     known = methods()
-    with Table("methods") as table:
-        for family, seed in asked(number, scale, None, tell, first):
-            made: Sample | None = None
-            references: dict[str, Reference | None] = {}
-            for method in known:
-                key = f"{key_of(family, seed, scale)}/{method.name}"
-                if key in table:
-                    continue
-                made = made or sample(family, seed, scale)
-                if method.surface not in references:
-                    references[method.surface] = _reference(made, method.surface)
-                reference = references[method.surface]
-                if reference is not None:
-                    table.add(key, {"family": family, "seed": seed, "method": method.name,
-                                    **_claimed(method.claims, made, reference)})  # fmt: skip
+    for family, seed, _ in samples(number, scale, first):
+        made: Sample | None = None
+        references: dict[str, Reference | None] = {}
+        for method in known:
+            key = {"key": f"{key_of(family, seed, scale)}/{method.name}"}
+            if key in kept:
+                continue
+            made = made or sample(family, seed, scale)
+            if method.surface not in references:
+                references[method.surface] = _reference(made, method.surface)
+            reference = references[method.surface]
+            if reference is not None:
+                kept.add({**key, "family": family, "seed": seed, "method": method.name,
+                          **_claimed(method.claims, made, reference)})  # fmt: skip
 
 
-def _claimed(claims: Callable[[Scene], Any], made: Sample, reference: Reference) -> Record:
+def _claimed(claims: Callable[[Scene], Any], made: Sample, reference: Reference) -> Row:
     start = time.process_time()
     claim = claims(made.scene)
     seconds = time.process_time() - start
@@ -204,6 +202,5 @@ STUDIES: dict[str, tuple[Ask, float]] = {
     "methods": (ask_methods, 0.04),
     "models": (ask_models, 0.02),
     "fixed-point": (ask_fixed_point, 0.024),
-    "orders": (ask_orders, 0.002),
 }
 """All studies by name, and the share of ``--size`` scenes that each of them takes."""

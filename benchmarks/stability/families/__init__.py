@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.stability.families import extremes, piles, shapes, shells, walls
 from benchmarks.stability.families.sample import Family, Sample
 
-__all__ = ["FAMILIES", "Family", "Sample", "sample", "samples"]
+__all__ = ["FAMILIES", "Family", "Sample", "key_of", "sample", "samples"]
 
 FAMILIES: dict[str, Family] = {
     family.name: family
@@ -42,3 +42,13 @@ def samples(number: int, scale: int = 1, first: int = 0) -> Iterator[tuple[str, 
     for k in range(number):
         seed, place = divmod(k, len(FAMILIES))
         yield list(FAMILIES)[place], first + seed, scale
+
+
+def key_of(family: str, seed: int, scale: int) -> str:
+    """The key of a scene's rows.
+
+    >>> key_of("walls", 3, 1), key_of("walls", 3, 2)
+    ('walls-3', 'walls-3x2')
+    """
+    assert family in FAMILIES
+    return f"{family}-{seed}" + (f"x{scale}" if scale > 1 else "")

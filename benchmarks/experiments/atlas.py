@@ -1,0 +1,194 @@
+"""Where methods fail: families of scenes made to break them, and how each answer was judged.
+
+Rows are kept in ``benchmarks/results/stability``, and what stands there is not measured again:
+``--size 0`` only prints the tables. With ``--first 2000`` scenes are asked that nobody has seen.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from statistics import median
+
+from benchmarks.charts import save
+from benchmarks.experiment import Head, Lines, Part, Title, experiment
+from benchmarks.rows import Row, Rows
+from benchmarks.stability import pictures
+from benchmarks.stability.families import FAMILIES
+from benchmarks.stability.models import BELOW
+from benchmarks.stability.outcomes import Outcome
+from benchmarks.stability.studies import STUDIES
+
+FOLDER = Path("benchmarks/results/stability")
+
+_GOOD = (Outcome.RIGHT, Outcome.NO_ANSWER)
+
+
+@experiment(Part(30, "--docs docs/evidence", keeps=str(FOLDER)))
+def atlas(
+    studies: Sequence[str] = tuple(STUDIES), size: int = 1100, first: int = 0, scale: int = 1,
+    out: Path = FOLDER, docs: Path | None = None,
+) -> Lines:  # fmt: skip
+    """Where methods fail: so many scenes for our default from a first seed on, fewer for others;
+    ``scale`` multiplies numbers of blocks."""
+    for study in studies:
+        ask, share = STUDIES[study]
+        kept = Rows(out / f"{study}.jsonl", "key")
+        if size:
+            ask(kept, max(1, round(share * size)), scale, first)
+        rows = list(kept)
+        for title, table in TABLES[study].items() if rows else ():
+            yield Title(title)
+            yield from table(rows)
+        for name, (shown, draw) in pictures.PICTURES.items():
+            if docs is not None and shown == study and rows:
+                save(draw(rows), docs / name)
+
+
+def _of(rows: Iterable[Row], outcome: str) -> int:
+    return sum(row["outcome"] == outcome for row in rows)
+
+
+def of_default(rows: Sequence[Row]) -> Lines:
+    """Sums of the default's study."""
+    bounds = [row for row in rows if row["outcome"] == Outcome.RIGHT]
+    yield Head("scenes", "right", "no answer, proved", "honest failures", "wrong", "with an answer",
+               "both bounds proved", "CPU s")  # fmt: skip
+    good = sum(row["outcome"] in _GOOD for row in rows)
+    yield (
+        f"{len(rows):,}", *(_of(rows, o) for o in (*_GOOD, Outcome.HONEST, Outcome.WRONG)),
+        f"{100 * good / len(rows):.2f} %",
+        f"{100 * sum(r['proved'] for r in bounds) / max(len(bounds), 1):.1f} %",
+        f"{sum(r.get('seconds') or 0.0 for r in rows):.0f}",
+    )  # fmt: skip
+
+
+def by_family(rows: Sequence[Row]) -> Lines:
+    """The default, family by family."""
+    yield Head("family", "what is hard", "scenes", "right", "no answer, proved", "honest failure",
+               "wrong", "both bounds proved", "contacts", "ms of CPU, median")  # fmt: skip
+    for name, family in FAMILIES.items():
+        mine = [row for row in rows if row["family"] == name]
+        bounds = [row for row in mine if row["outcome"] == Outcome.RIGHT]
+        counts = [row["contacts"] for row in mine if "contacts" in row]
+        proved = f"{sum(r['proved'] for r in bounds)} of {len(bounds)}" if bounds else "-"
+        times = [1000 * row["seconds"] for row in mine if "seconds" in row]
+        if times:
+            classes = [_of(mine, o) or "" for o in (*_GOOD, Outcome.HONEST)]
+            yield (name, family.what, len(mine), *classes, _of(mine, Outcome.WRONG), proved,
+                   f"{min(counts)}-{max(counts)}", f"{median(times):.0f}")  # fmt: skip
+
+
+def honest(rows: Sequence[Row]) -> Lines:
+    """The honest failures, one by one."""
+    yield Head("scene", "what it has", "bracket", "status")
+    for r in rows:
+        if r["outcome"] == Outcome.HONEST:
+            yield r["key"], r.get("knob", ""), _bounds(r), r["status"]
+
+
+def _bounds(row: Row) -> str:
+    low, high = row.get("lower"), row.get("upper")
+    return f"[{'?' if low is None else f'{low:.7g}'}, {'?' if high is None else f'{high:.7g}'}]"
+
+
+def of_methods(rows: Sequence[Row]) -> Lines:
+    """Sums of the methods' study."""
+    yield Head("", "answers", "wrong, though called right")
+    for kind, said in (("raw/", "solver believed"), ("checked/", "checked")):
+        mine = [row for row in rows if row["method"].startswith(kind)]
+        yield said, f"{len(mine):,}", _of(mine, Outcome.WRONG)
+
+
+def grouped(name: str) -> Callable[[Sequence[Row]], Lines]:
+    """A table with a row for every method or model."""
+
+    def table(rows: Sequence[Row]) -> Lines:
+        groups: dict[str, list[Row]] = defaultdict(list)
+        for row in rows:
+            groups[row[name]].append(row)
+        yield Head(name, "scenes", *Outcome, "ms of CPU, median")
+        for key, mine in groups.items():
+            said = pictures.labelled(key) if name == "method" else key
+            middle = f"{1000 * median(r['seconds'] for r in mine):.0f}"
+            yield said, len(mine), *(_of(mine, o) or "" for o in Outcome), middle
+
+    return table
+
+
+def worst(rows: Sequence[Row]) -> Lines:
+    """The wrongest of the claims that were called right, one of each family and word."""
+    yield Head("scene", "method", "status", "its answer", "certified")
+    picked: dict[tuple[str, str], Row] = {}
+    for row in sorted(rows, key=lambda r: -(r["error"] or 1e9)):
+        if row["outcome"] == Outcome.WRONG:
+            picked.setdefault((row["family"], row["word"]), row)
+    for r in list(picked.values())[:14]:
+        says = f"{r['says']:.6g}" if isinstance(r["says"], float) else r["says"]
+        known = r["none"] or _bounds(r)
+        yield f"{r['family']}-{r['seed']}", pictures.labelled(r["method"]), r["word"], says, known
+
+
+def of_certified(rows: Sequence[Row]) -> Lines:
+    """Sums of the study with interaction."""
+    yield Head("brackets", "scenes", "refuted", "closed forms", "states tried", "within 5 %",
+               "without a lower bound")  # fmt: skip
+    yield (
+        len(rows), len({(row["family"], row["seed"]) for row in rows}), _of(rows, Outcome.WRONG),
+        sum(row.get("truth") is not None for row in rows),
+        sum(row.get("states") or 0 for row in rows),
+        sum((row.get("gap") or 9.0) <= 0.05 for row in rows),
+        sum(row.get("lower") is None and row["outcome"] == Outcome.HONEST for row in rows),
+    )  # fmt: skip
+
+
+def certified_families(rows: Sequence[Row]) -> Lines:
+    """Brackets with interaction, family by family, both readings."""
+    yield Head("family", "brackets", *Outcome, "width, median", "widest")
+    for name in FAMILIES:
+        mine = [row for row in rows if row["family"] == name]
+        gaps = sorted(row["gap"] for row in mine if row.get("gap") is not None)
+        if mine:
+            middle = f"{100 * median(gaps):.2g} %" if gaps else "-"
+            most = f"{100 * gaps[-1]:.2g} %" if gaps else "-"
+            yield name, len(mine), *(_of(mine, o) or "" for o in Outcome), middle, most
+
+
+def endings(rows: Sequence[Row]) -> Lines:
+    """The fixed point, weight by weight and reading by reading: how many iterations ended how."""
+    known = ("converged", "cycling", "not converged", "diverged")
+    yield Head("moments", "weight of the old forces", "scenes", "converged", "cycling", "wandering",
+               "diverged")  # fmt: skip
+    for reading in dict.fromkeys(row["moments"] for row in rows):
+        for weight in sorted({row["weight"] for row in rows}):
+            mine = [r for r in rows if r["moments"] == reading and r["weight"] == weight
+                    and r.get("first") is not None]  # fmt: skip
+            ends = Counter(row["ending"] for row in mine)
+            yield reading, f"{weight:g}", len(mine), *(ends[e] or "" for e in known)
+
+
+def of_models(rows: Sequence[Row]) -> Lines:
+    """Sums of the study of models: pairs of which one allows what the other does."""
+    scenes: dict[tuple[str, int], dict[str, Row]] = defaultdict(dict)
+    for row in rows:
+        scenes[row["family"], row["seed"]][row["model"]] = row
+    pairs = sum(
+        mine[a].get("status") is not None and mine[b].get("status") is not None
+        for mine in scenes.values()
+        for a, b, _ in BELOW
+        if a in mine and b in mine
+    )
+    yield Head("scenes", "pairs", "contradicted", "members of zero dilatancy checked")
+    members = sum(row.get("members") or 0 for row in rows)
+    yield len(scenes), f"{pairs:,}", _of(rows, Outcome.WRONG), members
+
+
+TABLES: dict[str, dict[str, Callable[[Sequence[Row]], Lines]]] = {
+    "default": {"default": of_default, "families": by_family, "open": honest},
+    "certified": {"certified": of_certified, "certified families": certified_families},
+    "methods": {"believed": of_methods, "methods": grouped("method"), "wrong": worst},
+    "models": {"pairs": of_models, "models": grouped("model")},
+    "fixed-point": {"fixed point": endings},
+}
+"""Of every study, by their headings."""

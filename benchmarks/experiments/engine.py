@@ -1,0 +1,127 @@
+"""The interior point for contacts beside Clarabel and QOCO: CPU milliseconds, cold and warm.
+
+Medians; methods in turns; our own as one compiled call for small programs, in compiled parts, and
+as it runs without a C compiler. Cold: the limit problem, by tolerance. Warm: the same with friction
+1 % higher, from a point on the way to the first answer (``middle``). Times are the solver's alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from statistics import median
+from unittest.mock import patch
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from benchmarks.experiment import Head, Lines, Part, experiment
+from cvxlimit import Scene, builtin_scene
+from cvxlimit.model.problem import LimitProblem
+from cvxlimit.solvers import Blockwise, settings_for
+from cvxlimit.solvers.interior import compiled
+from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
+from cvxlimit.solvers.interior.whole import small_program
+from cvxlimit.surfaces.coulomb import surfaces_of
+
+SCENES = (
+    "tuff-wall", "tuff-wall:octagon", "arch", "dome", "facade", "s12-panel", "s12-panel:octagon",
+    "s10-panel",
+)  # fmt: skip
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+WAYS = {"whole": "", "compiled": "supernodal", "NumPy": "superlu"}
+"""Ways to run our own, with their factorisations: ``whole`` is one compiled call."""
+
+OTHERS = (("CLARABEL", 1e-8), ("QOCO", 1e-8), ("QOCO", 1e-6))
+LABELS = (
+    *(f"{name} {tolerance:g}" for name, tolerance in OTHERS),
+    *(f"own {way} {tolerance:g}{warm}" for way in WAYS for tolerance in TOLERANCES
+      for warm in ("", " warm")),
+)  # fmt: skip
+"""Columns of the table."""
+
+
+Run = Callable[[float, Point | None], Result | None]
+Program = tuple[NDArray[np.float64], sp.csc_array, NDArray[np.float64], tuple[int, int, list[int]]]
+
+
+def program_of(scene: Scene, surface: str) -> Program:
+    """The limit problem's cost, matrix and right-hand side, and its cones."""
+    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
+    dims, c, b = data["dims"], np.asarray(data["c"]), np.asarray(data["b"])
+    return c, sp.csc_array(data["A"]), b, (dims.zero, dims.nonneg, list(dims.soc))
+
+
+def arrays(scene: Scene, surface: str, way: str) -> Callable[[], InteriorPoint]:
+    """What sets up the engine for a limit problem."""
+    c, matrix, b, cones = program_of(scene, surface)
+    rows, extension = sp.csr_array(matrix), None if way == "NumPy" else compiled.BATCH
+
+    def setup() -> InteriorPoint:
+        with patch.object(compiled, "BATCH", extension):
+            return InteriorPoint(c, rows, b, *cones, WAYS[way])
+
+    return setup
+
+
+def own(scene: Scene, surface: str, way: str) -> Run:
+    """The engine on a limit problem, set up and run."""
+    if way != "whole":
+        setup = arrays(scene, surface, way)
+        return lambda tolerance, start: setup().minimise(tolerance, 100, start)
+    given = program_of(scene, surface)
+    return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
+
+
+def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:
+    """Clarabel and QOCO through CVXPY's interfaces, without its compiling."""
+    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    runs: dict[str, Callable[[], object]] = {}
+    for name, tolerance in OTHERS:
+        options = dict(settings_for(name, tolerance).options)
+        data, chain, _ = problem.get_problem_data(name, solver_opts=options)
+
+        def run(chain=chain, data=data, options=options) -> None:  # type: ignore[no-untyped-def]
+            chain.solve_via_data(problem, data, solver_opts=options)
+
+        runs[f"{name} {tolerance:g}"] = run
+    return runs
+
+
+def measured(name: str, repeat: int) -> dict[str, str]:
+    """Median CPU milliseconds and iterations, by method."""
+    scene_name, _, surface = name.partition(":")
+    scene, surface = builtin_scene(scene_name), surface or "conic"
+    runs = others(scene, surface)
+    found: dict[str, str] = {}
+    rougher = scene.with_friction(1.01 * float(scene.contacts.friction[0]))
+    for way in WAYS:
+        first, second = own(scene, surface, way), own(rougher, surface, way)
+        before = first(1e-6, None)
+        if before is None:  # too large for it
+            continue
+        for tolerance in TOLERANCES:
+            runs[f"own {way} {tolerance:g}"] = partial(first, tolerance, None)
+            runs[f"own {way} {tolerance:g} warm"] = partial(second, tolerance, before.middle)
+    seconds: dict[str, list[float]] = {label: [] for label in runs}
+    for _ in range(repeat):
+        for label, run in runs.items():
+            began = time.process_time()
+            result = run()
+            seconds[label].append(time.process_time() - began)
+            found[label] = str(getattr(result, "iterations", ""))
+    return {label: f"{1e3 * median(s):.3g} ({found[label]})" for label, s in seconds.items()}
+
+
+@experiment(Part(3))
+def engine(scenes: Sequence[str] = SCENES, repeat: int = 5) -> Lines:
+    """Our own solver beside Clarabel and QOCO: CPU milliseconds (iterations), cold and warm."""
+    yield Head("scene", *LABELS)
+    with threadpool_limits(1, user_api="blas"):
+        for name in scenes:
+            found = measured(name, repeat)
+            yield name, *(found.get(label, "") for label in LABELS)

@@ -1,1 +1,0 @@
-"""Interaction measured: the paper's iteration under every reading, beside certified brackets."""
