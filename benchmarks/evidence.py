@@ -3,7 +3,8 @@
 ``python -m benchmarks all`` makes the record of each :class:`~benchmarks.experiment.Part` at one
 commit, keeps what was printed in ``docs/evidence/records``, and puts that between the marks of the
 pages: ``<!-- record NAME -->`` for all of it, ``<!-- record NAME: TITLE -->`` for what stands below
-the heading ``### TITLE``.
+the heading ``### TITLE``. Where all of it is from stands once on a page, below the last block, or
+alone under ``<!-- record NAME: stamp -->``.
 """
 
 from __future__ import annotations
@@ -63,24 +64,19 @@ class Record:
         return found[1]
 
     def block(self, title: str | None = None) -> str:
-        """Markdown for a page: tables as they are, other lines as text, and where all is from.
+        """Markdown for a page: tables as they are, other lines as text."""
+        lines = [line for line in self.section(title).splitlines() if line.strip()]
+        runs = [(is_row, "\n".join(run)) for is_row, run in groupby(lines, _is_row)]
+        return "\n\n".join(text if is_row else f"```text\n{text}\n```" for is_row, text in runs)
 
-        With the title "stamp" the last alone, for pages whose tables the part writes itself.
-        """
+    @property
+    def stamp(self) -> str:
+        """Where all of it is from: stands once on a page, below the last block."""
         day = f"{datetime.fromisoformat(self.measured):%d %B %Y}".lstrip("0")
-        stamp = (
+        return (
             f"*`python -m {self.command}`: {max(self.minutes, 1):.0f} min with cvxlimit "
             f"{self.version} at {self.commit} on {day}; {self.machine}.*"
         )
-        tables = [] if title == "stamp" else _paragraphs(self.section(title))
-        return "\n\n".join((*tables, stamp))
-
-
-def _paragraphs(output: str) -> list[str]:
-    """Runs of table lines as they are, runs of other lines between fences."""
-    lines = [line for line in output.splitlines() if line.strip()]
-    runs = [(is_table, "\n".join(run)) for is_table, run in groupby(lines, _is_row)]
-    return [text if is_table else f"```text\n{text}\n```" for is_table, text in runs]
 
 
 def _is_row(line: str) -> bool:
@@ -191,11 +187,15 @@ _MARKED = re.compile(r"<!-- record ([\w-]+)(?:: ([^>]*?))? -->\n.*?<!-- /record 
 def filled(text: str, folder: Path = FOLDER) -> str:
     """A page with the present records between its marks."""
 
+    last = {found[1]: found.start() for found in _MARKED.finditer(text)}
+
     def block(found: re.Match[str]) -> str:
-        record = read(found[1], folder)
-        inside = "" if record is None else f"\n{record.block(found[2])}\n\n"
-        head = found[0].split("\n", 1)[0]
-        return f"{head}\n{inside}<!-- /record -->"
+        record, head = read(found[1], folder), found[0].split("\n", 1)[0]
+        if record is None:
+            return f"{head}\n<!-- /record -->"
+        shown = [] if found[2] == "stamp" else [record.block(found[2])]
+        shown += [record.stamp] if last[found[1]] == found.start() else []
+        return "\n\n".join([head, *shown, "<!-- /record -->"])
 
     return _MARKED.sub(block, text)
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.closing import FAMILIES
+from benchmarks.experiments.closing import FAMILIES
 from numpy.typing import NDArray
 
 from cvxlimit import Scene, solve

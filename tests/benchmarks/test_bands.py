@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 import pytest
-from benchmarks.bands import SOLVERS, apart, measured, overlap, told
+from benchmarks.experiments.bands import SOLVERS, alone, measured, overlap, told
 
 from cvxlimit.solution import Iteration
 from cvxlimit.solvers import installed
@@ -22,7 +22,7 @@ def test_bands_overlap_through_solvers_compiled_or_not(name: str, moments: str) 
     found = [measured(name, moments, solver) for solver in solvers]
     if moments == "independent":
         other = "yes" if os.environ.get("CVXLIMIT_COMPILED") == "no" else "no"
-        found.append(apart(name, moments, "BLOCKWISE", other))
+        found.append(alone(name, moments, "BLOCKWISE", other))
     assert all(each.last == 40 and each.width > 0.05 for each in found)
     assert max(each.lowest for each in found) < min(each.highest for each in found)
 

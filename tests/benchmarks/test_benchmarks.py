@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-import csv
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks import headline
 from benchmarks.__main__ import main
-from benchmarks.baselines import ROWS, baselines, octagon_rows, program, rocking_rows
+from benchmarks.baselines import baselines, edges, octagon_rows, program
 from benchmarks.baselines import torsion_arms as printed_torsion_arms
-from benchmarks.cases import SIZES, all_cases
 from benchmarks.charts import exponent
-from benchmarks.dome import least_thickness
-from benchmarks.results import Record, environment, read, write
-from benchmarks.runs import Limits
-from benchmarks.suite import (
+from benchmarks.experiment import marked
+from benchmarks.experiments import headline
+from benchmarks.experiments.dome import least_thickness
+from benchmarks.experiments.suite import (
+    CASES,
     GROWTH,
     PER_CONTACT_LIMIT,
-    Plan,
+    SIZES,
+    Record,
     growth_methods,
+    measured,
     methods_of,
-    run_case,
     run_size,
     sizes_of,
 )
+from benchmarks.rows import Rows
+from benchmarks.runs import Limits
+from benchmarks.scenes import scene_of
 
 from cvxlimit import builtin_scene
 from cvxlimit.compare.comparison import row_of
@@ -37,13 +39,11 @@ from cvxlimit.model.statics import Statics
 
 TUFF_CONIC, TUFF_OCTAGON = 0.423056, 0.450034
 S12_CONIC, S12_OCTAGON = 0.175819, 0.178313
-CASES = all_cases()
-PLAIN = [case for case in CASES.values() if not case.interaction]
-SWEPT = [case for case in CASES.values() if len(case.sizes) > 1]
+PLAIN = [name for name, case in CASES.items() if not case.interaction]
+SWEPT = {name: case for name, case in CASES.items() if len(case.sizes) > 1}
 BASELINES = baselines()
 QDLDL = "conic/corners/clarabel-qdldl/1e-8"
 AMPLE = Limits(600.0)
-QUIET = lambda text: None  # noqa: E731
 
 
 def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -> Row:
@@ -61,8 +61,7 @@ def made_up(method, scene, seconds: float, contacts: int, error: float = 1e-6) -
 def test_all_families_are_there():
     assert len(CASES) >= 8
     assert {case.interaction for case in CASES.values()} == {True, False}
-    for name, case in CASES.items():
-        assert case.name == name
+    for case in CASES.values():
         assert set(case.study) <= set(case.sizes) or len(case.sizes) > 1
     assert sum(case.sizes == SIZES for case in CASES.values()) >= 4
     assert SIZES[0] == 50
@@ -70,9 +69,7 @@ def test_all_families_are_there():
 
 
 @pytest.mark.exhaustive_cases("arch")
-@pytest.mark.parametrize(
-    "case", [c for c in CASES.values() if len(c.sizes) > 1], ids=lambda c: c.name
-)
+@pytest.mark.parametrize("case", SWEPT.values(), ids=SWEPT)
 def test_scenes_have_about_the_contacts_asked_for(case):
     for size in (150, 500, 1_900):
         assert len(case.build(size).contacts) == pytest.approx(size, rel=0.15)
@@ -84,13 +81,19 @@ def test_the_largest_panel_is_the_one_the_issue_names():
     assert (len(scene.free), len(scene.contacts)) == (5_560, 16_452)
 
 
+def small(name: str, size: int, patterns: tuple[str, ...], folder) -> list[Record]:
+    """Rows of a case at one size."""
+    done = Rows(folder / "rows.jsonl", "case", "size", "method")
+    return [r for found in measured(name, (size,), patterns, 1, AMPLE, done) for r in found]
+
+
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("case", PLAIN, ids=lambda c: c.name)
-def test_every_case_runs_small_and_is_right(case):
+@pytest.mark.parametrize("name", PLAIN)
+def test_every_case_runs_small_and_is_right(name, tmp_path):
+    case = CASES[name]
     patterns = ("cvxlimit",) if len(case.sizes) == 1 else ("cvxlimit", QDLDL)
     size = min(case.sizes)
-    plan = Plan((size,), patterns, 1, AMPLE, AMPLE)
-    records = list(run_case(case, plan, QUIET))
+    records = small(name, size, patterns, tmp_path)
     assert [record.row.method for record in records] == list(patterns)
     for record in records:
         row = record.row
@@ -100,18 +103,17 @@ def test_every_case_runs_small_and_is_right(case):
         assert row.error <= 1e-5
         assert row.lower <= row.reference_upper
         assert row.reference_lower <= row.upper
-        assert (record.case, record.family, record.size) == (case.name, case.family, size)
+        assert (record.case, record.family, record.size) == (name, case.family, size)
+        assert Record.of(record.flat()) == record
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("case", [c for c in CASES.values() if c.interaction], ids=lambda c: c.name)
-def test_cases_with_interaction_lie_below_those_without(case):
-    plan = Plan((50,), ("fixed-point/signed/conic",), 1, AMPLE, AMPLE)
-    without = CASES[case.name.removesuffix("-interaction")]
-    plain = next(iter(run_case(without, replace(plan, methods=("cvxlimit",)), QUIET))).row
-    (record,) = run_case(case, plan, QUIET)
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.interaction])
+def test_cases_with_interaction_lie_below_those_without(name, tmp_path):
+    (plain,) = small(name.removesuffix("-interaction"), 50, ("cvxlimit",), tmp_path)
+    (record,) = small(name, 50, ("fixed-point/signed/conic",), tmp_path)
     assert not record.row.failed, record.row.reason
-    assert 0.0 < record.row.load_factor <= plain.upper * (1.0 + 1e-6)
+    assert 0.0 < record.row.load_factor <= plain.row.upper * (1.0 + 1e-6)
     assert record.row.interaction == "fixed-point"
 
 
@@ -137,8 +139,8 @@ def test_baselines_write_the_papers_rows_and_the_same_equilibrium():
     scene = builtin_scene("s12-panel")
     data = program(scene)
     contacts = scene.contacts
-    rows = np.concatenate([rocking_rows(contacts), octagon_rows(contacts)], axis=1)
-    assert rows.shape == (len(contacts), ROWS, 6)
+    rows = edges(contacts), octagon_rows(contacts, contacts.torsion_arm)
+    assert [r.shape[0] for r in rows] == [4 * len(contacts), 16 * len(contacts)]
     assert abs(data.equilibrium - Statics.of(scene).matrix).max() < 1e-12
     assert printed_torsion_arms(contacts) == pytest.approx(contacts.torsion_arm, rel=1e-12)
 
@@ -160,46 +162,27 @@ def test_every_method_is_listed_once_and_growth_names_exist():
 
 
 def test_sizes_of_cases_with_one_size():
-    assert sizes_of(CASES["s12-class"], Plan()) == [886]
-    assert sizes_of(CASES["s12-class"], Plan(sizes=(50, 150))) == []
-    assert sizes_of(CASES["arch"], Plan(sizes=(150, 50))) == [50, 150]
+    assert sizes_of(CASES["s12-class"], ()) == [886]
+    assert sizes_of(CASES["s12-class"], (50, 150)) == []
+    assert sizes_of(CASES["arch"], (150, 50)) == [50, 150]
 
 
-def test_what_ran_out_of_time_is_not_tried_at_larger_sizes():
-    case, plan = CASES["arch"], Plan(limits=Limits(0.01), reference_limits=Limits(0.01), repeat=1)
+def test_what_ran_out_of_time_is_not_tried_at_larger_sizes(monkeypatch):
+    case, limits = CASES["arch"], Limits(0.01)
+    monkeypatch.setattr("benchmarks.experiments.suite.REFERENCE_SECONDS", 0.01)
     methods = [BASELINES["literal/conic/kN-m"]]
     dropped: dict[str, str] = {}
-    (first,) = run_size(case, 50, methods, plan, dropped, QUIET)
+    (first,) = run_size(case, 50, methods, 1, limits, dropped)
     assert "time limit of 0.01 s" in first.reason
-    (second,) = run_size(case, 150, methods, plan, dropped, QUIET)
+    (second,) = run_size(case, 150, methods, 1, limits, dropped)
     assert second.reason == "not run: time limit of 0.01 s at 50 contacts"
     assert second.contacts == 150
 
 
 def test_objects_per_contact_are_not_tried_on_large_scenes():
     methods = [BASELINES["literal/octagon/kN-m/per-contact"]]
-    (row,) = run_size(CASES["arch"], PER_CONTACT_LIMIT + 100, methods, Plan(), {}, QUIET)
+    (row,) = run_size(CASES["arch"], PER_CONTACT_LIMIT + 100, methods, 1, AMPLE, {})
     assert "more than 500 contacts" in row.reason
-
-
-def test_results_survive_the_disk(tmp_path):
-    scene = builtin_scene("stack")
-    method = BASELINES["literal/octagon/kN-m"]
-    rows = [made_up(method, scene, 1.5, 5), row_of(method, scene, [Row(reason="no")], NOTHING)]
-    records = [Record("arch", "arches", 50, "growth", row) for row in rows]
-    table, document = write(tmp_path, records, environment())
-    found, about = read(tmp_path)
-    assert found == records
-    assert set(about) >= {"started", "versions", "machine"}
-    assert {"python", "cvxlimit", "cvxpy", "clarabel", "numpy"} <= set(about["versions"])
-    assert {"cpu", "cores", "memory_gb"} <= set(about["machine"])
-    with table.open(newline="") as file:
-        lines = list(csv.DictReader(file))
-    assert [line["reason"] for line in lines] == ["", "no"]
-    assert set(lines[0]) >= {column.name for column in fields(Row)}
-    document.write_text("{}")
-    with pytest.raises(ValueError, match="not a cvxlimit-benchmark file"):
-        read(tmp_path)
 
 
 NOTHING = Row(status="")
@@ -207,20 +190,20 @@ NOTHING = Row(status="")
 
 @pytest.mark.exhaustive
 def test_charts_are_drawn_from_results_alone(tmp_path):
-    pytest.importorskip("matplotlib")
     scene, case = builtin_scene("stack"), CASES["propped-wall"]
     methods = [m for m in methods_of(case) if m.name in ("cvxlimit", "cvxlimit/1e-6")]
-    records = [
-        Record(case.name, case.family, size, "study" if size == 150 else "growth",
-               made_up(method, scene, (k + 1) * 1e-4 * size**1.3, size, 10.0 ** (-3 * k - 3)))
-        for size in (150, 500, 1_900, 5_000) for k, method in enumerate(methods)
-    ]  # fmt: skip
-    write(tmp_path, records, environment())
-    assert main(["charts", "--out", str(tmp_path), "--docs", str(tmp_path / "docs")]) == 0
-    names = {path.name for path in tmp_path.glob("*.png")}
+    kept = Rows(tmp_path / "rows.jsonl", "case", "size", "method")
+    for size in (150, 500, 1_900, 5_000):
+        for k, method in enumerate(methods):
+            row = made_up(method, scene, (k + 1) * 1e-4 * size**1.3, size, 10.0 ** (-3 * k - 3))
+            purpose = "study" if size == 150 else "growth"
+            kept.add(Record("propped-wall", case.family, size, purpose, row, "made up").flat())
+    options = ["--cases", "propped-wall", "--sizes", "150", "500", "1900", "5000"]
+    methods = ["--methods", "cvxlimit", "cvxlimit/1e-6"]
+    assert main(["run", "suite", *options, *methods, "--out", str(tmp_path)]) == 0
     kinds = ("time-against-error", "growth", "phases")
+    names = {path.name for path in tmp_path.glob("*.png")}
     assert names == {f"{kind}-propped-walls.png" for kind in kinds}
-    assert {path.name for path in (tmp_path / "docs").iterdir()} == names
 
 
 def test_fitted_exponents_ignore_small_sizes():
@@ -232,24 +215,25 @@ def test_fitted_exponents_ignore_small_sizes():
 @pytest.mark.exhaustive
 def test_the_whole_command_on_one_small_case(tmp_path, capsys):
     options = ["--cases", "arch", "--sizes", "50", "--repeat", "1", "--out", str(tmp_path)]
-    assert main(["run", *options, "--methods", "cvxlimit", "literal/conic/kN-m"]) == 0
-    records, about = read(tmp_path)
+    for _ in range(2):  # the second finds all rows there
+        assert main(["run", "suite", *options, "--methods", "cvxlimit", "literal/conic/kN-m"]) == 0
+    records = [Record.of(row) for row in Rows(tmp_path / "rows.jsonl", "case", "size", "method")]
     assert [r.row.method for r in records] == ["cvxlimit", "literal/conic/kN-m"]
     assert all(r.row.error < 1e-4 for r in records)
-    assert about["options"]["repeat"] == 1
-    assert "results.csv" in capsys.readouterr().out
+    assert "one run each" in records[0].about
+    assert capsys.readouterr().out.count("| arch | 50 | cvxlimit |") == 1
     with pytest.raises(SystemExit, match="no case 'castle'"):
-        main(["run", "--cases", "castle"])
+        main(["run", "suite", "--cases", "castle"])
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--repeat", "0"], "must be a whole number above 0, got 0"),
-        (["--sizes", "0"], "must be a whole number above 0, got 0"),
-        (["--limit", "-5"], "must be a number above 0, got -5"),
-        (["--memory", "nan"], "must be a number above 0, got nan"),
-        (["--repeat", "two"], "must be a whole number above 0, got two"),
+        (["suite", "--sizes", "-1"], "must be a whole number, 0 or above, got -1"),
+        (["suite", "--limit", "nan"], "must be a number, 0 or above, got nan"),
+        (["small", "--repeat", "two"], "must be a whole number, 0 or above, got two"),
+        (["small", "--cases", "panel"], "unrecognized arguments: --cases panel"),
+        (["castle"], "invalid choice: 'castle'"),
     ],
 )
 def test_options_without_sense_are_refused(options, message, capsys):
@@ -258,51 +242,32 @@ def test_options_without_sense_are_refused(options, message, capsys):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["headline", "--cases", "panel"], "headline does not take --cases"),
-        (["charts", "--methods", "cvxlimit"], "charts does not take --methods"),
-        (["list", "--sizes", "50"], "list does not take --sizes"),
-    ],
-)
-def test_options_of_another_action_are_refused(options, message, capsys):
-    with pytest.raises(SystemExit):
-        main(options)
-    assert message in capsys.readouterr().err
+def test_nothing_runs_unasked(capsys):
+    """All of it takes hours: it has to be named."""
+    assert main([]) == 2
+    assert "measure every figure" in " ".join(capsys.readouterr().out.split())
 
 
-def test_folders_and_results_that_cannot_be_used_are_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(SystemExit, match="file cannot be made a folder: File exists"):
-        main(["run", "--out", str(tmp_path / "file")])
-    for text in ("{", "{}", "[]"):
-        (tmp_path / "results.json").write_text(text)
-        with pytest.raises(SystemExit, match="was not written by run"):
-            main(["charts", "--out", str(tmp_path)])
-
-
-def test_interrupting_says_what_is_kept(tmp_path, capsys, monkeypatch):
+def test_interrupting_says_what_is_kept(capsys, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("benchmarks.__main__.run_case", interrupted)
-    assert main(["run", "--cases", "arch", "--out", str(tmp_path)]) == 130
-    assert f"interrupted; sizes that were finished are in {tmp_path}" in capsys.readouterr().out
+    monkeypatch.setattr("benchmarks.experiments.small.row", interrupted)
+    assert main(["run", "small", "--scenes", "stack"]) == 130
+    assert "interrupted; " in capsys.readouterr().out.replace("interrupted:", "interrupted; ")
 
 
-def test_nothing_runs_unasked(tmp_path, capsys):
-    """The whole suite takes hours: it has to be named."""
-    assert main([]) == 2
-    assert "run: measure all cases" in " ".join(capsys.readouterr().out.split())
-    with pytest.raises(SystemExit, match=r"no results\.json in .*: run writes one"):
-        main(["charts", "--out", str(tmp_path)])
-
-
-def test_list_names_cases_and_methods(capsys):
+def test_list_names_what_can_be_measured(capsys):
     assert main(["list"]) == 0
-    shown = capsys.readouterr().out
-    assert all(name in shown for name in (*CASES, *BASELINES, "frozen/rows"))
+    shown = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert {"small", "suite", "atlas", "interaction", "closing", "headline"} <= set(shown)
+
+
+@pytest.mark.parametrize("name", ["arch-50", "panel-500", "planar-wall-150", "wall-4", "drums-3"])
+def test_scenes_have_names(name):
+    assert len(scene_of(name).contacts) >= 1
+    with pytest.raises(SystemExit, match="no scene 'castle-3'"):
+        scene_of("castle-3")
 
 
 @pytest.mark.exhaustive
@@ -325,7 +290,7 @@ def test_headline_checks_say_what_holds_and_what_does_not():
     assert headline.ratio(ours, quick).holds is False
     wrong = replace(quick, error=0.16)
     assert headline.ratio(ours, wrong).holds is None
-    assert "is 16% wrong" in str(headline.ratio(ours, wrong))
+    assert "is 16% wrong" in headline.ratio(ours, wrong).promise
     assert headline.certified(replace(ours, upper=1.0 + 9e-7)).holds
     assert not headline.certified(replace(ours, upper=1.0 + 2e-6)).holds
     assert not headline.certified(replace(ours, upper=None)).holds
@@ -340,7 +305,7 @@ def test_headline_sizes_and_growth():
     checks = headline.growth_checks([*rows, lost])
     assert not checks[-1].holds
     assert checks[-1].measured == "time limit of 200 s"
-    table = headline.sizes_table([*rows, lost]).splitlines()
+    table = list(marked(headline.sizes_table([*rows, lost])))
     assert table[3].startswith("| 1,900 | 8.60 |")  # 1e-3 * 1900**1.2
     assert table[-1].endswith("| time limit of 200 s |")
     assert {line.count("|") for line in table} == {9}

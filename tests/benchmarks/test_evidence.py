@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import pytest
 from benchmarks import evidence
-from benchmarks.evidence import PARTS, Part, Record, filled, read, run
+from benchmarks.evidence import Record, filled, parts, read, run
+from benchmarks.experiment import Part
 
 from cvxlimit import __version__
 
@@ -18,11 +19,12 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(
     [DOCS.parent / "README.md", *(p for p in DOCS.rglob("*.md") if "_made" not in p.parts)]
 )
+PARTS = parts()
 MARK = re.compile(r"<!-- record ([\w-]+)")
 
-MADE = {"atlas.md", "bench.md", "interaction.md", "paper.md"}
-"""Pages whose own commands write or test their tables: the stability bench, the open bench, the
-interaction's experiments, and published values recomputed by ``tests/whole/test_published.py``."""
+MADE = {"bench.md", "interaction.md", "paper.md"}
+"""Pages whose figures others hold: the open bench, whose command writes its tables, and published
+values recomputed by ``tests/whole/test_published.py``."""
 
 CODE = re.compile(r"<!-- record .*?<!-- /record -->|```.*?```|`[^`]*`|\$[^$]*\$", re.S)
 """What is no prose."""
@@ -126,17 +128,18 @@ def test_a_block_shows_tables_text_and_where_it_is_from() -> None:
     assert "| 1 | 0.423056 |" in block
     assert "```text\nthree lines\n```" in block
     assert "12.5" not in block
-    assert "`python -m benchmarks.speed`" in block
-    assert "at 1a2b3c4 on 22 November 2026; 2 cores" in block
-    assert "wall" not in RECORD.block("stamp")
+    assert RECORD.stamp.startswith("*`python -m benchmarks.speed`: 3 min")
+    assert "at 1a2b3c4 on 22 November 2026; 2 cores" in RECORD.stamp
     with pytest.raises(ValueError, match="no heading 'domes'"):
         RECORD.block("domes")
 
 
 def test_what_stands_between_the_marks_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "speed.json").write_text(json.dumps(asdict(RECORD)))
-    page = "a\n<!-- record speed: arches -->\nold 9.99\n<!-- /record -->\nb\n"
+    mark = "<!-- record speed: arches -->\nold 9.99\n<!-- /record -->\n"
+    page = f"a\n{mark}{mark}b\n"
     made = filled(page, tmp_path)
+    assert made.count("python -m") == 1
     assert "12.5 ms" in made
     assert "9.99" not in made
     assert made.startswith("a\n<!-- record speed: arches -->\n")
@@ -154,14 +157,14 @@ def test_figures_are_held_against_records() -> None:
 
 
 def test_a_command_that_fails_leaves_no_record() -> None:
-    failing = Part("failing", "benchmarks nothing", 1)
+    failing = Part(1, "--nothing", "failing", experiment="small")
     with pytest.raises(evidence.subprocess.CalledProcessError):
         run(failing, "1a2b3c4", lambda line: None)
 
 
 def test_a_record_holds_what_its_command_printed() -> None:
     record = run(
-        replace(PARTS[0], command="benchmarks list --cases arch"), "1a2b3c4", lambda _: None
+        Part(1, "--scenes stack --repeat 1", experiment="small"), "1a2b3c4", lambda _: None
     )
-    assert record.output.startswith("arch: ")
+    assert record.output.splitlines()[2].startswith("| stack | 5 |")
     assert (record.commit, record.version) == ("1a2b3c4", __version__)

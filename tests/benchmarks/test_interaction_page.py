@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.interaction import __main__ as command
-from benchmarks.interaction.experiments import (
+from benchmarks.experiment import experiments as commands
+from benchmarks.experiments import interaction
+from benchmarks.experiments.interaction.runs import (
     READINGS,
     Experiment,
     Result,
@@ -17,11 +17,10 @@ from benchmarks.interaction.experiments import (
     run,
     scene_of,
 )
-from benchmarks.interaction.page import PAGES, TABLES, brackets, readings, spread
+from benchmarks.experiments.interaction.tables import TABLES, brackets, readings, spread
+from benchmarks.rows import Rows
 
 from cvxlimit.cli.main import run as run_cli
-
-DOCS = Path(__file__).parents[2] / "docs" / "evidence"
 
 
 def result(factors: list[float], lower: float | None = None, upper: float | None = None) -> Result:
@@ -59,36 +58,34 @@ def test_figures_of_the_tables() -> None:
         ),
         (Experiment("brackets", "s12-panel", "paper"), result([0.18, 0.09])),
     ]
-    (line,) = spread(pairs)
-    assert "0.1370 to 0.1411 (+0.0 % to +3.0 %)" in line
+    _, row, _ = spread(pairs)
+    assert row[2:] == ("+0.0 % to +3.0 %", "0.1370 to 0.1411")
     assert any("[0.1000, 0.1100]" in row and "0.1800" in row for row in readings(pairs))
     assert any("9.1 %" in row and "-10.0 %" in row for row in brackets(pairs))
 
 
 @pytest.mark.exhaustive
-def test_one_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was never run comes first, results are kept, and the page's words stay."""
-    for name in PAGES:
-        shutil.copy(DOCS / name, tmp_path)
-    monkeypatch.setattr(command.Apart, "__call__", lambda self, *given: run(*given))
-    options = ["--docs", str(tmp_path), "--parts", "brackets", "--scenes", "single-block"]
-    command.main([*options, "--budget", "120", "--write"])
-    found = command.load(tmp_path / "interaction.json")
-    kinds = [(e.moments, e.kind, r.status) for e, r in found.values()]
+def test_one_command_measures_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was never run comes first, and results are kept."""
+    monkeypatch.setattr(interaction.Apart, "__call__", lambda self, *given: run(*given))
+    out, options = tmp_path / "rows.jsonl", ["--parts", "brackets", "--scenes", "single-block"]
+    where = ["--out", str(out), "--docs", str(tmp_path)]
+    commands()["interaction"]([*options, "--budget", "120", *where])
+    kept, every = Rows(out, "key"), list(experiments())
+    found = interaction.listed(kept, every)
+    kinds = [(e.moments, e.kind, r.status) for e, r in found]
     assert ("signed", "certified", "certified") in kinds
-    assert all(r.measured for _, r in found.values())
-    factors = [r.load_factor for _, r in found.values()]
-    assert np.allclose(factors, 0.4, rtol=1e-4)  # the fixed point's tolerance
-    text = (tmp_path / "interaction.md").read_text(encoding="utf-8")
-    assert "| single-block | 1 | independent | [0.4000, 0.4000]" in text
-    old = (DOCS / "interaction.md").read_text(encoding="utf-8")
-    assert text.split("<!--")[0] == old.split("<!--")[0]
-    both = "".join((tmp_path / name).read_text(encoding="utf-8") for name in PAGES)
-    assert all(both.count(f"<!-- {name} -->") == 1 for name in TABLES)
+    assert all(r.measured for _, r in found)
+    assert np.allclose([r.load_factor for _, r in found], 0.4, rtol=1e-4)  # the iteration's
+    shown = capsys.readouterr().out
+    assert "| single-block | 1 | independent | [0.4000, 0.4000]" in shown
+    assert all(f"### {title}\n" in shown for title in TABLES)
     pictures = ("interaction.png", "interaction-width.png", "paper-reading.png")
     assert all((tmp_path / name).exists() for name in pictures)
-    every = [e for e in experiments() if e.scene in ("single-block", "stack")]
-    waiting = command.due(every, found, ("brackets",), None)
+    asked = [e for e in every if e.scene in ("single-block", "stack")]
+    waiting = interaction.due(asked, kept, ("brackets",), ())
     assert [e.scene for e in waiting] == ["stack"] * 7 + ["single-block"] * 7
 
 

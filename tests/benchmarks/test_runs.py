@@ -11,9 +11,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from benchmarks.frozen import FrozenModel, frozen_methods
-from benchmarks.results import fitted_exponent
-from benchmarks.runs import Limits, run_apart
+from benchmarks.experiments.frozen import FrozenModel, frozen_methods
+from benchmarks.machine import fitted_exponent
+from benchmarks.rows import Rows
+from benchmarks.runs import Limits, Stopped, apart, run_apart
 
 from cvxlimit import builtin_scene
 from cvxlimit.compare.comparison import side_by_side
@@ -121,6 +122,31 @@ def test_parameters_have_their_own_phase():
     assert row.error < 1e-5
     phases = [getattr(row, phase) or 0.0 for phase in PHASES]
     assert 0.0 < sum(phases) <= row.total * (1.0 + 1e-9)
+
+
+@pytest.mark.exhaustive
+def test_the_environment_of_a_process_is_its_own():
+    assert apart(partial(os.getenv, "ONLY_THERE"), LIMITS, {"ONLY_THERE": "yes"}) == "yes"
+    assert os.getenv("ONLY_THERE") is None
+    with pytest.raises(Stopped, match="ValueError"):
+        apart(partial(int, "three"), LIMITS)
+
+
+def test_rows_survive_and_half_a_row_does_not(tmp_path):
+    """As a run leaves them that is killed while it writes."""
+    file = tmp_path / "new" / "rows.jsonl"
+    rows = Rows(file, "scene", "moments")
+    for value in (1.0, 2.0, np.inf):
+        rows.add({"scene": "a", "moments": "signed", "value": value})
+        rows.add({"scene": "b", "moments": "signed", "value": value})
+    with file.open("a") as half:
+        half.write('{"scene": "c", "mom')
+    found = Rows(file, "scene", "moments")
+    assert [row["value"] for row in found] == [None, None]
+    found.add({"scene": "c", "moments": "signed", "value": 3.0})
+    again = Rows(file, "scene", "moments")
+    assert [row["scene"] for row in again] == ["a", "b", "c"]
+    assert again.get({"scene": "c", "moments": "paper"}) is None
 
 
 def test_fitted_exponent():

@@ -9,9 +9,12 @@ from pathlib import Path
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.stability import atlas, charts, interacting, models, records
+from benchmarks.experiment import experiments
+from benchmarks.rows import Rows
+from benchmarks.stability import interacting, models, pictures
 from benchmarks.stability.families import FAMILIES, sample, samples
 from benchmarks.stability.families.sample import FALLS, HARMLESS
+from benchmarks.stability.fixed_points import period
 from benchmarks.stability.methods import believed, literal_problem, methods
 from benchmarks.stability.outcomes import (
     Claim,
@@ -22,8 +25,6 @@ from benchmarks.stability.outcomes import (
     reference_of,
     refutation,
 )  # fmt: skip
-from benchmarks.stability.records import Table
-from benchmarks.stability.settling import period, shuffled
 from benchmarks.stability.studies import STUDIES
 from benchmarks.stability.truths import Line, arm, closed_form, linear_bounds
 
@@ -301,34 +302,32 @@ def test_what_is_glued_is_still_checked() -> None:
 
 
 @pytest.mark.exhaustive
-def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(records, "FOLDER", tmp_path)
-    monkeypatch.setattr(Table.__init__, "__defaults__", (tmp_path,))
+def test_a_study_goes_on_where_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     asked: list[str] = []
-    ask, _ = STUDIES["default"]
-    ask(5, 1, asked.append)
-    ask(7, 1, asked.append)
-    assert [text.split(":")[0] for text in asked] == [
-        *(f"{k} of 5" for k in range(1, 6)), "6 of 7", "7 of 7",
-    ]  # fmt: skip
-    rows = Table("default").rows()
-    assert len(rows) == 7
+    plain = STUDIES["default"][0].__globals__["sample"]
+    monkeypatch.setattr(
+        "benchmarks.stability.studies.sample", lambda *of: asked.append(of[0]) or plain(*of)
+    )
+    atlas, where = experiments()["atlas"], ["--out", str(tmp_path)]
+    for size in (5, 7):
+        atlas(["--studies", "default", "--size", str(size), *where])
+    assert asked == list(FAMILIES)[:7]
+    rows = list(Rows(tmp_path / "default.jsonl", "key"))
     assert {row["outcome"] for row in rows} <= {Outcome.RIGHT, Outcome.NO_ANSWER}
     some = methods()[::9]
     monkeypatch.setattr("benchmarks.stability.studies.methods", lambda: some)
-    settling = "benchmarks.stability.settling"
-    monkeypatch.setattr(f"{settling}.SETTLING", ("stacks",))
-    monkeypatch.setattr(f"{settling}.WEIGHTS", (0.8,))
-    monkeypatch.setattr(f"{settling}.SPREAD", ("walls",))
-    monkeypatch.setattr(f"{settling}.ORDERS", 2)
+    monkeypatch.setattr("benchmarks.stability.fixed_points.SETTLING", ("stacks",))
+    monkeypatch.setattr("benchmarks.stability.fixed_points.WEIGHTS", (0.8,))
     monkeypatch.setattr("benchmarks.stability.models.MODELS", models.MODELS[:2])
-    for name in ("methods", "models", "fixed-point", "orders", "certified"):
-        STUDIES[name][0](1, 1, lambda text: None, 0)
-    written = atlas.write(tmp_path / "docs")
-    assert {path.name for path in written} == {"atlas.md", *charts.PICTURES}
-    page = (tmp_path / "docs" / "atlas.md").read_text("utf-8")
-    assert "0 wrong of 7" in page
-    assert all(f"]({name})" in page for name in charts.PICTURES)
+    others = [name for name in STUDIES if name != "default"]
+    atlas(["--studies", *others, "--size", "1", *where])
+    capsys.readouterr()
+    atlas(["--size", "0", *where, "--docs", str(tmp_path)])
+    assert "### default\n| scenes |" in (shown := capsys.readouterr().out)
+    assert "| 7 | " in shown
+    assert {path.name for path in tmp_path.glob("*.png")} == {*pictures.PICTURES}
 
 
 # --- models against each other --------------------------------------------------------------------
@@ -378,14 +377,6 @@ def test_periods_of_cycles() -> None:
     assert period([0.9, 0.8, 0.7, 0.6]) is None
 
 
-def test_another_order_is_another_scene_with_the_same_answer() -> None:
-    scene = random_wall(3)
-    other = shuffled(scene, 1)
-    assert [b.id for b in other.blocks] != [b.id for b in scene.blocks]
-    first, second = solve(scene), solve(other)
-    assert first.load_factor == pytest.approx(second.load_factor, rel=2e-5)
-
-
 def test_a_line_of_forces_holds_the_forces_of_a_solution() -> None:
     scene = sample("stacks", 1).scene
     line, solution = Line.of(scene), solve(scene)
@@ -397,8 +388,7 @@ def test_a_line_of_forces_holds_the_forces_of_a_solution() -> None:
 def test_the_atlas_in_the_docs_shows_its_pictures() -> None:
     docs = Path(__file__).parents[2] / "docs" / "evidence"
     page = (docs / "atlas.md").read_text("utf-8")
-    assert "0 wrong of 1,100" in page
-    for name in charts.PICTURES:
+    for name in pictures.PICTURES:
         assert f"]({name})" in page
         assert (docs / name).stat().st_size > 5_000
 

@@ -21,6 +21,7 @@ from compas_assembly.datastructures import Block
 from compas_cra.algorithms import assembly_interfaces_numpy
 from compas_cra.datastructures import CRA_Assembly
 from compas_cra.equilibrium import rbe_solve
+
 from protocol import answer, dry
 
 PULL = 1e-3

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from benchmarks.baselines import Literal, ScipyLinprog, eight_lines, program
 from benchmarks.stability.truths import arm
-from protocol import answer, dry, factor_or
 
 from cvxlimit import Status, solve
 from cvxlimit.io import read_scene
+from protocol import answer, dry, factor_or
 
 
 def package(file: Path) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def dome(
     -----
     Own weight alone, with friction high enough to prevent sliding, leaves a hemisphere standing
     down to a thickness of about 0.042 of the mean radius (Heyman; 0.041 to 0.043 in the
-    literature, by how the lune is cut): ``python -m benchmarks.dome``.
+    literature, by how the lune is cut): ``python -m benchmarks run dome``.
 
     Example
     -------
