@@ -22,7 +22,7 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.runs import Limits, apart
 from benchmarks.scenes import scene_of
 from cvxlimit import Scene, solve
-from cvxlimit.methods.fixed_point import FrozenProblem
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.pressure import Pressure
