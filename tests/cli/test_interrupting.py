@@ -14,7 +14,7 @@ import pytest
 from cvxlimit import Status, builtin_scene, settlement
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.masonry import random_wall
-from cvxlimit.methods.driver import Told
+from cvxlimit.methods.driver import ProgressLine
 from cvxlimit.studies import read_sweep
 
 if os.name != "posix":
@@ -233,7 +233,7 @@ def test_settlement_returns_the_bracket_reached() -> None:
     """Interrupted when the first bracket is told, it is that of the reaction."""
 
     def interrupt(line: str) -> None:
-        if isinstance(line, Told) and line.has_bracket:
+        if isinstance(line, ProgressLine) and line.has_bracket:
             raise KeyboardInterrupt
 
     scene, push = builtin_scene("arch"), (1.0, 0.0, 0.0)

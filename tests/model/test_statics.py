@@ -87,7 +87,7 @@ class TestCornerCompressions:
         contacts = scene.contacts
         n, m = len(contacts), len(contacts.corner_xy)
         z = np.random.default_rng(seed).normal(size=m + 3 * n)
-        forces = (corner_compressions(contacts).meaning @ z).reshape(-1, DOF)
+        forces = (corner_compressions(contacts).resultant_map @ z).reshape(-1, DOF)
         for j, contact in enumerate(contacts):
             push = z[:m][contacts.corner_contact == j][:, None] * contact.normal
             moment = np.cross(contact.corners - contact.origin, push).sum(axis=0)

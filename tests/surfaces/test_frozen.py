@@ -43,9 +43,9 @@ def components(
     own, rng = surface.unknowns(contacts), np.random.default_rng(seed)
     values = {name: rng.normal(size=len(contacts)) for name in ("V1", "V2", "MT")}
     values["N"] = rng.uniform(0.0, 8.0, len(contacts))
-    for name in [name for form in own.gives.values() for name in form if name not in values]:
+    for name in [name for form in own.components.values() for name in form if name not in values]:
         values[name] = rng.normal(size=len(contacts))
-    for name, form in own.gives.items():
+    for name, form in own.components.items():
         values[name] = evaluate(form, values)
     return values
 

@@ -13,7 +13,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cvxlimit.cli.report import VOICE
 from cvxlimit.io.fields import one_line
-from cvxlimit.methods.driver import Told
+from cvxlimit.methods.driver import ProgressLine
 
 T = TypeVar("T")
 Tell = Callable[[str], None]
@@ -85,7 +85,7 @@ def with_result(tell: Tell) -> Tell:
     """For work that would return what it has at every message, if it were interrupted then."""
 
     def told(message: str) -> None:
-        reached = Told(message)
+        reached = ProgressLine(message)
         reached.has_bracket = True
         tell(reached)
 

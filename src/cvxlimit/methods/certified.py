@@ -17,7 +17,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.convex import dead_load_falls, fallen
+from cvxlimit.methods.convex_search import dead_load_falls, fallen
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
@@ -28,7 +28,7 @@ from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
@@ -118,7 +118,9 @@ class Certified(Method):
         proof = _Proof(self, run)
         status = yield from proof.steps()
         if status is Status.DEAD_LOAD_UNSTABLE:
-            dead_load_falls(run.aside())  # which refuses a load that a part of the live one holds
+            dead_load_falls(
+                run.auxiliary_run()
+            )  # which refuses a load that a part of the live one holds
         elif proof.is_standing_open:
             run.remarks.append(_OPEN)
         return status
@@ -171,7 +173,7 @@ class _Proof:
         run = self.run
         with run.clock.phase("compile"):
             self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
-            half = Half.of(self.found, run.moments)
+            half = SymmetricHalf.of(self.found, run.moments)
         outer = UpperBound(run, half)
         if self._is_planar(outer):
             return Status.CERTIFIED
@@ -278,7 +280,7 @@ class _Proof:
     def _borrow(self) -> Iterator[None]:
         for stricter in self.run.moments.stricter:
             if not self._is_within(BRACKET.outer):
-                yield from self._until_met(self.method.borrowed(stricter))
+                yield from self._until_met(self.method.from_stricter_reading(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
         if self._is_met():
@@ -369,7 +371,7 @@ class _Proof:
         self._at_rest = next(iter(self.method.checker.reserves), None)
         if self._at_rest is not None:
             return False
-        alone = run.aside(run.assemblage.alone(dead))
+        alone = run.auxiliary_run(run.assemblage.alone(dead))
         UpperBound(alone).search(BRACKET.outer, self.ladder)
         if alone.best.bracket.upper < 0.5:  # by homogeneity it is carried as a whole or not at all
             rates = alone.best.mechanism
@@ -386,7 +388,7 @@ class _Proof:
     def _needs_live_load(self) -> bool:
         """True if branch and bound proves that none of the live load reversed can be carried."""
         run, statics = self.run, self.run.assemblage.statics
-        back = run.aside(run.assemblage.under(statics.dead, -statics.live))
+        back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
         outer = UpperBound(back)
         outer.search(BRACKET.outer, self.ladder)
         seconds = BRACKET.standing * min(self._end, BRACKET.budget)

@@ -77,7 +77,7 @@ class Clock:
             self.seconds[name] += time.perf_counter() - start - inside
 
 
-class Told(str):
+class ProgressLine(str):
     """A line of progress; ``has_bracket`` is true once the run would return one if interrupted."""
 
     has_bracket = False
@@ -296,7 +296,7 @@ class Run:
         has_bracket = self.best.bracket.has_any
         found = outcome.status if factor is None else f"load factor {rounded(factor)}"
         inside = f"load factor in {self.best.bracket}" if has_bracket else found
-        line = Told(f"solve {len(self.history)}, {solver}: {inside}")
+        line = ProgressLine(f"solve {len(self.history)}, {solver}: {inside}")
         line.has_bracket = has_bracket
         self.tell(line)
 
@@ -337,7 +337,7 @@ class Run:
         ids = [self.scene.blocks[i].id for i in self.scene.free]
         return dict(zip(ids, np.reshape(mechanism, (-1, DOF)), strict=True))
 
-    def aside(self, assemblage: Assemblage | None = None) -> Run:
+    def auxiliary_run(self, assemblage: Assemblage | None = None) -> Run:
         """A run for an auxiliary question: the same clock, a record of its own."""
         result = copy(self)
         result.assemblage, result.history = assemblage or self.assemblage, []

@@ -88,17 +88,17 @@ class ExactFriction(Method):
     def _side(
         self, run: Run, placing: Placing, divisions: IntArray
     ) -> Generator[None, None, tuple[Status, Run]]:
-        aside = run.aside()
-        aside.surfaces, aside.formulation = (Rocking(),), PointFriction(placing, divisions)
-        status = yield from Convex(0.1 * self.tolerance).steps(aside)
-        if aside.best.lower_end is not None:
-            refuse_an_interval(aside.best.lower_end.load_factor)
+        auxiliary = run.auxiliary_run()
+        auxiliary.surfaces, auxiliary.formulation = (Rocking(),), PointFriction(placing, divisions)
+        status = yield from Convex(0.1 * self.tolerance).steps(auxiliary)
+        if auxiliary.best.lower_end is not None:
+            refuse_an_interval(auxiliary.best.lower_end.load_factor)
         is_inside = placing is at_centroids
-        for iterate in aside.history:
+        for iterate in auxiliary.history:
             side = f"{iterate.solver}, {'inside' if is_inside else 'outside'}"
             kept = {"upper": None} if is_inside else {"lower": None}
             run.history.append(replace(iterate, solver=side, **kept))  # type: ignore[arg-type]
-        return status, aside
+        return status, auxiliary
 
 
 def _lowered(above: Answer, certifier: Certifier) -> Bracket:

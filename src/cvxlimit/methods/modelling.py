@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
-from cvxlimit.methods.convex import Convex, Inquiry
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Answer, Run, Steps, drive
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem
@@ -30,24 +31,24 @@ class OneProblem(Convex):
         assert self.problem is not None
         if self.problem.has_own:
             return (yield from self._own(run, self.problem))
-        inquiry = Inquiry(run, "full", self.tolerance, self.budget, self.problem)
-        status = yield from inquiry.ladder_climbed()
-        self.problem.reference = inquiry.certifier
+        search = ConvexSearch(run, "full", self.tolerance, self.budget, self.problem)
+        status = yield from search.steps()
+        self.problem.reference = search.certifier
         return status
 
     def _own(self, run: Run, problem: LimitProblem) -> Steps:
         """With limits or an aim of the user's: both bounds, where all of them are linear."""
-        inquiry = Inquiry(run, "full", self.tolerance, self.budget, problem)
+        search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
         limits, proof, why = problem.linear_limits(), None, ""
         if isinstance(limits, str):
             why = f"no bracket for {problem.said_own}: {limits}"
         else:
-            proof = OwnCertifier(inquiry.certifier, limits)
+            proof = OwnCertifier(search.certifier, limits)
         found = None
         for settings in run.ladder or problem.ladder(self.tolerance):
             state = run.solve(problem.run, settings)
             if state.forces is not None and state.outcome.status in (OPTIMAL, OPTIMAL_INACCURATE):
-                found = self._bracketed(inquiry, problem, proof, state)
+                found = self._bracketed(search, problem, proof, state)
                 run.best = found if run.best.load_factor is None else _better(run.best, found)
             best = run.best.bracket
             run.note(state, settings, lower=known(best.lower), upper=known(best.upper))
@@ -67,23 +68,27 @@ class OneProblem(Convex):
         return Status.NOT_CERTIFIED
 
     def _bracketed(
-        self, inquiry: Inquiry, problem: LimitProblem, proof: OwnCertifier | None, state: LimitState
+        self,
+        search: ConvexSearch,
+        problem: LimitProblem,
+        proof: OwnCertifier | None,
+        state: LimitState,
     ) -> Answer:
         if proof is None:
             return Answer(problem.value(state), Bracket(), state.forces, None)
         mechanism, multipliers = state.mechanism, state.own.get("multipliers")
         if mechanism is not None and proof.has_aim:  # that of the load factor is in its units
             mechanism = mechanism * (problem.scaling.live / problem.scaling.force)
-        certifier, factor = inquiry.certifier, state.load_factor
+        certifier, factor = search.certifier, state.load_factor
         forces, reserve = certifier.given(state), certifier.witnesses.dead_state
         about = mechanism, multipliers
         known_state = None if reserve is None else (reserve, certifier.witnesses.factor)
         bracket = proof.bracket(forces, factor, known_state, *about)
         if not np.isfinite(bracket.upper) and multipliers is not None:
-            inquiry.solve_opening()
+            search.solve_opening()
             bracket = proof.bracket(forces, factor, known_state, *about)
         # the dead load alone may break the limits, or carry another load factor than theirs
-        others = _inside(inquiry.run, problem)
+        others = _inside(search.run, problem)
         while not bracket.is_within(self.tolerance) and (near := next(others, None)) is not None:
             given, at = certifier.given(near), near.load_factor
             if given is not None and at is not None:

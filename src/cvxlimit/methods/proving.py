@@ -19,7 +19,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.convex import TOLERANCE, Inquiry
+from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
@@ -143,7 +143,7 @@ class _Again:
         again, statics = copy(self), self.run.assemblage.statics
         state, factor = self._state_between
         again.reference = state, -factor
-        again.run = self.run.aside(self.run.assemblage.under(statics.dead, -statics.live))
+        again.run = self.run.auxiliary_run(self.run.assemblage.under(statics.dead, -statics.live))
         held = end.bracket
         proofs = held.upper_is_proved, held.lower_is_proved
         again._take(
@@ -162,10 +162,10 @@ class _Again:
     @cached_property
     def _state_between(self) -> tuple[FloatArray | None, float]:
         """Forces inside that carry the dead load with a part of the live load, and that part."""
-        inquiry = Inquiry(self.run.aside(), self.run.model)
-        if not inquiry.dead_load_falls():
+        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
+        if not search.dead_load_falls():
             return None, 0.0
-        found = inquiry.held()
+        found = search.held()
         return found.state, found.factor
 
     def checks(self) -> Iterator[Check]:
@@ -237,26 +237,26 @@ class _Again:
         return [t for t in told if t is not None and abs(t - near) <= self._near]
 
     def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
-        inquiry = Inquiry(self.run.aside(), self.run.model, tolerance)
+        search = ConvexSearch(self.run.auxiliary_run(), self.run.model, tolerance)
         if self.reference is None:
-            inquiry.dead_load_falls()  # which leaves forces that carry it
+            search.dead_load_falls()  # which leaves forces that carry it
         elif self.reference[0] is not None:
-            inquiry.refer_to(self.reference[0], self.reference[1])
+            search.refer_to(self.reference[0], self.reference[1])
         state = LimitState(
             Outcome("given", 0.0, 0.0),
             factor,
             self.forces,
             self.mechanism,
-            self._internal(inquiry.certifier.strength),
+            self._internal(search.certifier.strength),
         )
-        return inquiry.bracketed(state)
+        return search.bracketed(state)
 
     def _internal(self, strength: Strength) -> FloatArray | None:
         """The internal forces held, if they add up to what contacts transfer."""
         internal = self.solution.internal
         if not strength.is_internal or internal is None or self.forces is None:
             return None
-        if len(internal) != strength.model.meaning.shape[1]:
+        if len(internal) != strength.model.resultant_map.shape[1]:
             return None
         off = np.abs(strength.forces(internal) - self.forces).max()
         return internal if off <= SLACK * np.abs(self.forces).max() else None
@@ -264,9 +264,9 @@ class _Again:
     def _falls(self) -> Check:
         """Rates on which the dead load does more work than contacts can take up."""
         claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
-        inquiry = Inquiry(self.run.aside(), self.run.model)
-        loaded = inquiry.reductions.assemblage.alone(dead)
-        certifier = Certifier(loaded, inquiry.surfaces, self.run.formulation)
+        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
+        loaded = search.reductions.assemblage.alone(dead)
+        certifier = Certifier(loaded, search.surfaces, self.run.formulation)
         # a share of the dead load below what is all of it, or below half where it is all or nothing
         enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
         upper = certifier.certificate(None, None, self.mechanism).upper
@@ -278,10 +278,10 @@ class _Again:
         claim = "the live load does no harm"
         if self.forces is None:
             return Check(claim, False, "there are no forces that show it")
-        inquiry = Inquiry(self.run.aside(), self.run.model)
-        surfaces, formulation = inquiry.certifier.strength.recession()
+        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
+        surfaces, formulation = search.certifier.strength.recession()
         live = self.run.assemblage.statics.live
-        loaded = inquiry.reductions.assemblage.under(live, live)
+        loaded = search.reductions.assemblage.under(live, live)
         strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
         if strength_of(loaded).is_internal:
             return Check(claim, False, "the file holds what contacts transfer, and not the "
@@ -319,7 +319,7 @@ class _Again:
             yield from self._ends([self._bracket_with_interaction()])
 
     def _bracket_with_interaction(self) -> Bracket:
-        run, solution = self.run.aside(), self.solution
+        run, solution = self.run.auxiliary_run(), self.solution
         if self.mechanism is not None:
             UpperBound(run).offer(self.mechanism)
         if self.forces is not None and solution.load_factor is not None:
@@ -334,7 +334,7 @@ class _Again:
         check = self._falls()
         if check.is_met and run.moments.has_eq_24:  # what falls without interaction falls with it
             return check
-        alone = run.aside(run.assemblage.alone(dead))
+        alone = run.auxiliary_run(run.assemblage.alone(dead))
         if self.mechanism is not None:
             UpperBound(alone).offer(self.mechanism)
         if alone.best.bracket.upper < 0.5:

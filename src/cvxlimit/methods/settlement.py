@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.methods.convex import TOLERANCE, Convex, Inquiry
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
 from cvxlimit.methods.driver import Progress, Run, drive, packed
 from cvxlimit.methods.table import check
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -107,9 +108,9 @@ def settlement(
     along = vector / np.linalg.norm(vector)
     run, method = Run(scene, surface, progress=progress), Convex(tolerance)
     check("settlement", run, ("cohesion",))
-    inquiry = Inquiry(run, "full")
-    falls = inquiry.dead_load_falls()
-    state = None if falls else inquiry.certifier.witnesses.dead_state
+    search = ConvexSearch(run, "full")
+    falls = search.dead_load_falls()
+    state = None if falls else search.certifier.witnesses.dead_state
     quantity = f"{which} reaction of {support}"
     if state is None:
         if not falls:

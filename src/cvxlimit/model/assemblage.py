@@ -100,7 +100,7 @@ class Balance:
     @cached_property
     def matrix(self) -> sp.csr_array:
         matrix = self.statics.matrix if self.rates is None else self.rates @ self.statics.matrix
-        return (matrix @ self.model.meaning).tocsr()
+        return (matrix @ self.model.resultant_map).tocsr()
 
     @cached_property
     def transposed(self) -> sp.csr_array:
@@ -204,7 +204,7 @@ class Reduction:
     what was reduced: ``"parts"``, ``"symmetry"``, ``"planar"``. Unknown are the forces of
     ``contacts``, k of them, described by ``formulation``; ``forces`` (6 n, 6 k) is what they make
     of the forces of all, None where they are all. ``rates`` are the ways in which ``blocks`` free
-    blocks move. Contacts that are left out have the forces ``still`` (n, 6) at every load factor.
+    blocks move. Contacts that are left out have the ``given_forces`` (n, 6) at every load factor.
     """
 
     names: tuple[str, ...]
@@ -213,7 +213,7 @@ class Reduction:
     forces: sp.csr_array | None = None
     rates: sp.csr_array | None = None
     formulation: Formulation = corner_compressions
-    still: FloatArray | None = None
+    given_forces: FloatArray | None = None
 
     @classmethod
     def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:

@@ -41,8 +41,8 @@ class Changeable(Statement):
         internal = {v.id: at for v, at in zip(found.internal, starts, strict=True)}
         units = sp.diags_array(self.scaling.force * self._unit)
         factor = sp.csr_array([[self.scaling.load_factor(1.0)]])
-        meaning = sp.block_diag([self.model.meaning @ units, factor], format="csr")
-        return self._own.linear(internal, found.factor.id, meaning)
+        resultant_map = sp.block_diag([self.model.resultant_map @ units, factor], format="csr")
+        return self._own.linear(internal, found.factor.id, resultant_map)
 
     @property
     def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:

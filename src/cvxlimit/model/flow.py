@@ -149,7 +149,7 @@ class FlowRule(StrengthRows):
         super().__init__(surfaces, own)
         self._free = np.flatnonzero(~self.model.nonneg)
         self._pressed = np.flatnonzero(self.model.nonneg)
-        normal = self.model.meaning[COLUMN["N"] :: len(COMPONENTS)]
+        normal = self.model.resultant_map[COLUMN["N"] :: len(COMPONENTS)]
         self._compression = np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
         size = self.model.contacts.typical_size
         self._reach = np.where(self.model.is_moment[self._free], size, 1.0)
@@ -200,17 +200,17 @@ class FlowRule(StrengthRows):
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Of relative rates (n, 6), with as little dissipation as the missing opening allows: exact
         where the conditions determine the flow, otherwise an upper bound."""
-        inner = np.asarray(self.model.meaning.T @ rates.ravel())
+        inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, True))
 
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, with as much opening to spare as can be."""
-        inner = np.asarray(self.model.meaning.T @ rates.ravel())
+        inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, False))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
-        inner = np.asarray(self.model.meaning.T @ rates.ravel())
+        inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
         found = self._completed(inner, *self._nothing)
         resisted = np.abs(found.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
         return found.missing if resisted else np.full(len(found.missing), np.inf)

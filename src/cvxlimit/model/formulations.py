@@ -53,7 +53,7 @@ class Part:
     ----------
     name : str
         For conditions of the formulation's own; V1 ... MT always mean the contact's resultants.
-    gives : mapping of component to number or (k,) array
+    components : mapping of component to number or (k,) array
         Contact force components per unit: ``{"N": 1, "M1": y, "M2": -x}`` for a compression at a
         point (x, y) of the contact. User's units. Empty for variables that appear in conditions
         only.
@@ -65,7 +65,7 @@ class Part:
     """
 
     name: str
-    gives: Mapping[str, float | FloatArray]
+    components: Mapping[str, float | FloatArray]
     contact: IntArray
     nonneg: bool = False
     is_force: bool = False
@@ -73,13 +73,17 @@ class Part:
     @property
     def is_moment(self) -> bool:
         """True for a part that gives moments only; a part that gives nothing counts as a force."""
-        return bool(self.gives) and self.gives.keys().isdisjoint(FORCES) and not self.is_force
+        return (
+            bool(self.components)
+            and self.components.keys().isdisjoint(FORCES)
+            and not self.is_force
+        )
 
-    def meaning(self, contacts: int) -> sp.csr_array:
+    def resultant_map(self, contacts: int) -> sp.csr_array:
         """Contact forces (6 n, k) per unit."""
         k = len(self.contact)
-        rows, values = np.zeros((2, len(self.gives), k))
-        for i, (component, value) in enumerate(self.gives.items()):
+        rows, values = np.zeros((2, len(self.components), k))
+        for i, (component, value) in enumerate(self.components.items()):
             rows[i], values[i] = len(COMPONENTS) * self.contact + COLUMN[component], value
         index = rows.astype(int).ravel(), np.tile(np.arange(k), len(rows))
         return sp.csr_array((values.ravel(), index), shape=(len(COMPONENTS) * contacts, k))
@@ -97,7 +101,7 @@ class ForceModel:
     conditions : sequence of Condition
         Strength that the formulation states itself, on its parts' names or on components; both
         sides forces in the user's units. ``cone`` is for their norms.
-    holds : frozenset of str
+    implied : frozenset of str
         Names of surfaces whose conditions its forces satisfy by construction.
     nonneg, is_moment : (p,) array of bool, contact : (p,) int array
         Of every internal force.
@@ -111,7 +115,7 @@ class ForceModel:
     contacts: Contacts
     parts: Sequence[Part]
     conditions: Sequence[Condition] = ()
-    holds: frozenset[str] = frozenset({"rocking"})
+    implied: frozenset[str] = frozenset({"rocking"})
     cone: Cone = field(default_factory=Conic)
     start: Mapping[str, slice] = field(init=False)
     nonneg: NDArray[np.bool_] = field(init=False)
@@ -123,7 +127,7 @@ class ForceModel:
         if len(set(names)) < len(names):
             raise ModelError(f"parts of a formulation need names of their own, got {names}")
         for part in self.parts:
-            unknown = [c for c in part.gives if c not in COLUMN]
+            unknown = [c for c in part.components if c not in COLUMN]
             if unknown:
                 raise ModelError(
                     f"part {part.name!r} gives {unknown[0]!r}, which is no force component: "
@@ -141,12 +145,12 @@ class ForceModel:
             object.__setattr__(self, name, each)
 
     @cached_property
-    def meaning(self) -> sp.csr_array:
+    def resultant_map(self) -> sp.csr_array:
         """Contact forces (6 n, p) per unit of the internal ones."""
         entries = [
             (self.start[part.name], len(COMPONENTS) * part.contact + COLUMN[component], value)
             for part in self.parts
-            for component, value in part.gives.items()
+            for component, value in part.components.items()
         ]
         row = np.concatenate([at for _, at, _ in entries])
         column = np.concatenate([np.arange(where.start, where.stop) for where, _, _ in entries])
@@ -162,7 +166,7 @@ class ForceModel:
 
     def forces(self, internal: FloatArray) -> FloatArray:
         """Contact forces (n, 6) of internal ones (p,)."""
-        return np.asarray(self.meaning @ internal).reshape(-1, len(COMPONENTS))
+        return np.asarray(self.resultant_map @ internal).reshape(-1, len(COMPONENTS))
 
     def strength(self, surfaces: Sequence[YieldSurface]) -> list[tuple[str, Condition, Cone]]:
         """Conditions to be written, by name: of surfaces that do not hold already, and its own."""
@@ -170,7 +174,7 @@ class ForceModel:
         written = [
             (surface.name, condition, surface.cone)
             for surface in surfaces
-            if surface.name not in self.holds
+            if surface.name not in self.implied
             for condition in stated(surface, self.contacts, names)
         ]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
@@ -192,7 +196,7 @@ class ForceModel:
         into: Sink,
         force: float = 1.0,
         length: float = 1.0,
-        gives: Mapping[str, LinearForm] = MappingProxyType({}),
+        components: Mapping[str, LinearForm] = MappingProxyType({}),
     ) -> tuple[dict[str, Any], list[Any]]:
         """The forces as new unknowns of a sink: components and parts, all over the unit of
         ``force``; and the parts once more, in order, moments over ``length`` besides. For parts
@@ -201,7 +205,7 @@ class ForceModel:
         forces[CONSTANT] = 1.0 / force
         for part in self.parts:
             unit, size = length if part.is_moment else 1.0, len(part.contact)
-            form = gives.get(part.name, {})
+            form = components.get(part.name, {})
             for name in [name for name in form if name not in {**forces, **forces.parts}]:
                 forces[name] = into.new(size, name)
             if form:
@@ -226,8 +230,8 @@ class _Forces(dict[str, Any]):
     def __missing__(self, component: str) -> Any:
         parts, n = self._model.parts, len(self._model.contacts)
         terms = [
-            gathered(self.parts[p.name], p.contact, n, p.gives.get(component, 0.0))
-            for p in [p for p in parts if component in p.gives] or parts[:1]
+            gathered(self.parts[p.name], p.contact, n, p.components.get(component, 0.0))
+            for p in [p for p in parts if component in p.components] or parts[:1]
         ]
         self[component] = sum(terms[1:], start=terms[0])
         return self[component]
@@ -308,7 +312,7 @@ def resultants(contacts: Contacts) -> ForceModel:
     """The six components of Eq. 1 as variables; rocking is one row per contact edge."""
     each = np.arange(len(contacts))
     parts = [Part(c, {c: 1}, each) for c in COMPONENTS]
-    return ForceModel(contacts, parts, holds=frozenset())
+    return ForceModel(contacts, parts, implied=frozenset())
 
 
 def vertex_forces(contacts: Contacts) -> ForceModel:
@@ -380,10 +384,12 @@ def with_field(
     most = product(points.share, product(contacts.compressive_strength, contacts.area)[j])
     corner = model.parts[names.index(_COMPRESSIONS)]
     kept = ~np.isin(corner.contact, weak)
-    gives = {c: v if np.ndim(v) == 0 else np.asarray(v)[kept] for c, v in corner.gives.items()}
+    components = {
+        c: v if np.ndim(v) == 0 else np.asarray(v)[kept] for c, v in corner.components.items()
+    }
     parts = [part for part in model.parts if part is not corner]
     if kept.any():
-        parts.append(replace(corner, gives=gives, contact=corner.contact[kept]))
+        parts.append(replace(corner, components=components, contact=corner.contact[kept]))
     parts.append(compressions_at(j, points.xy, "p"))
     limit = Condition([], {"p": -1, CONSTANT: most}, j)
     return replace(model, parts=parts, conditions=[*model.conditions, limit])

@@ -183,17 +183,19 @@ class OwnLimits:
         )  # fmt: skip
         self.problem.unpack_results(raw, self._chain, self._inverse)
 
-    def linear(self, internal: Mapping[int, slice], factor: int, meaning: sp.csr_array) -> Any:
+    def linear(
+        self, internal: Mapping[int, slice], factor: int, resultant_map: sp.csr_array
+    ) -> Any:
         """The limits and the aim on contact forces, at present, or a sentence on why they are not.
 
         ``internal`` says where variables stand among the internal forces (p,), ``factor`` which is
-        the load factor, both scaled as ``meaning`` (6 n, p + 1) is: in the user's units it gives
-        contact forces, and in its last column the load factor, per unknown.
+        the load factor, both scaled as ``resultant_map`` (6 n, p + 1) is: in the user's units it
+        gives contact forces, and in its last column the load factor, per unknown.
         """
         if not self.has_rows or self.dims.soc:
             return "only linear limits have a bracket, and some of these are cones"
         cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        forces, load = meaning[:-1, :-1], float(meaning[-1, -1])
+        forces, load = resultant_map[:-1, :-1], float(resultant_map[-1, -1])
         rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
         whole, start = sp.lil_array((rows.shape[0], forces.shape[1])), 0
         alpha = np.zeros(rows.shape[0])
@@ -241,18 +243,18 @@ class OwnLimits:
         return found
 
 
-def _on_contacts(rows: sp.csr_array, meaning: sp.csr_array) -> sp.csr_array | None:
+def _on_contacts(rows: sp.csr_array, resultant_map: sp.csr_array) -> sp.csr_array | None:
     """Rows (k, 6 n) on contact forces that are rows (k, p) on internal forces, by contact, or None
     where they are not."""
-    n = meaning.shape[0] // DOF
-    square = sp.bsr_array(meaning @ meaning.T, blocksize=(DOF, DOF)).tocoo()
+    n = resultant_map.shape[0] // DOF
+    square = sp.bsr_array(resultant_map @ resultant_map.T, blocksize=(DOF, DOF)).tocoo()
     at, place = (np.asarray(index, np.int64) for index in square.coords)
     inside = at // DOF == place // DOF
     blocks = np.zeros((n, DOF, DOF))
     blocks[at[inside] // DOF, at[inside] % DOF, place[inside] % DOF] = square.data[inside]
     inverse = np.linalg.pinv(blocks, hermitian=True)
-    found = rows @ meaning.T @ sp.block_diag(list(inverse), format="csr")
-    rest = abs(found @ meaning - rows)
+    found = rows @ resultant_map.T @ sp.block_diag(list(inverse), format="csr")
+    rest = abs(found @ resultant_map - rows)
     return sp.csr_array(found) if rest.max() <= 1e-9 * abs(rows).max() else None
 
 

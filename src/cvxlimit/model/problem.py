@@ -160,16 +160,20 @@ class LimitProblem(Changeable):
     def forces(self) -> dict[str, ContactForces]:
         """Forces of all contacts by component, CVXPY expressions (n,) in the user's units; those of
         one contact by its number or name: ``problem.N["a-b"]``."""
-        internal, still = stacked(self._in_cvxpy[0].internal), self.reduction.still
+        internal, given_forces = stacked(self._in_cvxpy[0].internal), self.reduction.given_forces
         lift, names = self.reduction.forces, self.assemblage.contacts.names
-        meaning = self.model.meaning if lift is None else lift @ self.model.meaning
-        meaning = (meaning @ sp.diags_array(self.scaling.force * self._unit)).tocsr()
+        resultant_map = (
+            self.model.resultant_map if lift is None else lift @ self.model.resultant_map
+        )
+        resultant_map = (resultant_map @ sp.diags_array(self.scaling.force * self._unit)).tocsr()
         found = {}
-        if still is not None:
-            meaning = sp.csr_array(sp.hstack([meaning, sp.csr_array(still.reshape(-1, 1))]))
+        if given_forces is not None:
+            resultant_map = sp.csr_array(
+                sp.hstack([resultant_map, sp.csr_array(given_forces.reshape(-1, 1))])
+            )
             internal = cp.hstack([internal, 1.0])
         for component, k in COLUMN.items():
-            rows, unknown = meaning[k::DOF], internal
+            rows, unknown = resultant_map[k::DOF], internal
             if component == "N" and self.given.pull is not None:
                 rows = sp.csr_array(sp.hstack([rows, -sp.eye_array(len(names))]))
                 unknown = cp.hstack([internal, self.given.pull])
@@ -348,7 +352,7 @@ class LimitProblem(Changeable):
         return LimitState(
             outcome,
             self.scaling.load_factor(factor),
-            forces if reduction.still is None else forces + reduction.still,
+            forces if reduction.given_forces is None else forces + reduction.given_forces,
             None if duals is None else self.equilibrium.mechanism(np.asarray(duals)),
             internal,
             own,

@@ -55,9 +55,9 @@ class Statement:
 
     def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
         """The problem, stated to a sink, and its goal."""
-        scaling, (gives, written) = self.scaling, self._written
-        into.label = "rocking" if "rocking" in self.model.holds else "compression"
-        forces, internal = self.model.unknowns(into, scaling.force, scaling.length, gives)
+        scaling, (components, written) = self.scaling, self._written
+        into.label = "rocking" if "rocking" in self.model.implied else "compression"
+        forces, internal = self.model.unknowns(into, scaling.force, scaling.length, components)
         for name, condition, cone in written:
             into.label = name
             admissible(into, condition, forces, cone)
@@ -75,16 +75,16 @@ class Statement:
     @cached_property
     def _written(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
         """What unknowns of surfaces' own give, and the conditions to write."""
-        model, plain, gives = self.model, list[YieldSurface](), dict[str, LinearForm]()
+        model, plain, components = self.model, list[YieldSurface](), dict[str, LinearForm]()
         written = list[tuple[str, Condition, Cone]]()
         for surface in self.surfaces:
             own = surface.unknowns(model.contacts)
-            if own is None or not own.gives.keys() <= model.start.keys() - gives.keys():
+            if own is None or not own.components.keys() <= model.start.keys() - components.keys():
                 plain.append(surface)
             else:
-                gives |= own.gives
+                components |= own.components
                 written += [(surface.name, condition, surface.cone) for condition in own.conditions]
-        return gives, [*model.strength(plain), *written]
+        return components, [*model.strength(plain), *written]
 
     @cached_property
     def _in_cvxpy(self) -> tuple[Stated, Any]:
@@ -132,8 +132,8 @@ class Statement:
         return result
 
     def _scaled(self) -> sp.csr_array:
-        lift, meaning = self.reduction.forces, self.model.meaning
-        forces = meaning if lift is None else lift @ meaning
+        lift, resultant_map = self.reduction.forces, self.model.resultant_map
+        forces = resultant_map if lift is None else lift @ resultant_map
         matrix = (self.assemblage.statics.matrix @ forces).tocsr()
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()

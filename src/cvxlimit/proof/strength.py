@@ -118,7 +118,7 @@ class Strength:
         free = self._unresisted.ravel()
         if not free.any():
             return balance
-        gives = abs(balance.model.meaning).T
+        gives = abs(balance.model.resultant_map).T
         return replace(balance, held=(gives @ free > 0.0) & (gives @ ~free == 0.0))
 
     @cached_property
@@ -158,7 +158,9 @@ class Strength:
         return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
-        shape = (self.model.meaning.shape[1],) if self.is_internal else (len(self.contacts), 6)
+        shape = (
+            (self.model.resultant_map.shape[1],) if self.is_internal else (len(self.contacts), 6)
+        )
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
     def forces(self, state: FloatArray) -> FloatArray:

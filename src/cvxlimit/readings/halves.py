@@ -21,7 +21,7 @@ from cvxlimit.reductions.mirror import Mirror
 
 
 @dataclass(frozen=True, eq=False)
-class Half:
+class SymmetricHalf:
     """``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
     those of the other; ``forces`` (6 n, 6 k) of all contacts, per forces of those kept; ``rates``
     (r, 6 free blocks) the symmetric ways in which blocks move.
@@ -33,7 +33,7 @@ class Half:
     rates: sp.csr_array
 
     @classmethod
-    def of(cls, found: Reductions, moments: Moments) -> Half | None:
+    def of(cls, found: Reductions, moments: Moments) -> SymmetricHalf | None:
         """None without a mirror plane, in planar scenes, where the reading is not indifferent to
         the mirror, and with contacts that are not rectangles: safe steps put those into places of
         their own, and their arms, not the problems, take the time (the dome gained nothing)."""

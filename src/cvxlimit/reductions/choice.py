@@ -108,10 +108,10 @@ class Reductions:
             return full
         kept = np.ones(len(statics.contacts), dtype=bool)
         moving = np.ones(len(statics.dead) // DOF, dtype=bool)
-        still = None
+        given_forces = None
         if blocks is not None and dead_state is not None:
             kept, moving = contacts_of(statics, blocks), blocks
-            still = np.where(kept[:, None], 0.0, dead_state)
+            given_forces = np.where(kept[:, None], 0.0, dead_state)
         if mirror is not None:
             kept = kept & (np.arange(len(kept)) <= mirror.contacts)
         is_whole = bool(kept.all())
@@ -126,7 +126,7 @@ class Reductions:
             forces=None if is_whole else _forces(mirror, kept),
             rates=rates,
             formulation=self.formulation if plane is None else plane.taking(kept).model,
-            still=still,
+            given_forces=given_forces,
         )
 
 

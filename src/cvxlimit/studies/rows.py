@@ -22,7 +22,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io.results import result_to_dict
-from cvxlimit.methods.convex import TOLERANCE, Inquiry
+from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
@@ -227,7 +227,7 @@ class Study:
                     return
                 given.repeats.place = place
                 run = Run(given, **options)
-                if not Inquiry(run, run.model, tolerance).lead():
+                if not ConvexSearch(run, run.model, tolerance).lead():
                     return
                 given.repeats.lead(place)
 

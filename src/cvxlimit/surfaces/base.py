@@ -98,7 +98,7 @@ class Unknowns:
     """A surface in unknowns of its own, one each per contact: what force components they give, and
     the same conditions in them, for solvers to whom these are easier."""
 
-    gives: Mapping[str, LinearForm]
+    components: Mapping[str, LinearForm]
     conditions: Sequence[Condition]
 
 

@@ -105,13 +105,13 @@ class TorsionShearBending(Frozen):
     def unknowns(self, contacts: Contacts) -> Unknowns:
         """V1 = (1 - k2) v1 with k2 = e2 / (c + e2), so that e2 abs(V1) / c is k2 abs(v1)."""
         arm, k1, k2 = (self.shares[name] for name in ("arm", "k1", "k2"))
-        gives = {
+        components = {
             "V1": {"v1": 1.0 - k2},
             "V2": {"v2": 1.0 - k1},
             "MT": {"tau": product(contacts.torsion_arm, arm)},
         }
         norms = [Norm({"V1": 1}, {"V2": 1}), Norm({"v1": k2}), Norm({"v2": k1}), Norm({"tau": 1})]
-        return Unknowns(gives, [Condition(norms, {"N": contacts.friction})])
+        return Unknowns(components, [Condition(norms, {"N": contacts.friction})])
 
 
 class SignedTorsionShearBending(TorsionShearBending):
@@ -135,9 +135,11 @@ class SignedTorsionShearBending(TorsionShearBending):
         """MT = c_T (c tau + e1 V2 - e2 V1): torsion about the pressure centre is c_T c tau."""
         each = {"tau": self.shares["arm"], "V2": self.shares["e1"], "V1": self.shares["e2"]}
         size, sign = contacts.torsion_arm, {"V1": -1.0}
-        gives = {"MT": {name: product(sign.get(name, 1.0) * size, k) for name, k in each.items()}}
+        components = {
+            "MT": {name: product(sign.get(name, 1.0) * size, k) for name, k in each.items()}
+        }
         norms = [Norm({"V1": 1}, {"V2": 1}), Norm({"tau": 1})]
-        return Unknowns(gives, [Condition(norms, {"N": contacts.friction})])
+        return Unknowns(components, [Condition(norms, {"N": contacts.friction})])
 
 
 class LimitedTorsionShearBending(SignedTorsionShearBending):
@@ -164,7 +166,7 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
         """Shear along the eccentricity, and across it, which has torsion about the pressure centre:
         (1 - k) across, so that its torque over c is k across."""
         s = self.shares
-        gives = {
+        components = {
             "V1": {"along": s["u1"], "across": product(-1.0, s["r2"])},
             "V2": {"along": s["u2"], "across": s["r1"]},
             "MT": {"tau": product(contacts.torsion_arm, s["arm"])},
@@ -175,7 +177,7 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
             Condition([Norm({"V1": 1}, {"V2": 1}), about], most),
             Condition([Norm({"tau": 1})], most),
         ]
-        return Unknowns(gives, both)
+        return Unknowns(components, both)
 
 
 def _share(e: FloatArray, arm: FloatArray) -> FloatArray:

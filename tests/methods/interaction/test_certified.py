@@ -435,7 +435,7 @@ def test_borrowed_forces_are_admissible_and_as_good() -> None:
     scene = random_wall(1)
     own = solve(scene, method=Certified(branching_seconds=0.0)).bracket.lower
     run = Run(scene, moments=SIGNED)
-    for _ in InnerMethod(run).borrowed(INDEPENDENT):
+    for _ in InnerMethod(run).from_stricter_reading(INDEPENDENT):
         pass
     assert run.best.bracket.lower >= own * (1.0 - 1e-4)
     excess = interaction_excess(run.best.forces, scene.contacts, "signed")

@@ -16,7 +16,7 @@ from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Load
@@ -31,10 +31,10 @@ def small_panel() -> Scene:
     return panel(0.40, 5, left_return=0.20, right_return=0.20, live=Load(acceleration=(0, -1, 0)))
 
 
-def half_of(run: Run) -> Half | None:
+def half_of(run: Run) -> SymmetricHalf | None:
     """That of a run's scene, however small."""
     found = Reductions.of(run.assemblage, run.surfaces, model="least")
-    return Half.of(found, run.moments)
+    return SymmetricHalf.of(found, run.moments)
 
 
 @pytest.mark.parametrize("moments", READINGS)

@@ -13,7 +13,7 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.sinks import Constraints
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.majorants import Forces, Point, StepRows
 from cvxlimit.reductions.choice import Reductions
@@ -64,7 +64,7 @@ def referee(
     half, scaled, alpha = step.half, step.assemblage.scaled, cp.Variable()
     if most is not None:
         limits.append(step.scaling.load_factor(1.0) * alpha <= most)
-    forces = model.meaning @ cp.hstack(internal)
+    forces = model.resultant_map @ cp.hstack(internal)
     load = scaled.dead + alpha * scaled.live
     balance = scaled.matrix @ (forces if half is None else half.forces @ forces) + load
     if half is not None:
@@ -99,7 +99,7 @@ def test_the_matrices_say_what_the_rows_say(
     half = None
     if part == "half":
         found = Reductions.of(run.assemblage, run.surfaces, model="least")
-        half = Half.of(found, run.moments)
+        half = SymmetricHalf.of(found, run.moments)
     step, rng = SafeStep(run.assemblage, run.moments, half), np.random.default_rng(3)
     sides, friction = step.statics.contacts.sides, step.statics.contacts.friction[:, None]
     centre = 0.1 * rng.uniform(-1.0, 1.0, sides.shape) * sides

@@ -17,7 +17,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.convex import dead_load_falls
+from cvxlimit.methods.convex_search import dead_load_falls
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status

@@ -172,7 +172,7 @@ class _Search:
                 "no lower bound without dilatancy: it needs friction that grows with compression, "
                 "stated by surfaces"
             )
-        self.run, self.until, self.upper = run.aside(), time.perf_counter() + seconds, upper
+        self.run, self.until, self.upper = run.auxiliary_run(), time.perf_counter() + seconds, upper
         self.solves, self.factor = 0, 0.0
         self.random = np.random.default_rng(0)
         # parts without live load carry their dead load by themselves, however they do it

@@ -388,7 +388,7 @@ class Structure:
         """The load factors (natural) that it is about, and the same as a solution under these."""
         size = float(np.abs(raw.factors).max())
         about = raw.factors / size if size > FLAT else raw.direction / np.abs(raw.direction).max()
-        push, run = float(made.normal @ about), self.run.aside()
+        push, run = float(made.normal @ about), self.run.auxiliary_run()
         run.given = self.run.given.with_live(combined(self.loads, self.units * about))
         run.history = [raw.iterate]
         internal = raw.given if self.certifier.strength.is_internal else None

@@ -143,7 +143,7 @@ class Reach:
         )
         self.counts = zero + 1, plain.nonneg + 2, plain.cones
         size = len(COMPONENTS) * len(problem.contacts)
-        self.meaning = stacked([joined.forces()], (size, joined.columns)).tocsr()
+        self.resultant_map = stacked([joined.forces()], (size, joined.columns)).tocsr()
 
     def furthest(
         self, contact: int, axis: int, sign: float, settings: SolverSettings
@@ -151,12 +151,12 @@ class Reach:
         """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6);
         None without an answer, as for contacts that do not press."""
         base = len(COMPONENTS) * contact
-        normal = self.meaning[[base + COLUMN["N"]]]
+        normal = self.resultant_map[[base + COLUMN["N"]]]
         if not normal.nnz:
             return None
         moment, turn = (("M2", -1.0), ("M1", 1.0))[axis]
         cost = np.zeros(self.width)
-        cost[:-1] = -sign * turn * self.meaning[[base + COLUMN[moment]]].toarray()[0]
+        cost[:-1] = -sign * turn * self.resultant_map[[base + COLUMN[moment]]].toarray()[0]
         unit = sp.hstack([normal, sp.csr_array((1, 1))])
         matrix = sp.vstack([unit, self.matrix], format="csc")
         right = np.zeros(matrix.shape[0])

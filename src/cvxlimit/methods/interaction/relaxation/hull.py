@@ -24,7 +24,7 @@ from cvxlimit.methods.interaction.relaxation.pieces import (
     cut,
 )
 from cvxlimit.model.assemblage import Assemblage, Equilibrium
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.states.copies import Copies, copy_arms, sheared
 from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
@@ -44,7 +44,7 @@ class HullProblem:
     With a ``half`` of a symmetric scene problems are restricted to it; answers are of the whole.
     """
 
-    def __init__(self, scene: Scene | Assemblage, half: Half | None = None) -> None:
+    def __init__(self, scene: Scene | Assemblage, half: SymmetricHalf | None = None) -> None:
         self.assemblage, self.half = Assemblage.of(scene), half
         self.scaling, statics = self.assemblage.scaling, self.assemblage.scaled
         self.contacts, self.extent = statics.contacts, half_extent(statics.contacts)

@@ -18,7 +18,7 @@ from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.flow import InteractionFlow
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.states.copies import Copies
 from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import LimitState, SolverSettings
@@ -71,7 +71,7 @@ class UpperBound:
     ``claims_no_optimum`` if the last solver found it to be without limit.
     """
 
-    def __init__(self, run: Run, half: Half | None = None) -> None:
+    def __init__(self, run: Run, half: SymmetricHalf | None = None) -> None:
         self.run = run
         with run.clock.phase("compile"):
             self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)

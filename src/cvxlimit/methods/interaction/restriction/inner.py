@@ -115,7 +115,7 @@ class InnerMethod(SafeProblems):
         schedule = CLIMB.others if self.has_others else ()
         return self._search("boxes", self._narrowed(start, *schedule))
 
-    def borrowed(self, stricter: Moments) -> Iterator[InnerIterate]:
+    def from_stricter_reading(self, stricter: Moments) -> Iterator[InnerIterate]:
         run = self.run
         self.begin(f"{stricter} relaxation")
         whole = whole_boxes(run.contacts)
@@ -125,9 +125,9 @@ class InnerMethod(SafeProblems):
         if near is None or relaxed.load_factor <= run.best.bracket.lower:
             return
         other = InnerMethod(run, self.max_iterations, self.gain, self.reductions, stricter)
-        aside = run.aside()
-        aside.moments = stricter
-        outer = UpperBound(aside, other.half)
+        auxiliary = run.auxiliary_run()
+        auxiliary.moments = stricter
+        outer = UpperBound(auxiliary, other.half)
         outer.search(BRACKET.outer, (*self.leading, *self.tight))
         near = outer.state.forces if outer.state else near
         for start in other.starts:

@@ -24,7 +24,7 @@ from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.copies import Copies
 from cvxlimit.readings.states.majorants import Point
@@ -88,7 +88,7 @@ class SafeProblems:
         self.stepping = (*self.warm, *(rung for rung in self.leading if rung not in self.warm))
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
-            self.half = None if reductions is None else Half.of(reductions, self.moments)
+            self.half = None if reductions is None else SymmetricHalf.of(reductions, self.moments)
             self.step = SafeStep(run.assemblage, self.moments, self.half)
             self.hull = HullProblem(run.assemblage, self.half)
             self.checker = LowerBounds(run.assemblage, run.moments)

@@ -22,7 +22,7 @@ from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.settings import SUPPORT
 from cvxlimit.readings.states.majorants import Forces, Linear, Point, StepRows
@@ -49,7 +49,7 @@ class SafeStep:
     """
 
     def __init__(
-        self, scene: Scene | Assemblage, moments: Moments, half: Half | None = None
+        self, scene: Scene | Assemblage, moments: Moments, half: SymmetricHalf | None = None
     ) -> None:
         whole = Assemblage.of(scene)
         self.moments, self.scaling, self.half = moments, whole.scaling, half
