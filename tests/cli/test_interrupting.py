@@ -118,10 +118,10 @@ def test_before_there_is_a_bound(command: str, phase: str) -> None:
 BUSY = """
 import sys, time
 from cvxlimit.cli import main as cli, solving
-from cvxlimit.methods.driver import Told
+from cvxlimit.methods.driver import ProgressLine
 
 def busy(*_, progress, **__):
-    line = Told("under way")
+    line = ProgressLine("under way")
     line.has_bracket = HAS_BRACKET
     progress(line)
     time.sleep(3600)  # as a solver does: in native code, which hears nothing

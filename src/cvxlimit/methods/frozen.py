@@ -12,7 +12,7 @@ from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, corner_compressions, resultants
 from cvxlimit.model.goals import LARGEST_FACTOR, Goal
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.readings.halves import Half
+from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.readings.states.support import half_extent
@@ -42,7 +42,7 @@ class FrozenProblem:
         cone: Cone,
         moments: Moments,
         goal: Goal = LARGEST_FACTOR,
-        half: Half | None = None,
+        half: SymmetricHalf | None = None,
     ) -> None:
         self.cone, self.moments = cone, moments
         whole = Assemblage.of(scene)

@@ -15,7 +15,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.convex import Inquiry, dead_load_falls
+from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
@@ -145,8 +145,8 @@ class _Search:
 
     def _associated(self) -> Generator[None, None, FloatArray | None]:
         """The mechanism of the associated model, whose upper bound holds for all solutions."""
-        aside = self.run.aside()
-        yield from Inquiry(aside, self.run.model).ladder_climbed()
+        aside = self.run.auxiliary_run()
+        yield from ConvexSearch(aside, self.run.model).steps()
         self.run.history += [
             replace(iterate, solver=f"{iterate.solver}, associated friction", lower=None)
             for iterate in aside.history
