@@ -27,7 +27,7 @@ def pressed_resultants(contacts: Contacts) -> ForceModel:
     """The six components, for surfaces that say where contacts are pressed."""
     model = resultants(contacts)
     parts = [replace(part, nonneg=part.name == "N") for part in model.parts]
-    return replace(model, parts=parts, holds=frozenset({"rocking"}))
+    return replace(model, parts=parts, implied=frozenset({"rocking"}))
 
 
 class FrozenProblem:
