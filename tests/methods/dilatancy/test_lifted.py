@@ -70,7 +70,9 @@ def test_solutions_satisfy_every_row() -> None:
     scaling, model = problem.scaling, problem.model
     for member in solve(scene, method="zero-dilatancy").members[:3]:
         alpha = member.load_factor / scaling.load_factor(1.0)
-        forces = np.linalg.lstsq(model.resultant_map.toarray(), member.forces.ravel(), rcond=None)[0]
+        forces = np.linalg.lstsq(model.resultant_map.toarray(), member.forces.ravel(), rcond=None)[
+            0
+        ]
         x = np.concatenate([[1.0], forces / scaling.force, [alpha]])
         assert problem.reduction.rates is not None
         units = scaling.live * np.tile(np.repeat([1.0, scaling.length], 3), len(scene.free))
