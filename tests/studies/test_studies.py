@@ -138,7 +138,7 @@ class TestTable:
         assert glued["load_factor"].to_list() == pytest.approx([0.1, 0.2, 0.3, 0.4], rel=1e-5)
 
     def test_geometries_are_searched_once(self, monkeypatch) -> None:
-        from cvxlimit import scene as module
+        from cvxlimit.scene import scene as module
 
         calls = []
         detect = module.detect
