@@ -14,6 +14,7 @@ WANDERS = [("random-wall-8", "independent"), ("random-wall-2", "paper")]
 """Walls of some forty contacts on which no solver settles."""
 
 
+@pytest.mark.exhaustive_cases("random-wall-8-independent")
 @pytest.mark.parametrize(("name", "moments"), WANDERS)
 def test_bands_overlap_through_solvers_compiled_or_not(name: str, moments: str) -> None:
     """Every solver goes a way of its own. Where none of them settles they wander over the same

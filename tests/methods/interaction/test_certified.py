@@ -223,6 +223,7 @@ def twisted(y: float) -> Scene:
     return Scene([ground, block], ["ground"], live, friction=0.5)
 
 
+@pytest.mark.exhaustive_cases("signed-0.02", "signed-0.05", "independent-0.02", "independent-0.05")
 @pytest.mark.parametrize("y", [0.02, 0.05, 0.15])
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_a_centre_that_statics_holds(y: float, moments: str) -> None:
