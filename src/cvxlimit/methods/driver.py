@@ -406,7 +406,7 @@ class Method(ABC):
 def drive(method: Method, run: Run) -> Solution:
     """Follow a method to its end.
 
-    Interrupted (Ctrl-C), a run that has bounds returns them with
+    Interrupted (Ctrl-C), a run that has bounds or members returns them with
     :attr:`Status.INTERRUPTED <cvxlimit.solution.Status.INTERRUPTED>`; others leave the
     interruption to the caller.
     """
@@ -417,7 +417,7 @@ def drive(method: Method, run: Run) -> Solution:
     except StopIteration as end:
         status = end.value
     except KeyboardInterrupt:
-        if not run.best.bracket.has_any:
+        if not (run.best.bracket.has_any or run.best.members):
             raise
         status = Status.INTERRUPTED
     return packed(method, run, status)

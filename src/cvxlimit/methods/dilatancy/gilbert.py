@@ -2,12 +2,12 @@
 
 Gilbert, Casapulla and Ahmed (2006) solve associated problems whose friction hardly grows with the
 normal force, so that sliding closes joints by a little instead of opening them, and move these
-cones towards the normal forces found. Here beside De Saxce's fixed point, for comparison.
+cones towards the normal forces found. Here for comparison with
+:mod:`~cvxlimit.methods.dilatancy.zero_dilatancy`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cvxpy as cp
@@ -16,32 +16,15 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.dilatancy.pair import Reduced, ladder
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
-from cvxlimit.solvers import clarabel_at
-from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
-from cvxlimit.surfaces.base import CONSTANT
-from cvxlimit.surfaces.cones import Cone
 
-_LADDER = clarabel_at(1e-8, 1e-6)
-
-
-class RotatedCones(YieldSurface):
-    """abs(V) + abs(MT) / c_T <= held - eta mu N, with ``held`` (n,) = c0 + (1 + eta) mu N_k."""
-
-    name = "rotated cones"
-
-    def __init__(self, held: FloatArray | cp.Parameter, eta: float, cone: Cone) -> None:
-        super().__init__(cone)
-        self.held, self.eta = held, eta
-
-    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
-        return [Condition(norms, {"N": -self.eta * contacts.friction, CONSTANT: self.held})]
+_TOLERANCE = 1e-8
+"""Of every problem, below any change at which the scheme stops."""
 
 
 @dataclass(frozen=True)
@@ -97,15 +80,16 @@ class Gilbert(Method):
     def steps(self, run: Run) -> Steps:
         contacts, unit = run.contacts, run.scaling.force / len(run.scene.free)
         with run.clock.phase("compile"):
-            held = cp.Parameter(len(contacts))
-            rotated = (Rocking(), RotatedCones(held, self.eta, run.cone))
-            problem = LimitProblem(run.assemblage, run.surfaces)
-            scheme = LimitProblem(run.assemblage, rotated)
+            reduced = Reduced(run)
+            held = cp.Parameter(len(reduced.kept))
+            problem, scheme = reduced.problem(), reduced.held(held, self.eta)
+            mu = np.where(contacts.friction > 0.0, contacts.friction, np.inf)
+            fictitious = self.cohesion * unit / mu  # as compressions: friction makes forces of them
         if dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
-            state, rung = run.try_solvers(problem.run, run.ladder or _LADDER)
+            state, rung = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))
             change = run.change(state)
             run.note(state, rung, change=change)
             if state.forces is None or state.load_factor is None:
@@ -119,7 +103,7 @@ class Gilbert(Method):
                 return Status.CONVERGED if excess <= self.excess else Status.NOT_CONVERGED
             found = state.forces[:, COLUMN["N"]]
             pressed = found if pressed is None else pressed + self.weight * (found - pressed)
-            held.value = (1.0 + self.eta) * contacts.friction * pressed + self.cohesion * unit
+            held.value = ((1.0 + self.eta) * pressed + fictitious)[reduced.kept]
             problem = scheme
             yield
         return Status.NOT_CONVERGED

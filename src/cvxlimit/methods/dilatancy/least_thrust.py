@@ -320,8 +320,9 @@ class _Search:
             certifier = Certifier(found.assemblage, surfaces)
         if certifier.witnesses.dead_state is None:
             inside = self._solved(problem.inside())
-            if inside.forces is not None and inside.load_factor is not None:
-                certifier.offer_dead_state(inside.forces, inside.load_factor)
+            given = certifier.given(inside)
+            if given is not None and inside.load_factor is not None:
+                certifier.offer_dead_state(given, inside.load_factor)
         with self.run.clock.phase("certify"):
             bracket = certifier.of(state)
         return (bracket.lower if bracket.lower_is_proved else -np.inf), state.forces

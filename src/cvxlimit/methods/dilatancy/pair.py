@@ -26,7 +26,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.dilatancy.tresca import HeldFormulation, Slip, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.goals import Stated
+from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
@@ -45,72 +45,91 @@ class Priced:
         return stated.factor - np.ones(self.price.size) @ times(self.price, stated.forces["N"])
 
 
-class Pair:
-    """Both problems of a run on the smallest model, each starting from its last answer.
+class Reduced:
+    """The smallest model of a run, for problems with friction held.
 
     A mirror is left out: without dilatancy a symmetric structure may fall on one side.
 
     Attributes
     ----------
-    slip : Slip
-        Of contacts in their corner compressions.
+    kept : (k,) int array
+        Contacts that it has.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.surfaces = needed_surfaces(run.surfaces)
+        found = replace(Reductions.of(run.assemblage, self.surfaces, model=run.model), mirror=None)
+        self.assemblage, state = found.assemblage, None
+        if found.loaded is not None:
+            state = Certifier(found.assemblage, self.surfaces).witnesses.easy_dead_state
+        self.reduction = found.best(state)
+        self.kept = np.arange(len(run.contacts))
+        if "parts" in self.reduction.names and found.loaded is not None:
+            self.kept = np.flatnonzero(contacts_of(run.assemblage.statics, found.loaded))
+
+    def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
+        """With friction as it is."""
+        return LimitProblem(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
+
+    def held(self, pressed: cp.Parameter, turned: float = 0.0) -> LimitProblem:
+        """With friction held at compressions (k,); see :func:`~.tresca.held`."""
+        reduction, own = self.reduction, self.reduction.formulation
+        if own is not corner_compressions:
+            reduction = replace(reduction, formulation=HeldFormulation(own, pressed, turned))
+        surfaces = tresca(self.surfaces, pressed, turned)
+        return LimitProblem(self.assemblage, surfaces, reduction=reduction)
+
+
+class Pair:
+    """Both problems of a run on the smallest model, each starting from its last answer.
+
+    Attributes
+    ----------
     solved : int
         How many problems were solved.
     """
 
     def __init__(self, run: Run) -> None:
         self.run, self.solved = run, 0
-        surfaces = needed_surfaces(run.surfaces)
         with run.clock.phase("compile"):
-            found = replace(Reductions.of(run.assemblage, surfaces, model=run.model), mirror=None)
-            self.assemblage, statics = found.assemblage, run.assemblage.statics
-            self.certifier = Certifier(found.assemblage, surfaces)
-            stands = found.loaded is not None and self.certifier.witnesses.easy_dead_state
-            reduction = found.best(stands if stands is not False else None)
-            n = len(run.contacts)
-            self._kept = np.arange(n)
-            if "parts" in reduction.names and found.loaded is not None:
-                self._kept = np.flatnonzero(contacts_of(statics, found.loaded))
-            self.slip = Slip(surfaces, run.assemblage.contacts)
+            reduced = Reduced(run)
+            self._kept = reduced.kept
+            self._slip = Slip(reduced.surfaces, run.assemblage.contacts)
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
-            whole = found.assemblage
-            goal = Priced(self._price)
-            self._priced = LimitProblem(whole, surfaces, reduction=reduction, goal=goal)
-            own = reduction.formulation
-            if own is not corner_compressions:
-                own = HeldFormulation(own, self._pressed)
-            self._held = LimitProblem(
-                whole,
-                tresca(surfaces, self._pressed),
-                reduction=replace(reduction, formulation=own),
-            )
+            self._priced = reduced.problem(Priced(self._price))
+            self._held = reduced.held(self._pressed)
 
     def priced(self, price: FloatArray, tolerance: float) -> LimitState:
         """Forces of the largest load factor less prices (n,) of compressions."""
         self._price.value = self.run.scaling.live * price[self._kept]
-        return self._solved(self._priced, tolerance)
+        state, settings = self._solved(self._priced, tolerance)
+        self.run.note(state, f"{settings}, compressions priced")
+        return state
 
     def held(self, pressed: FloatArray, tolerance: float) -> LimitState:
         """The load factor, and a mechanism, with friction held at compressions (n,)."""
         self._pressed.value = np.maximum(pressed, 0.0)[self._kept]
-        return self._solved(self._held, tolerance)
-
-    def _solved(self, problem: LimitProblem, tolerance: float) -> LimitState:
-        self.solved += 1
-        state, _ = self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
+        state, settings = self._solved(self._held, tolerance)
+        self.run.note(replace(state, load_factor=None), f"{settings}, friction held")
         return state
+
+    def _solved(self, problem: LimitProblem, tolerance: float) -> tuple[LimitState, SolverSettings]:
+        self.solved += 1
+        return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
 
     def dilatancy(self, mechanism: FloatArray) -> FloatArray:
         """The price (n,) of a mechanism: the opening that dilatancy would add at live power 1."""
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
-        return self.slip.dilatancy(self.slip.of(statics.relative_rates(unit)))
+        return self._slip.dilatancy(self._slip.of(statics.relative_rates(unit)))
 
 
 def ladder(tolerance: float) -> Sequence[SolverSettings]:
+    """Our own solver, which starts warm, and Clarabel where it fails."""
     return (settings_for("BLOCKWISE", tolerance), *clarabel_at(tolerance))
 
 
 def pressed(state: LimitState) -> FloatArray:
+    """Compressions (n,) of a state with forces."""
     assert state.forces is not None
     return state.forces[:, COLUMN["N"]]

@@ -35,8 +35,10 @@ def is_friction(condition: Condition) -> bool:
     return any(is_some(form.get(name, 0.0)) for form in condition.forms() for name in _SHEARS)
 
 
-def held(condition: Condition, pressed: Any) -> Condition:
-    """A condition with its friction held at compressions (n,), numbers or a Parameter."""
+def held(condition: Condition, pressed: Any, turned: float = 0.0) -> Condition:
+    """A condition with its friction held at compressions (n,), numbers or a Parameter; ``turned``
+    is the share of compressions beyond them by which friction is less, as with a cone that is
+    turned beyond the vertical."""
     slope = condition.resistance.get("N", 0.0)
     if not (is_friction(condition) and is_some(slope)):
         return condition
@@ -44,25 +46,30 @@ def held(condition: Condition, pressed: Any) -> Condition:
     at = pressed if condition.contact is None else pressed[condition.contact]
     friction = product(slope, at)
     rest[CONSTANT] = rest[CONSTANT] + friction if CONSTANT in rest else friction
+    if turned:
+        rest["N"] = product(-turned, slope)
     return replace(condition, resistance=rest)
 
 
 class Tresca(YieldSurface):
     """Another surface, its friction held at compressions (n,)."""
 
-    def __init__(self, surface: YieldSurface, pressed: Any) -> None:
+    def __init__(self, surface: YieldSurface, pressed: Any, turned: float = 0.0) -> None:
         super().__init__(surface.cone)
-        self.surface, self.pressed = surface, pressed
+        self.surface, self.pressed, self.turned = surface, pressed, turned
         self.name = surface.name  # type: ignore[misc]  # stands for it wherever names are asked
         self.implies = surface.implies  # type: ignore[misc]
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        return [held(condition, self.pressed) for condition in self.surface.conditions(contacts)]
+        stated = self.surface.conditions(contacts)
+        return [held(condition, self.pressed, self.turned) for condition in stated]
 
 
-def tresca(surfaces: Sequence[YieldSurface], pressed: Any) -> tuple[YieldSurface, ...]:
+def tresca(
+    surfaces: Sequence[YieldSurface], pressed: Any, turned: float = 0.0
+) -> tuple[YieldSurface, ...]:
     """Surfaces with friction held; those without any as they are."""
-    return tuple(s if s.name == "rocking" else Tresca(s, pressed) for s in surfaces)
+    return tuple(s if s.name == "rocking" else Tresca(s, pressed, turned) for s in surfaces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +78,12 @@ class HeldFormulation:
 
     formulation: Formulation
     pressed: Any
+    turned: float = 0.0
 
     def __call__(self, contacts: Contacts) -> ForceModel:
         model = self.formulation(contacts)
-        return replace(model, conditions=[held(c, self.pressed) for c in model.conditions])
+        stated = [held(condition, self.pressed, self.turned) for condition in model.conditions]
+        return replace(model, conditions=stated)
 
 
 class Slip:

@@ -16,11 +16,12 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
+from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
 from cvxlimit.solution import Member, Status
-from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState
 
 
@@ -94,7 +95,7 @@ class ZeroDilatancy(Method):
     damping: float = 0.8
     max_iterations: int = 150
     seed: int = 0
-    descents: int = 60
+    descents: int = 120
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
@@ -137,7 +138,9 @@ class _Search:
                 price = self._drawn(_N.scales[max(start - 1, 0) % len(_N.scales)])
                 found = yield from self._started(f"random {start}", price, False)
             self.failed += found is None
-        if self.found:
+        self._bound_from_below()
+        yield
+        if self.found and not self.run.best.bracket.is_within(self.rule.tolerance):
             yield from self._walked(1.0, self.rule.descents)
             yield from self._walked(-1.0, self.rule.descents // 2)
         self._report()
@@ -157,6 +160,24 @@ class _Search:
             self.run.best = Answer(bracket=bracket)
         self._report()
         return aside.best.mechanism
+
+    def _bound_from_below(self) -> None:
+        """What least thrusts prove, for as long as has been searched so far."""
+        run = self.run
+        if not is_covered(run):
+            return
+        lowest = self._extreme(1.0)[0].load_factor if self.found else run.best.bracket.upper
+        states = (
+            ()
+            if self.verifier.strength.is_internal
+            else tuple((member.forces, member.load_factor) for member, _ in self.found)
+        )
+        run.tell("bounding solutions without dilatancy from below")
+        found = lower_bound(run, lowest, states, run.clock.elapsed)
+        if found.load_factor > 0.0:
+            bracket = run.best.bracket.raised(found.load_factor, True)
+            run.best = replace(run.best, bracket=bracket)
+        self._report()
 
     # One solution
 
@@ -292,17 +313,21 @@ class _Search:
     def _report(self) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
         bracket = self.run.best.bracket
-        above = "" if not np.isfinite(bracket.upper) else (
-            f"; the bracket is one of all solutions without dilatancy: associated friction, "
-            f"{rounded(bracket.upper)}, bounds them from above"
-        )  # fmt: skip
+        ends = (
+            (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by least thrusts"),
+            (bracket.upper, f"none above {rounded_up(bracket.upper)}, by associated friction"),
+        )
+        said = " and ".join(words for end, words in ends if np.isfinite(end))
+        above = f"; the bracket is one of all solutions without dilatancy: {said}" if said else ""
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
         if members:
             span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
             further = f" and {self.tried} tries further down and up" if self.tried else ""
+            is_lowest = members[0].load_factor <= bracket.lower + self.rule.tolerance * bracket.unit
+            unknown = "" if is_lowest else "; whether there are lower ones is not known"
             remark = (
                 f"{len(members)} zero-dilatancy solutions from {span}, "
-                f"from {tried}{further}{above}; whether there are lower ones is not known"
+                f"from {tried}{further}{above}{unknown}"
             )
         else:
             remark = f"no zero-dilatancy solution was found from {tried}{above}"
