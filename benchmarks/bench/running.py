@@ -173,7 +173,7 @@ MARKS = {
 }  # fmt: skip
 """Kinds of verdicts, and what a sum of them is called."""
 
-GOOD = ("inside", "right")
+GOOD = ("inside", "right", "-")
 
 
 def table(pattern: str, is_written: bool, is_full: bool, tell: Tell) -> None:

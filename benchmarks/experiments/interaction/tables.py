@@ -224,7 +224,8 @@ def orders(pairs: Sequence[Pair]) -> Lines:
 
 
 def brackets(pairs: Sequence[Pair]) -> Lines:
-    """Width and time of brackets, and where the iteration ends beside them."""
+    """Width and time of brackets, and where the iteration ends beside them; what is one number to
+    four digits by both is left out."""
     rows = []
     head = (
         "scene", "contacts", "reading", "certified", "width", "CPU s", "first solves",
@@ -234,9 +235,9 @@ def brackets(pairs: Sequence[Pair]) -> Lines:
     first = {e.scene: r.seconds for e, r in chosen if e.kind == FIRST}
     iterations = {(e.scene, e.moments): r for e, r in chosen if e.kind == "fixed-point"}
     for e, r in chosen:
-        if e.kind != "certified":
-            continue
         other = iterations.get((e.scene, e.moments))
+        if e.kind != "certified" or (other is not None and _agree(r, other)):
+            continue
         solves = f"{r.seconds / first[e.scene]:.0f}" if first.get(e.scene) else "-"
         rows.append(
             (
@@ -253,6 +254,18 @@ def brackets(pairs: Sequence[Pair]) -> Lines:
             )
         )
     yield from _table(head, rows)
+
+
+_CLOSED = 1e-4
+"""Relative width of a bracket that is a number to four digits."""
+
+
+def _agree(bracket: Result, iteration: Result) -> bool:
+    """Whether the bracket is one number to four digits, and where the iteration ends."""
+    if bracket.lower is None or bracket.upper is None or iteration.load_factor is None:
+        return False
+    apart = max(bracket.upper - bracket.lower, abs(iteration.load_factor - bracket.upper))
+    return apart <= _CLOSED * abs(bracket.upper)
 
 
 def _width(r: Result) -> str:
