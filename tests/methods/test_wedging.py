@@ -60,6 +60,9 @@ def test_clamped_cubes_are_carried_by_dilatancy_alone(method: str) -> None:
     assert is_wedged(solution)
     assert solution.dilatancy is not None
     assert solution.dilatancy.sliding == ("p0-p1", "p1-p2")
+    if method == "convex":  # strength of the others depends on more than compressions
+        assert solution.lower == solution.dilatancy.safe == pytest.approx(1.0, abs=1e-8)
+        assert "none of them below a load factor of 1 (proved)" in solution.note
     without = solve(clamped(), method="zero-dilatancy")
     assert without.load_factor == pytest.approx(1.0, abs=1e-6)
 

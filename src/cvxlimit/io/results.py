@@ -103,6 +103,7 @@ DILATANCY = record(
         "share": Key(FIGURE),
         "sliding": Key(listed(TEXT, "name of a contact"), is_needed=False),
         "moving": Key(WHOLE, is_needed=False),
+        "safe": Key(FIGURE, is_needed=False),
     },
 )
 

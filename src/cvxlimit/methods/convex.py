@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from cvxlimit.base.checks import not_negative, ratio
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.solution import Status
+from cvxlimit.solution.kinematics import Dilatancy
 
 
 @dataclass(frozen=True)
@@ -43,4 +48,14 @@ class Convex(Method):
     def steps(self, run: Run) -> Steps:
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
         search = ConvexSearch(run, run.model, self.tolerance, self.budget)
-        return (yield from search.steps())
+        status = yield from search.steps()
+        if status is Status.LIVE_LOAD_HARMLESS and run.best.dilatancy and is_covered(run):
+            run.best = replace(run.best, dilatancy=_with_proof(run, run.best.dilatancy))
+        return status
+
+
+def _with_proof(run: Run, found: Dilatancy) -> Dilatancy:
+    """With the load factor below which nothing slides without dilatancy, as far as it is proved in
+    the time that the answer has taken so far."""
+    bound = lower_bound(run, np.inf, seconds=run.clock.elapsed).load_factor
+    return found if run.is_boundless(bound) else replace(found, safe=bound)

@@ -430,7 +430,9 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
     scene, best = run.scene, run.best
     if not status.has_answer:
-        best = replace(best, load_factor=None, bracket=Bracket())
+        safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
+        bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
+        best = replace(best, load_factor=None, bracket=bracket)
     if run.mortar is not None:
         members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
         forces = None if best.forces is None else run.mortar.original(best.forces)

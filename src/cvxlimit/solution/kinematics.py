@@ -10,6 +10,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import rounded
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -132,6 +133,8 @@ class Dilatancy:
         :data:`SMALL_SHARE`; else none.
     moving : int
         Contacts that open, slide or twist.
+    safe : float
+        Load factor below which nothing slides without dilatancy, proved; 0 where none is known.
 
     Example
     -------
@@ -144,6 +147,7 @@ zero-dilatancy) answers without dilatancy
     share: float
     sliding: tuple[str, ...] = ()
     moving: int = 0
+    safe: float = 0.0
 
     @property
     def is_worth_a_word(self) -> bool:
@@ -163,6 +167,9 @@ zero-dilatancy) answers without dilatancy
         named += f" and {more} more" if more > 0 else ""
         if self.is_all:
             joints = f"without it joints slide ({named})" if named else "without it joints slide"
+            if self.safe > 0.0:
+                safe = f"{float(rounded(self.safe, 5)):g}"
+                joints += f", none of them below a load factor of {safe} (proved)"
             return (
                 "forces that carry any multiple of the live load were found and checked, but they "
                 f"rest on dilatancy alone, which presses joints that cannot open: {joints}, and "
