@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import Any, Protocol
 
 import cvxpy as cp
@@ -161,15 +162,16 @@ class Form:
 
     def times(self, coefficient: Any) -> Form:
         """Times a number, one per form, or a CVXPY expression of Parameters of such a shape."""
+        if isinstance(coefficient, float):
+            value, constant = coefficient * self.value, coefficient * self.constant
+            return Form(self.theta, self.row, self.column, value, constant, self.slot)
         if not isinstance(coefficient, cp.Expression):
             k = np.asarray(coefficient, dtype=float)
             if k.ndim == 0:
-                return replace(
-                    self, value=float(k) * self.value, constant=float(k) * self.constant, first=None
-                )
+                return self.times(float(k))
             own = self._spread(k.size)
             value, constant = k[own.row] * own.value, k * own.constant
-            return replace(own, value=value, constant=constant, first=None)
+            return Form(own.theta, own.row, own.column, value, constant, own.slot)
         own = self._spread(coefficient.size)._with_constant_entries()
         slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
         return replace(own, slot=self.theta.products(own.slot, slots[own.row]), first=None)
@@ -179,7 +181,7 @@ class Form:
         if size == self.size and np.array_equal(at, np.arange(size)):
             return self
         constant = np.asarray(np.bincount(at, self.constant, size), dtype=float)
-        return replace(self, row=at[self.row], constant=constant, first=None)
+        return Form(self.theta, at[self.row], self.column, self.value, constant, self.slot)
 
     def values(self, x: FloatArray) -> FloatArray:
         """At unknowns x, and the Parameters' present values."""
@@ -246,7 +248,8 @@ class Form:
             number = weight * np.asarray(other, dtype=float)
             own = self._spread(number.size)
             first = own.first if not number.any() else None
-            return replace(own, constant=own.constant + number, first=first)
+            constant = own.constant + number
+            return Form(own.theta, own.row, own.column, own.value, constant, own.slot, first)
         size = max(self.size, other.size)
         one, two = self._spread(size), other._spread(size)
         slot = None
@@ -284,10 +287,8 @@ class Form:
 
     def _picked(self, entries: IntArray, rows: IntArray) -> Form:
         slot = None if self.slot is None else self.slot[entries]
-        return replace(
-            self, row=rows, column=self.column[entries], value=self.value[entries], slot=slot,
-            first=None,
-        )  # fmt: skip
+        column, value = self.column[entries], self.value[entries]
+        return Form(self.theta, rows, column, value, self.constant, slot)
 
 
 def _slots(slot: IntArray | None, count: int) -> IntArray:
@@ -318,18 +319,21 @@ def stacked(forms: Sequence[Any]) -> Any:
     """Forms of either sink one below the other."""
     if not isinstance(forms[0], Form):
         return cp.hstack(list(forms))
-    starts = np.cumsum([0, *(form.size for form in forms)])
-    row = np.concatenate([s + form.row for s, form in zip(starts[:-1], forms, strict=True)])
-    slots = [_slots(form.slot, len(form.row)) for form in forms]
-    firsts = [None if f.first is None else f.first - s for s, f in zip(starts, forms, strict=False)]
+    if len(forms) == 1:
+        return forms[0]
+    ends = list(accumulate(form.size for form in forms))
+    starts, slot = [0, *ends[:-1]], None
+    if any(form.slot is not None for form in forms):
+        slot = np.concatenate([_slots(form.slot, len(form.row)) for form in forms])
+    firsts = {None if f.first is None else f.first - s for s, f in zip(starts, forms, strict=True)}
     return Form(
         forms[0].theta,
-        row,
+        np.concatenate([s + form.row for s, form in zip(starts, forms, strict=True)]),
         np.concatenate([form.column for form in forms]),
         np.concatenate([form.value for form in forms]),
         np.concatenate([form.constant for form in forms]),
-        None if all(form.slot is None for form in forms) else np.concatenate(slots),
-        firsts[0] if len(set(firsts)) == 1 else None,
+        slot,
+        firsts.pop() if len(firsts) == 1 else None,
     )
 
 
@@ -370,16 +374,16 @@ class Rows:
         """The program that maximises ``goal``, equations first, then inequalities, then cones."""
         blocks = [[form] for form in (*self.equations, *self.linear)] + self.cones
         signs = [1.0] * len(self.equations) + [-1.0] * (len(blocks) - len(self.equations))
-        rights = [
-            -sign * np.stack([form.constant for form in block], axis=1).ravel()
-            for block, sign in zip(blocks, signs, strict=True)
-        ]
-        starts = np.cumsum([0, *map(len, rights)])
-        found = [
-            (start + i + len(block) * form.row, form.column, sign * form.value, form.slot)
-            for block, start, sign in zip(blocks, starts, signs, strict=False)
-            for i, form in enumerate(block)
-        ]
+        found, rights, start = [], [], 0
+        for block, sign in zip(blocks, signs, strict=True):
+            step = len(block)
+            right = np.empty(step * block[0].size)
+            for i, form in enumerate(block):
+                right[i::step] = -sign * form.constant
+                row = start + i + step * form.row
+                found.append((row, form.column, sign * form.value, form.slot))
+            rights.append(right)
+            start += len(right)
         counts = tuple(sum(form.size for form in forms) for forms in (self.equations, self.linear))
         sizes = tuple(len(cone) for cone in self.cones for _ in cone[0].constant)
         return Written.of(found, np.concatenate(rights), goal, self, (*counts, sizes))

@@ -206,9 +206,12 @@ def check_condition(
                 hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
                 raise ModelError(f"{owner} has no force component {component!r}: {hint}")
             _check_coefficient(coefficient, f"coefficient of {component} in {owner}", rows)
-    for norm in condition.norms:  # Parameters may not have values yet
+    for norm in condition.norms:
+        if norm.is_plain:
+            continue
         _check_coefficient(norm.weight, f"weight of a norm in {owner}", rows)
         given = norm.weight
+        # Parameters may not have values yet
         weights = given.value if isinstance(given, cp.Expression) else given
         if weights is not None and np.min(weights, initial=0.0) < 0.0:
             raise ModelError(
