@@ -176,7 +176,8 @@ class Equilibrium:
         if rates is not None:
             matrix, size = (rates @ matrix).tocsr(), abs(rates) @ size
             matrix.eliminate_zeros()
-        each = np.asarray(abs(matrix).sum(axis=1)).ravel()
+        at = np.repeat(np.arange(len(size)), np.diff(matrix.indptr))
+        each = np.bincount(at, np.abs(matrix.data), len(size))
         rows = np.flatnonzero((each > _NOTHING * each.max(initial=0.0)) | (size != 0.0))
         if len(rows) < len(size):
             matrix = matrix[rows]

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, islice, repeat
+from itertools import accumulate, chain, islice, repeat
 from typing import Any
 
 import cvxpy as cp
@@ -79,7 +79,7 @@ class _Forms:
         every = np.arange(contacts)
         at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
         found = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
-        ends = np.cumsum([0, *(form.size for form in found)]).tolist()
+        ends = list(accumulate((form.size for form in found), initial=0))
         self.places, self.size = list(map(slice, ends, ends[1:])), ends[-1]
         whole = stacked(found or [forces["N"][every[:0]]])
         self.matrix, self.constant = whole.matrix(width), whole.constant
