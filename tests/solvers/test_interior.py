@@ -378,7 +378,7 @@ class TestWarmStarts:
     ) -> None:
         """Two solves to 1e-8 agree to 1e-7."""
         other = _program(builtin_scene("tuff-wall").with_friction(friction))
-        own, warm = other.minimise(1e-8, 100), other.minimise(1e-8, 100, cold.middle)
+        own, warm = other.minimise(1e-8, 100), other.minimise(1e-8, 100, [cold.middle])
         assert warm.status == own.status == "Solved"
         assert warm.objective == pytest.approx(own.objective, rel=1e-7)
 
@@ -387,7 +387,7 @@ class TestWarmStarts:
     def test_noise(self, program: InteriorPoint, cold: Result, seed: int, size: float) -> None:
         rng = np.random.default_rng(seed)
         x, y, z, s = (size * rng.normal(size=len(v)) for v in _parts(cold.point))
-        found = program.minimise(1e-8, 150, Point(x, y, np.abs(z), np.abs(s)))
+        found = program.minimise(1e-8, 150, [Point(x, y, np.abs(z), np.abs(s))])
         if found.status == "Solved":
             assert found.objective == pytest.approx(cold.objective, rel=1e-7)
 
@@ -396,12 +396,12 @@ class TestWarmStarts:
         self, program: InteriorPoint, cold: Result, value: float
     ) -> None:
         start = Point(*(np.full_like(v, value) for v in _parts(cold.point)))
-        found = program.minimise(1e-8, 100, start)
+        found = program.minimise(1e-8, 100, [start])
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
     def test_another_scenes_point(self, program: InteriorPoint, cold: Result) -> None:
         other = _program(builtin_scene("stack")).minimise(1e-8, 100)
-        found = program.minimise(1e-8, 100, other.middle)
+        found = program.minimise(1e-8, 100, [other.middle])
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
     def test_who_only_leads_ends_at_a_point_to_start_from(self) -> None:
@@ -410,7 +410,7 @@ class TestWarmStarts:
         lead = given.minimise(1e-2, 100, residual=1e-2)
         assert lead.status == "Solved"
         assert lead.middle is not None
-        found = given.minimise(1e-8, 100, lead.middle)
+        found = given.minimise(1e-8, 100, [lead.middle])
         assert found.status == "Solved"
         assert lead.objective == pytest.approx(found.objective, rel=0.05)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -114,21 +115,25 @@ class Blockwise(CLARABEL):
         """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
         c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
-        start, backend = kept.get("middle" if warm_start else "start"), options.pop("backend")
+        backend, way = options.pop("backend"), kept.setdefault("way", {})
+        starts = [way[power] for power in sorted(way)]
+        if not warm_start:
+            starts = [] if kept.get("start") is None else [kept["start"]]
         asked = _Asked.of(c, data, b, solver_opts) if warm_start else None
         before: _Asked | None = kept.get("asked")
         if asked is not None and before is not None and before.is_about(asked):
             # A start, and be it the best, would change the last digits of the same answer.
             if before.about == asked.about:
                 return cast(SimpleNamespace, kept["answer"])
-            start = None
-        result = None if "backend" in solver_opts else _small(c, data, b, options, start)
+            starts = []
+        result = None if "backend" in solver_opts else _small(c, data, b, options, starts)
         if result is None:
             with one_thread():
                 own = kept[self.name()] = _Kept.of(kept.get(self.name()), c, data, b, backend)
-                result = own.program.minimise(**options, start=start)
-                if start is not None and result.status != SOLVED:
+                result = own.program.minimise(**options, starts=starts)
+                if starts and result.status != SOLVED:
                     result = own.program.minimise(**options)
+        way |= result.way
         if result.middle is not None:
             kept["middle"] = result.middle
         answer = SimpleNamespace(
@@ -140,7 +145,7 @@ class Blockwise(CLARABEL):
             iterations=result.iterations,
         )
         if verbose:
-            cones, heat = len(data[ConicSolver.DIMS].soc), "cold" if start is None else "warm"
+            cones, heat = len(data[ConicSolver.DIMS].soc), "warm" if starts else "cold"
             keys.LOGGER.info(
                 f"{self.name()}: {len(c):,} variables, {len(b):,} rows, {cones:,} cones; "
                 f"{result.iterations} iterations from a {heat} start, {result.seconds:.4f} s; "
@@ -169,14 +174,15 @@ class _Asked:
 
 
 def _small(
-    c: FloatArray, data: _Named, b: FloatArray, options: _Named, start: Point | None
+    c: FloatArray, data: _Named, b: FloatArray, options: _Named, starts: Sequence[Point]
 ) -> Result | None:
     """The answer by one compiled call, where the program suits and it finds one."""
     dims, matrix = data[ConicSolver.DIMS], data[keys.A]
     matrix = matrix if isinstance(matrix, sp.csc_array) else sp.csc_array(matrix)
     return small_program(
         c, matrix, b, (dims.zero, dims.nonneg, list(dims.soc)),
-        options["tolerance"], options["max_iter"], data.get("enough", np.inf), start,
+        options["tolerance"], options["max_iter"], data.get("enough", np.inf),
+        starts[-1] if starts else None,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ but the gap.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,9 +40,10 @@ class Numbers:
     factor 2. ``solved`` and ``almost`` are
     the worst gap and residual called so (where a wide gap is asked for, residuals may be the share
     ``balance`` of it); ``no_answer`` is the residual of a proof that there is no
-    optimum. ``middle`` is the relative gap of the point from which the next problem may start; a
-    start is moved inside by the share ``shift`` of its mean entries, a cold one has eigenvalues no
-    less than ``floor`` times the mean of the other unknowns of its side. Directions are refined
+    optimum. ``middle`` is the relative gap of the first point from which the next problem may
+    start; a start is moved inside by that share of its mean entries which it misses of the problem,
+    ``shift`` at most, a cold one has eigenvalues no less than ``floor`` times the mean of the other
+    unknowns of its side. Directions are refined
     until what they leave costs the bounds the share ``light`` of the gap that the next point may
     have at best, ``ahead`` of this one's or the one asked for. The best point is chosen at ``thin``
     times these costs of equilibrium: they are those of typical loads, and where corners are about
@@ -103,14 +104,20 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Status; the answer; a point on the way, to start from; both in the order of the program."""
+    """Status; the answer; points on the way to it, from which others may start, by the power of ten
+    of their gaps and residuals; all in the order of the program."""
 
     status: str
     point: Point
     objective: float
     iterations: int
     seconds: float
-    middle: Point | None
+    way: Mapping[int, Point]
+
+    @property
+    def middle(self) -> Point | None:
+        """The first point on the way."""
+        return self.way[max(self.way)] if self.way else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,18 +182,18 @@ class InteriorPoint:
         self,
         tolerance: float,
         max_iter: int,
-        start: Point | None = None,
+        starts: Sequence[Point] = (),
         residual: float | None = None,
     ) -> Result:
         """The best iterate, when the relative gap is below the tolerance and residuals are below
-        theirs, or rounding allows no more. A start that is no use, of another size or with NaN, is
-        not used."""
+        theirs, or rounding allows no more. ``starts`` are points on the way to another answer,
+        nearest to it first; those that are no use, of another size or with NaN, are not used."""
         began = time.perf_counter()
         self.system.target = min(max(LIMITS.target, 300.0 * tolerance), LIMITS.loosest)
-        at = self._warm(start) or self._cold()
+        at = self._warm(starts) or self._cold()
         best, scores, worst, count = at, [np.inf], np.inf, 0
         rank, enough = (True, np.inf), max(NUMBERS.solved, tolerance)
-        middle: Point | None = None
+        way = dict[int, Point]()
         outcome: tuple[str, Point] | None = None
         while True:
             found = self._measured(at)
@@ -194,8 +201,8 @@ class InteriorPoint:
                 best, rank = at, own
             scores.append(min(scores[-1], found.score))
             worst = min(worst, max(found.gap, found.infeasibility))
-            if middle is None and worst < NUMBERS.middle:
-                middle = at
+            if count and worst < NUMBERS.middle:
+                way.setdefault(int(np.floor(np.log10(max(worst, 1e-300)))), at)
             outcome = self._no_answer(at, found)
             if outcome is not None or found.is_within(tolerance, residual):
                 break
@@ -208,9 +215,9 @@ class InteriorPoint:
         reached = SOLVED if not rank[0] else ALMOST if worst < NUMBERS.almost else STALLED
         status, point = outcome or (reached, best)
         objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(self.c @ point.x))
-        halfway = None if middle is None else self._given(middle)
+        given = {power: self._given(each) for power, each in way.items()}
         seconds = time.perf_counter() - began
-        return Result(status, self._given(point), objective, count, seconds, halfway)
+        return Result(status, self._given(point), objective, count, seconds, given)
 
     def _given(self, at: Point) -> Point:
         """A point in the order of the program given."""
@@ -243,19 +250,31 @@ class InteriorPoint:
         size = max(float(np.abs(v).mean()), NUMBERS.floor * float(np.abs(beside).mean())) or 1.0
         return v if margin > size else v + max(-2.0 * margin, size) * self.cones.identity
 
-    def _warm(self, start: Point | None) -> Point | None:
-        if start is None or not start.is_finite:
-            return None
-        own = (self.c, self.f, self.h, self.h)
-        given = (start.x, start.y, start.z, start.s)
-        if any(a.shape != b.shape for a, b in zip(own, given, strict=True)):
-            return None
-        e, rows = self.cones.identity, self.system.rows
-        sides = start.z[rows], start.s[rows]
-        lifted = [v + NUMBERS.shift * float(np.abs(v).mean()) * e for v in sides]
-        if not min(self.cones.margin(v) for v in lifted) > 0.0:
-            return None
-        return Point(start.x[self.system.columns], start.y, *lifted)
+    def _warm(self, starts: Sequence[Point]) -> Point | None:
+        """From the first of some points whose gap is no less than what it misses of this problem,
+        for the way from others goes along the boundary; where all miss more, from the last."""
+        sizes = tuple(v.shape for v in (self.c, self.f, self.h, self.h))
+        columns, rows = self.system.columns, self.system.rows
+        usable = [
+            Point(at.x[columns], at.y, at.z[rows], at.s[rows])
+            for at in starts
+            if at.is_finite and tuple(v.shape for v in (at.x, at.y, at.z, at.s)) == sizes
+        ]
+        for at in usable:
+            found = self._measured(at)
+            if found.gap >= (missed := self._missed(at, found)) or at is usable[-1]:
+                share, e = min(NUMBERS.shift, missed), self.cones.identity
+                z, s = (v + share * float(np.abs(v).mean()) * e for v in (at.z, at.s))
+                if min(self.cones.margin(v) for v in (z, s)) > 0.0:
+                    return Point(at.x, at.y, z, s)
+        return None
+
+    def _missed(self, at: Point, found: _Measure) -> float:
+        """Residuals over what stands in their rows: rates by multipliers, loads, and slacks."""
+        beside = (at.z, self.f, at.s)
+        parts = zip(self.system.parts(found.missing), beside, strict=True)
+        sizes = [float(np.abs(r).sum() / np.abs(v).sum()) for r, v in parts if v.any()]
+        return max(sizes, default=0.0)
 
     def _measured(self, at: Point) -> _Measure:
         system = self.system

@@ -72,7 +72,7 @@ def small_program(
     ends = np.cumsum([n, zero, m])
     found, halfway = (Point(*np.split(v, ends)) for v in (point, middle))
     objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, float(c @ found.x))
-    return Result(status, found, objective, count, time.perf_counter() - began, halfway)
+    return Result(status, found, objective, count, time.perf_counter() - began, {-2: halfway})
 
 
 def _joined(at: Point) -> FloatArray:
