@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -117,16 +116,17 @@ class Blockwise(CLARABEL):
         c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
         backend, way = options.pop("backend"), kept.setdefault("way", {})
         starts = [way[power] for power in sorted(way)]
+        last: Point | None = kept.get("middle" if warm_start else "start")
         if not warm_start:
-            starts = [] if kept.get("start") is None else [kept["start"]]
+            starts = [] if last is None else [last]
         asked = _Asked.of(c, data, b, solver_opts) if warm_start else None
         before: _Asked | None = kept.get("asked")
         if asked is not None and before is not None and before.is_about(asked):
             # A start, and be it the best, would change the last digits of the same answer.
             if before.about == asked.about:
                 return cast(SimpleNamespace, kept["answer"])
-            starts = []
-        result = None if "backend" in solver_opts else _small(c, data, b, options, starts)
+            starts, last = [], None
+        result = None if "backend" in solver_opts else _small(c, data, b, options, last)
         if result is None:
             with one_thread():
                 own = kept[self.name()] = _Kept.of(kept.get(self.name()), c, data, b, backend)
@@ -174,15 +174,14 @@ class _Asked:
 
 
 def _small(
-    c: FloatArray, data: _Named, b: FloatArray, options: _Named, starts: Sequence[Point]
+    c: FloatArray, data: _Named, b: FloatArray, options: _Named, start: Point | None
 ) -> Result | None:
     """The answer by one compiled call, where the program suits and it finds one."""
     dims, matrix = data[ConicSolver.DIMS], data[keys.A]
     matrix = matrix if isinstance(matrix, sp.csc_array) else sp.csc_array(matrix)
     return small_program(
         c, matrix, b, (dims.zero, dims.nonneg, list(dims.soc)),
-        options["tolerance"], options["max_iter"], data.get("enough", np.inf),
-        starts[-1] if starts else None,
+        options["tolerance"], options["max_iter"], data.get("enough", np.inf), start,
     )  # fmt: skip
 
 

@@ -251,8 +251,8 @@ class InteriorPoint:
         return v if margin > size else v + max(-2.0 * margin, size) * self.cones.identity
 
     def _warm(self, starts: Sequence[Point]) -> Point | None:
-        """From the first of some points whose gap is no less than what it misses of this problem,
-        for the way from others goes along the boundary; where all miss more, from the last."""
+        """From the first of some points that misses no more of this problem than its gap, for the
+        way from others goes along the boundary; or from the one that misses least for its gap."""
         sizes = tuple(v.shape for v in (self.c, self.f, self.h, self.h))
         columns, rows = self.system.columns, self.system.rows
         usable = [
@@ -260,14 +260,20 @@ class InteriorPoint:
             for at in starts
             if at.is_finite and tuple(v.shape for v in (at.x, at.y, at.z, at.s)) == sizes
         ]
+        least, best = np.inf, None
         for at in usable:
             found = self._measured(at)
-            if found.gap >= (missed := self._missed(at, found)) or at is usable[-1]:
-                share, e = min(NUMBERS.shift, missed), self.cones.identity
-                z, s = (v + share * float(np.abs(v).mean()) * e for v in (at.z, at.s))
-                if min(self.cones.margin(v) for v in (z, s)) > 0.0:
-                    return Point(at.x, at.y, z, s)
-        return None
+            missed = self._missed(at, found)
+            if missed < least * found.gap:
+                least, best = missed / found.gap, (at, min(NUMBERS.shift, missed))
+            if least <= 1.0:
+                break
+        if best is None:
+            return None
+        (at, share), e = best, self.cones.identity
+        z, s = (v + share * float(np.abs(v).mean()) * e for v in (at.z, at.s))
+        is_inside = min(self.cones.margin(v) for v in (z, s)) > 0.0
+        return Point(at.x, at.y, z, s) if is_inside else None
 
     def _missed(self, at: Point, found: _Measure) -> float:
         """Residuals over what stands in their rows: rates by multipliers, loads, and slacks."""
