@@ -33,7 +33,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
-from cvxlimit.solvers.interior.iteration import NUMBERS
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 TOLERANCE = 1e-5
@@ -54,11 +53,6 @@ class _Numbers:
 
 
 _N = _Numbers()
-
-
-_AHEAD = NUMBERS.middle
-"""Gap and residuals of problems that are solved for the sake of the way to their answers only: the
-solver starts others from there."""
 
 
 _Ends = Generator[None, None, Status | None]
@@ -142,17 +136,6 @@ class ConvexSearch:
     def ladder(self) -> Sequence[SolverSettings]:
         with self.run.clock.phase("compile"):
             return self.run.ladder or self.problem.ladder(self.tolerance)
-
-    def lead(self) -> bool:
-        """Solve no further than to a point from which others may start, without a certificate;
-        False if none can: the first solver starts nowhere, or gets its matrices from CVXPY."""
-        self._leave_out_what_stands()
-        first = self.ladder[0]
-        if first.name != "BLOCKWISE":
-            return False
-        options = {**first.options, "tolerance": _AHEAD, "residual": _AHEAD}
-        self.run.solve(self.problem.run, replace(first, options=options))
-        return True
 
     def _leave_out_what_stands(self) -> None:
         if self.reductions.loaded is not None:

@@ -3,7 +3,7 @@ there is none."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,14 +11,15 @@ import numpy as np
 from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
 from cvxlimit.methods.driver import Answer, Run, Steps, drive
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import Bracket, known
-from cvxlimit.solvers import LimitState, rungs_of
+from cvxlimit.solvers import LimitState, SolverSettings, rungs_of
 
 
 @dataclass(frozen=True)
@@ -134,9 +135,19 @@ def solved(
             replace(rung, options={**rung.options, **options})
             for rung in rungs or problem.ladder(tolerance)[:1]
         )
+    found = solved_at(problem, problem.at_present(), tolerance, rungs, verbose)
+    found.__dict__["problem"] = problem
+    return found
+
+
+def solved_at(
+    problem: LimitProblem, given: Assemblage, tolerance: float = TOLERANCE,
+    ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
+) -> Solution:  # fmt: skip
+    """The solution where the Parameters' present values are those of the mechanics ``given``."""
     run = Run(
-        problem.at_present(), problem.surfaces, formulation=problem.formulation, ladder=rungs,
-        verbose=verbose, model="full",
+        given, problem.surfaces, formulation=problem.formulation, ladder=ladder, verbose=verbose,
+        model="full",
     )  # fmt: skip
     run.surface = problem.surface
     found = drive(OneProblem(tolerance=tolerance, problem=problem), run)
@@ -145,5 +156,4 @@ def solved(
         found = replace(found, dilatancy=None, note=note)
     if problem.has_aim:
         found = replace(found, quantity="value of the aim", mechanism=None)
-    found.__dict__["problem"] = problem
     return found

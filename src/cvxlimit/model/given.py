@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cvxpy as cp
@@ -39,6 +39,7 @@ class Given:
     pull : array or expression (n,), or None
         What the compressions of contacts that bear tension have too much, as they are stated.
     joints : mapping of property to expression (n,), weights : expression (free blocks,) or None
+    loads : mapping of "dead" or "live" to expression (6 free blocks,)
         Those that were given as Parameters.
     """
 
@@ -48,6 +49,7 @@ class Given:
     live: Any
     joints: Mapping[str, Any]
     weights: Any = None
+    loads: Mapping[str, Any] = field(default_factory=dict)
     pull: Any = None
 
     @property
@@ -58,10 +60,12 @@ class Given:
 
     @classmethod
     def of(
-        cls, scene: Scene | Assemblage, joints: Mapping[str, Any], live: Any, weights: Any
-    ) -> Given:
+        cls, scene: Scene | Assemblage, joints: Mapping[str, Any], loads: Mapping[str, Any],
+        weights: Any,
+    ) -> Given:  # fmt: skip
         given = {name: value for name, value in joints.items() if value is not None}
-        if not given and live is None and weights is None and isinstance(scene, Assemblage):
+        forces = {name: value for name, value in loads.items() if value is not None}
+        if not (given or forces) and weights is None and isinstance(scene, Assemblage):
             statics = scene.statics
             return cls(scene, statics.contacts, statics.dead, statics.live, {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
@@ -73,18 +77,21 @@ class Given:
         numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
         if numbers:
             plain = _jointed(plain, numbers)
-        if isinstance(live, Load):
-            plain, live = plain.with_live(live), None
+        for name, value in loads.items():
+            if isinstance(value, Load):
+                plain = _loaded(plain, name, forces.pop(name))
         weight = None if weights is None else _shaped("weights", weights, free, "free blocks")
         if weight is not None and not isinstance(weight, cp.Expression):
             plain, weight = _weighing(plain, weight), None
         symbols = {k: v for k, v in values.items() if isinstance(v, cp.Expression)}
         is_same = plain is (scene.scene if isinstance(scene, Assemblage) else scene)
         whole = Assemblage.of(scene if is_same else plain)
-        loads = whole.statics.dead, whole.statics.live
-        if live is not None or weight is not None:
-            loads = _loads(plain, live, weight)
-        return _with_tension(cls(whole, plain.contacts, *loads, symbols, weight))
+        dead, live = whole.statics.dead, whole.statics.live
+        if forces or weight is not None:
+            dead, live = _loads(plain, forces, weight)
+        symbolic = {"dead": dead, "live": live}
+        symbolic = {name: symbolic[name] for name in forces}
+        return _with_tension(cls(whole, plain.contacts, dead, live, symbols, weight, symbolic))
 
     def at_present(self) -> Assemblage:
         """With the Parameters' present values in the scene's place."""
@@ -95,10 +102,11 @@ class Given:
         values = {name: np.array(number(value)) for name, value in self.joints.items()}
         if self.weights is not None:
             scene = _weighing(scene, np.array(number(self.weights)))
-        if isinstance(self.live, cp.Expression):
-            forces = np.asarray(number(self.live)).reshape(-1, DOF)
-            ids = [scene.blocks[i].id for i in scene.free]
-            scene = scene.with_live(Load(forces=dict(zip(ids, map(tuple, forces), strict=True))))
+        ids = [scene.blocks[i].id for i in scene.free]
+        for name, load in self.loads.items():
+            forces = np.asarray(number(load)).reshape(-1, DOF)
+            given = dict(zip(ids, map(tuple, forces), strict=True))
+            scene = _loaded(scene, name, Load(forces=given))
         if values:
             scene = _jointed(scene, values)
         return self.assemblage.like(scene)
@@ -152,7 +160,11 @@ def _weighing(scene: Scene, weights: FloatArray) -> Scene:
     return scene._copy(blocks=tuple(blocks))
 
 
-def _loads(scene: Scene, live: Any, weights: Any) -> tuple[Any, Any]:
+def _loaded(scene: Scene, name: str, load: Load) -> Scene:
+    return scene.with_dead(load) if name == "dead" else scene.with_live(load)
+
+
+def _loads(scene: Scene, given: Mapping[str, Any], weights: Any) -> tuple[Any, Any]:
     """Dead and live load (6 free blocks,) where one of them, or weights, are expressions."""
     blocks = [scene.blocks[i] for i in scene.free.tolist()]
     own, every = np.array([block.weight for block in blocks]), sp.eye_array(len(blocks))
@@ -170,25 +182,28 @@ def _loads(scene: Scene, live: Any, weights: Any) -> tuple[Any, Any]:
         per_weight = sp.csr_array(spread @ sp.diags_array(np.ravel(along)) @ repeated)
         return per_weight @ weights + (forces.ravel() - per_weight @ own)
 
-    dead = acting(scene.dead, scene.dead_forces)
-    if live is None:
-        return dead, acting(scene.live, scene.live_forces)
-    if isinstance(live, Sequence):
-        live = cp.hstack(list(live))
-    if not isinstance(live, cp.Expression):
-        live = cp.Constant(np.asarray(live, dtype=float))
-    if live.shape == (len(blocks), DOF):
-        return dead, cp.vec(live, order="C")
-    if live.shape == (DOF * len(blocks),):
-        return dead, live
-    if live.shape != (3,):
-        raise ModelError(
-            "live must be a Load, an acceleration of three numbers or Parameters, or forces "
-            f"({len(blocks)}, 6) on the free blocks, got shape {live.shape}"
-        )
-    three = sp.csr_array(np.tile(np.eye(3), (len(blocks), 1)))
-    each = np.repeat(own, 3) if weights is None else repeated @ weights
-    return dead, spread @ cp.multiply(each, three @ live)
+    def expressed(name: str) -> Any:
+        load = given[name]
+        if isinstance(load, Sequence):
+            load = cp.hstack(list(load))
+        if not isinstance(load, cp.Expression):
+            load = cp.Constant(np.asarray(load, dtype=float))
+        if load.shape == (len(blocks), DOF):
+            return cp.vec(load, order="C")
+        if load.shape == (DOF * len(blocks),):
+            return load
+        if load.shape != (3,):
+            raise ModelError(
+                f"{name} must be a Load, an acceleration of three numbers or Parameters, or forces "
+                f"({len(blocks)}, 6) on the free blocks, got shape {load.shape}"
+            )
+        three = sp.csr_array(np.tile(np.eye(3), (len(blocks), 1)))
+        each = np.repeat(own, 3) if weights is None else repeated @ weights
+        return spread @ cp.multiply(each, three @ load)
+
+    dead = expressed("dead") if "dead" in given else acting(scene.dead, scene.dead_forces)
+    live = expressed("live") if "live" in given else acting(scene.live, scene.live_forces)
+    return dead, live
 
 
 def _with_tension(given: Given) -> Given:

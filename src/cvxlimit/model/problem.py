@@ -48,8 +48,8 @@ class LimitProblem(Changeable):
     friction, cohesion, compressive_strength, tensile_strength : number, array (n,) or Parameter
         In place of the scene's: one for all joints, not for ties, or one per contact; CVXPY
         expressions of Parameters too.
-    live : Load, (3,) or (free blocks, 6)
-        In place of the scene's live load; numbers, Parameters or expressions of them: an
+    live, dead : Load, (3,) or (free blocks, 6)
+        In place of the scene's loads; numbers, Parameters or expressions of them: an
         acceleration in multiples of weights, or forces and moments at centroids.
     weights : number, array (free blocks,) or Parameter
         Weights of the free blocks, in the scene's order.
@@ -92,6 +92,7 @@ class LimitProblem(Changeable):
         compressive_strength: Any = None,
         tensile_strength: Any = None,
         live: Any = None,
+        dead: Any = None,
         weights: Any = None,
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
@@ -103,7 +104,7 @@ class LimitProblem(Changeable):
             "compressive_strength": compressive_strength,
         }  # fmt: skip
         surfaces, self.surface = surfaces_of(surface)
-        given = Given.of(scene, joints, live, weights)
+        given = Given.of(scene, joints, {"dead": dead, "live": live}, weights)
         super().__init__(given, surfaces, formulation, reduction, goal, repeats)
         self.reference: Any = None  # the last certifier, for the next
 

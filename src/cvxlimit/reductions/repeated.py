@@ -11,7 +11,6 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.solvers.program import ConeProgram
 
 T = TypeVar("T")
@@ -23,25 +22,17 @@ _SHARED = 64_000
 _KEPT = 4
 """Patterns kept: one per pattern of the loads, as a rule two."""
 
-_NEAR = 1e-4
-"""Square of the distance between problems, in widths of all, within which one counts alone."""
-
 
 class Repeats:
     """What problems of one geometry share: ``states`` of
     :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are for, what follows
     from strengths alone, and the structure of programs by their pattern. None of these depends on
     whose was the first.
-
-    Problems that :meth:`lead` are solved before all others. With a ``place`` among theirs, the
-    blockwise solver starts between them.
     """
 
     def __init__(self) -> None:
         self.states: dict[object, FloatArray | None] = {}
         self._shared: dict[Hashable, tuple[Contacts, Any]] = {}
-        self.place: FloatArray | None = None
-        self._led: dict[str, list[tuple[FloatArray, Point]]] = {}
         self._kept: OrderedDict[str, dict[str, Any]] = OrderedDict()
         self._last: tuple[ConeProgram, str] | None = None
 
@@ -65,7 +56,6 @@ class Repeats:
         self._kept.move_to_end(key)
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
-        kept["start"] = self._start(key)
         return kept
 
     def _pattern(self, program: ConeProgram) -> str:
@@ -76,18 +66,3 @@ class Repeats:
         for part in (sizes, program.cones, program.matrix.indptr, program.matrix.indices):
             digest.update(np.asarray(part, dtype=np.int64).tobytes())
         return digest.hexdigest()
-
-    def lead(self, place: FloatArray) -> None:
-        """Start others from a point on the way to the last answer, if there is one."""
-        key, kept = next(reversed(self._kept.items()), ("", {}))
-        middle = kept.get("middle")
-        led = self._led.setdefault(key, [])
-        if middle is not None and not any(middle is point for _, point in led):
-            led.append((place, middle))
-
-    def _start(self, key: str) -> Point | None:
-        led = self._led.get(key)
-        if self.place is None or not led:
-            return None
-        squares = np.array([((self.place - place) ** 2).sum() for place, _ in led])
-        return Point.mean([point for _, point in led], 1.0 / (squares + _NEAR))

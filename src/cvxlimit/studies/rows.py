@@ -8,7 +8,6 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from inspect import Parameter, Signature, signature
@@ -16,14 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import is_number, ratio
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io.results import result_to_dict
-from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
-from cvxlimit.methods.driver import Run
+from cvxlimit.methods.convex_search import TOLERANCE
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
@@ -32,10 +28,10 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solvers import ladder_of
+from cvxlimit.solvers import ladder_of, rungs_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.studies.identity import digest, row_identity, surface_forms
-from cvxlimit.studies.leaders import Leaders
+from cvxlimit.studies.patched import PatchedProblem, strengths_of
 from cvxlimit.studies.store import IDENTITY, PROOF
 from cvxlimit.studies.variations import varied
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -49,13 +45,6 @@ RESULTS = (*FIGURES, *TEXTS, "seconds")
 
 _LOADS = ("live", "dead")
 """Parameters of :func:`varied` that are no numbers."""
-
-_CONTINUOUS = (
-    {*PROPERTIES, "density", "tilt", "direction"},
-    {"surface", "tolerance", "model", "ladder"},
-)
-"""Parameters, and options of solve, with which every variation is one convex problem that changes
-little where they change little."""
 
 _OF_A_RUN = ("scene", "progress", "verbose")
 
@@ -84,7 +73,7 @@ class Structures:
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
-        self.is_led = False
+        self._problems: OrderedDict[object, PatchedProblem | None] = OrderedDict()
 
     def sharing(self, scene: Scene) -> Scene:
         """The scene with the contacts of one of its geometry, if there was one."""
@@ -102,13 +91,29 @@ class Structures:
         known = self._known.get(scene.geometry)
         if known is None:
             made = replace(Assemblage.of(scene), repeats=Repeats())
-            self._known[scene.geometry] = made
-            # Parameters that change the geometry come in random order; 1,000 contacts take 20 MB.
-            if len(self._known) > 4:
-                self._known.popitem(last=False)
+            _put(self._known, scene.geometry, made)
             return made
         self._known.move_to_end(scene.geometry)
         return known.like(scene.sharing_contacts_of(known.scene))
+
+    def problem(self, given: Assemblage, options: Row) -> PatchedProblem | None:
+        """The problem of all rows of this geometry under one surface, if they are one convex
+        problem with other numbers."""
+        if not _is_patched(options):
+            return None
+        surface = options.get("surface", "conic")
+        key = given.scene.geometry, repr(surface), strengths_of(given.contacts)
+        if key not in self._problems:
+            _put(self._problems, key, PatchedProblem.of(given, surface))
+        self._problems.move_to_end(key)
+        return self._problems[key]
+
+
+def _put(kept: OrderedDict[Any, Any], key: object, value: object) -> None:
+    """Parameters that change the geometry come in random order; 1,000 contacts take 20 MB."""
+    kept[key] = value
+    if len(kept) > 4:
+        kept.popitem(last=False)
 
 
 def _near(name: str, known: Collection[str]) -> str:
@@ -133,7 +138,6 @@ class Study:
     scenes: Callable[..., Scene] | Scene
     options: Mapping[str, Any] = field(default_factory=dict)
     measure: Callable[[Solution], Mapping[str, Any]] | None = None
-    leaders: Leaders | None = None
     asked: str = ""
     """Digest of all that is asked of every row, where rows are stored; else empty."""
     stored: frozenset[str] = frozenset()
@@ -206,31 +210,6 @@ class Study:
         parts.append(digest(self.measure, "measure"))
         return replace(self, asked=digest(parts, "the sweep"))
 
-    def led(self, variations: Sequence[Mapping[str, Any]]) -> Study:
-        """The same, with starts between some of all ``variations`` where that makes sense."""
-        parameters, options = _CONTINUOUS
-        is_alike = parameters >= {*variations[0]} and options >= {*self.options}
-        is_led = isinstance(self.scenes, Scene) and is_alike
-        return replace(self, leaders=Leaders.of(variations)) if is_led else self
-
-    def _lead(self, known: Structures) -> None:
-        """Solve the leaders, once, each from between those before; one that fails leads nothing."""
-        if self.leaders is None or known.is_led:
-            return
-        known.is_led = True
-        tolerance = self.options.get("tolerance") or TOLERANCE
-        options = {name: value for name, value in self.options.items() if name != "tolerance"}
-        for row, place in zip(self.leaders.rows, self.leaders.places, strict=True):
-            with suppress(Exception):
-                given = known.mechanics(self._scene(row))
-                if not isinstance(given, Assemblage):
-                    return
-                given.repeats.place = place
-                run = Run(given, **options)
-                if not ConvexSearch(run, run.model, tolerance).lead():
-                    return
-                given.repeats.lead(place)
-
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
         """The answer to one variation. Where rows are stored, with its identity, and nothing else
         if that is there already, or with the result file that proves it."""
@@ -245,7 +224,7 @@ class Study:
                 result[IDENTITY] = row_identity(self.asked, alike, surface, options)
                 if result[IDENTITY] in self.stored:
                     return {IDENTITY: result[IDENTITY]}
-            result |= self._solved(scene, options, variation, known)
+            result |= self._solved(scene, options, known)
         except CvxlimitError as error:
             result["error"] = str(error)
         except Exception as error:  # a factory may raise what it likes; the row keeps the reason
@@ -256,12 +235,8 @@ class Study:
                 return {IDENTITY: result[IDENTITY]}
         return result | {"seconds": time.perf_counter() - start}
 
-    def _solved(
-        self, scene: Scene, options: Row, variation: Mapping[str, Any], known: Structures
-    ) -> Row:
-        self._lead(known)
-        place = None if self.leaders is None else self.leaders.place(variation)
-        solution = _answer(known.mechanics(scene), {**self.options, **options}, place)
+    def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
+        solution = _answer(known, scene, {**self.options, **options})
         figures: Row = {
             "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
             "lower": solution.lower,
@@ -289,13 +264,27 @@ class Study:
         return scene
 
 
-def _answer(given: Scene | Assemblage, options: Row, place: FloatArray | None) -> Solution:
-    if isinstance(given, Assemblage):
-        given.repeats.place = place
-    solution = solve(given, **options)
+def _answer(known: Structures, scene: Scene, options: Row) -> Solution:
+    given, solution = known.mechanics(scene), None
+    problem = known.problem(given, options) if isinstance(given, Assemblage) else None
+    if problem is not None and isinstance(given, Assemblage):
+        rungs = rungs_of(options.get("solver"), options.get("ladder"))
+        tolerance = options.get("tolerance") or TOLERANCE
+        solution = problem.solve(given, tolerance=tolerance, ladder=rungs)
+    if solution is None:
+        solution = solve(given, **options)
     if solution.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return solution
+
+
+def _is_patched(options: Row) -> bool:
+    """True for one convex problem, however much model."""
+    others = options.keys() - {"surface", "method", "tolerance", "solver", "ladder", "model"}
+    is_plain = all(options[name] == _USUAL[name] for name in others)
+    return (
+        is_plain and options.get("method") in (None, "convex") and options.get("model") != "least"
+    )
 
 
 def packed(study: object) -> bytes:

@@ -18,6 +18,7 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.scenes import scene_digest, scene_to_dict
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.studies.patched import nearest_first
 from cvxlimit.studies.rows import RESULTS, Row, Structures, Study, packed, work
 from cvxlimit.studies.store import IDENTITY, KEY, PROOF, Store, key_of
 from cvxlimit.studies.variations import Grid, variations_of
@@ -102,7 +103,7 @@ def sweep(
     study.check(records)
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
     variations = dict(zip(names, records, strict=True))
-    study, store, about = study.led(records), None, _about(study)
+    store, about = None, _about(study)
     if path is not None:
         study = study.to_be_stored()  # nothing is refused once the folder is there
         store = Store(path, {**about, "base": _base(scenes)})
@@ -189,12 +190,12 @@ def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed
     """Rows by name as they come; a study is anything whose ``row`` answers a variation."""
     if executor is None:
         known = Structures()
-        for name, variation in todo.items():
-            yield name, study.row(variation, known)
+        for name in nearest_first(todo):
+            yield name, study.row(todo[name], known)
         return
     blob = packed(study)
     token = hashlib.blake2b(blob, digest_size=12).hexdigest()
-    waiting = iter(_tasks(list(todo)))
+    waiting = iter(_tasks(nearest_first(todo)))
     pool, running = _pool(executor), dict[Future[list[Row]], Sequence[str]]()
     try:
         while True:

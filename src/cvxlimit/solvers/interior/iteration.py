@@ -91,12 +91,6 @@ class Point:
         x, y = self.x + primal * d.x, self.y + dual * d.y
         return Point(x, y, self.z + dual * d.z, self.s + primal * d.s)
 
-    @classmethod
-    def mean(cls, points: Sequence[Point], weights: FloatArray) -> Point:
-        """Inside the cones, which are convex, if all points are."""
-        parts = zip(*((p.x, p.y, p.z, p.s) for p in points), strict=True)
-        return cls(*(np.asarray(weights @ np.stack(part)) / weights.sum() for part in parts))
-
     @property
     def is_finite(self) -> bool:
         return all(np.isfinite(part).all() for part in (self.x, self.y, self.z, self.s))
