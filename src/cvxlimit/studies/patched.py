@@ -73,13 +73,13 @@ class PatchedProblem:
 
 
 def nearest_first(variations: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Their names in such an order that the next one is near, in widths of all. The order given stays where the way along it is no
-    more than twice as long, as it is in a grid."""
+    """Their names in such an order that the next one is near, in widths of all. The order given
+    stays where the way along it is no more than twice as long, as it is in a grid."""
     names, columns = list(variations), dict.fromkeys(k for row in variations.values() for k in row)
-    places = [_places([row.get(name) for row in variations.values()]) for name in columns]
-    points = np.array(places, dtype=float).reshape(len(columns), -1).T
-    if not points.size:
+    if not columns:
         return names
+    places = [_places([row.get(name) for row in variations.values()]) for name in columns]
+    points = np.stack(places, axis=1)
     left, order = np.lexsort(points.T[::-1]).tolist(), list[int]()
     while left:
         near = left[:_NEAREST]
