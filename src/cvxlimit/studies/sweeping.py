@@ -41,10 +41,12 @@ def sweep(
 ) -> DataFrame:
     """Solve all variations of a structure, and return a table with one row for each.
 
-    Scenes of the same geometry share their contacts, equilibrium and its factorisation. Every row
-    has a bracket of its own, recomputed outside the solver; a variation that cannot be built or
-    solved is a row that says why. In large grids of numbers a few variations, which every process
-    solves roughly first, tell the solver where to start with the others.
+    Scenes of the same geometry share their contacts, equilibrium and its factorisation; by the
+    convex method they are one :class:`~cvxlimit.LimitProblem`, whose strengths and loads are
+    Parameters: the solver starts from the row before, and random draws are solved in an order in
+    which the next one is near. Every row has a bracket of its own, recomputed outside the solver,
+    within which its last digits depend on the rows before; a variation that cannot be built or
+    solved is a row that says why.
 
     Parameters
     ----------
