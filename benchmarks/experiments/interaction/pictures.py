@@ -203,22 +203,21 @@ def _distance(iteration: Result, bracket: Result | None) -> float | None:
 def spread(path: Path, pairs: Sequence[Pair]) -> None:
     """The paper's reading over axes, block orders and settings, beside the paper's figure."""
     rows = {scene: _varied(pairs, scene) for scene in PANELS}
-    heights = [0.18 * len(found) + 0.9 for found in rows.values()]
+    heights = [0.17 * len(found) + 0.7 for found in rows.values()]
     figure = figure_of(sum(heights))
     axes = figure.subplots(len(PANELS), 1, height_ratios=heights)
     for ax, (scene, (last, experiment)) in zip(axes, PANELS.items(), strict=True):
-        labels = []
-        for y, (e, kind, later) in enumerate(rows[scene]):
-            colour = KINDS[kind]
-            ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=colour)
-            ax.plot(later[-1], y, "o", ms=4, c=colour)
-            labels.append(_label(e, kind))
-        ax.set_yticks(range(len(labels)), labels, fontsize=LETTERS)
+        for y, ((_, kind), runs) in enumerate(rows[scene].items()):
+            later = [factor for run in runs for factor in run]
+            ax.plot([min(later), max(later)], [y, y], "-", lw=5, alpha=0.4, c=KINDS[kind])
+            ax.plot([r[-1] for r in runs], [y] * len(runs), "o", ms=4, alpha=0.7, c=KINDS[kind])
+        ax.set_yticks(range(len(rows[scene])), [label for label, _ in rows[scene]])
+        ax.tick_params(labelsize=LETTERS)
         ax.invert_yaxis()
         _lines(ax.axvline, last, experiment)
-        ax.set_title(f"{scene}: third iterate to last (dot)", fontsize=10)
-        ax.set_xlabel("load factor (octagon)")
+        ax.set_title(f"{scene}: third iterate to last (dots)", fontsize=10, loc="left")
         _legend(ax, fontsize=LETTERS)
+    axes[-1].set_xlabel("load factor (octagon)", fontsize=LETTERS)
     save(figure, path)
 
 
@@ -226,13 +225,13 @@ KINDS = {"axes": "tab:green", "order": "tab:grey", "setting": "tab:purple", "": 
 """What is varied in :func:`spread`, and its colour."""
 
 
-def _varied(pairs: Sequence[Pair], scene: str) -> list[tuple[Experiment, str, list[float]]]:
-    """What was varied on a scene, by kind, with the iterates from the third on."""
-    found = []
+def _varied(pairs: Sequence[Pair], scene: str) -> dict[tuple[str, str], list[list[float]]]:
+    """What was varied on a scene, by kind, with the iterates from the third on of every run."""
+    found: dict[tuple[str, str], list[list[float]]] = {}
     for e, r in sorted(pairs, key=lambda pair: list(KINDS).index(_kind(pair[0]))):
         later = [f for f in r.factors[2:] if f is not None]
         if e.scene == scene and later and _kind(e):
-            found.append((e, _kind(e), later))
+            found.setdefault((_label(e, _kind(e)), _kind(e)), []).append(later)
     return found
 
 
@@ -250,4 +249,4 @@ def _label(e: Experiment, kind: str) -> str:
         return "as it is" if e.moments == "paper" else e.moments.removeprefix("paper ").strip("()")
     if kind == "setting":
         return setting(e)
-    return f"order {e.order}" + ("" if setting(e) == DEFAULTS else f", {setting(e)}")
+    return "other orders" + ("" if setting(e) == DEFAULTS else f", {setting(e)}")
