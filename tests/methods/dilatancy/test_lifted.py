@@ -46,7 +46,7 @@ def test_the_lowest_solution_of_five_blocks(height: float, friction: float) -> N
     scene = built(running_bond(2, 2), height, friction)
     found = lowest(scene).load_factor
     bound = lifted(scene, lower_bound(Run(scene), found).load_factor, found)
-    assert found * (1 - 1e-5) < bound.load_factor <= found
+    assert found * (1 - 1e-4) < bound.load_factor <= found
     assert bound.rates > 1e3
 
 
@@ -93,7 +93,7 @@ def test_solutions_satisfy_every_row() -> None:
 def test_fewer_products_are_weaker() -> None:
     scene, found = built(running_bond(2, 2), 0.4, 0.8), 0.5
     bounds = [lifted(scene, 0.0, found, radius=r).load_factor for r in (0, 1)]
-    assert bounds[0] <= bounds[1] + 1e-5
+    assert bounds[0] <= bounds[1] + 1e-4
     assert bounds[1] <= found
 
 

@@ -48,11 +48,15 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions
 
-_LOSS = 1e-6
+_LOSS = 1e-5
 """What the bound leaves to residuals of its multipliers, relative."""
 
 _REFINED = 2000
 """Steps of least squares in which multipliers are refined; each takes as long as one product."""
+
+_WIDER = 1e-4
+"""By how much the interval ends above the lowest solution known, relative, whose own error would
+leave nothing in it."""
 
 _TIGHT = 1e-10
 """The tightest tolerance that HiGHS takes."""
@@ -188,11 +192,11 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
         return result("the lifted problem is for scenes in a plane, with one law of friction")
     scaling = found.assemblage.scaling
     weight.value, at.value = -np.ones(len(run.contacts)), upper / scaling.load_factor(1.0)
-    most = _largest_compression(run, pressing, start, upper)
+    most = _largest_compression(run, pressing, start, (1.0 + _WIDER) * upper)
     if not np.isfinite(most):
         return result("joints may press each other without end")
     unit = scaling.load_factor(1.0)
-    lift = _Lift(products, (start / unit, upper / unit), _near(problem, settings.radius))
+    lift = _Lift(products, (start / unit, (1.0 + _WIDER) * upper / unit), _near(problem, settings.radius))
     run.tell(f"lifted problem: {lift.inequalities.shape[0]:,} products of forces and rates")
     left = settings.seconds - (time.perf_counter() - since)
     with run.clock.phase("solve"):
