@@ -105,7 +105,7 @@ class Answer:
     lower_end : LowerEnd or None
         The lower end, where the answer is an interval.
     dilatancy : Dilatancy or None
-        Known where there is no load factor to compute it for.
+        Where more is known of it than follows from forces and mechanism.
     sure : Answer or None
         The best one whose lower bound is proved, where this one's is higher and is not.
     """
@@ -450,7 +450,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     words: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         words[method.axis] = method.name
-    dilatancy = _dilatancy(method, run, best)
+    dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
     return Solution(
         **words,
         scene=scene.name,
@@ -477,13 +477,14 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     )
 
 
-def _dilatancy(method: Method, run: Run, best: Answer) -> Dilatancy | None:
-    """Of the forces and the mechanism; under a guide, which moves a support, nobody has asked."""
+def dilatancy_in(run: Run, best: Answer) -> Dilatancy | None:
+    """Of an answer's forces and mechanism; under a guide, which moves a support, nobody has
+    asked."""
     forces, mechanism, alpha = best.forces, best.mechanism, best.load_factor
     statics = run.assemblage.statics
-    if forces is None or mechanism is None or alpha is None:
+    if statics.guide is not None or best.dilatancy is not None:
         return best.dilatancy if statics.guide is None else None
-    if method.axis == "flow" or statics.guide is not None:
+    if forces is None or mechanism is None or alpha is None:
         return None
     power = run.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
     relative = statics.relative_rates(mechanism)

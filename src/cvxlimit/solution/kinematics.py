@@ -25,6 +25,9 @@ SMALL_SHARE = 0.01
 the same mechanism would be less by that share. Mechanisms that rock come out at 1e-6 and less,
 walls that slide at 0.3 and more."""
 
+_NOTHING = 1e-5
+"""Of a load factor, what is not worth a word: the bracket's width by default."""
+
 _NAMED = 5
 """Sliding joints that a sentence names; all are in :attr:`Dilatancy.sliding`."""
 
@@ -135,6 +138,10 @@ class Dilatancy:
         Contacts that open, slide or twist.
     safe : float
         Load factor below which nothing slides without dilatancy, proved; 0 where none is known.
+    nearly : float or None
+        A load factor that nearly holds without dilatancy, where it was looked for: ``lacks`` is the
+        share by which its own forces, with friction held as they have it, carry more. It is neither
+        the lowest nor a bound.
 
     Example
     -------
@@ -148,6 +155,8 @@ zero-dilatancy) answers without dilatancy
     sliding: tuple[str, ...] = ()
     moving: int = 0
     safe: float = 0.0
+    nearly: float | None = None
+    lacks: float | None = None
 
     @property
     def is_worth_a_word(self) -> bool:
@@ -181,8 +190,15 @@ zero-dilatancy) answers without dilatancy
         return (
             f"{joints} by dilatancy, which takes {100.0 * self.share:.3g} % of the live load's "
             "work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method "
-            "zero-dilatancy) answers without dilatancy"
+            f"zero-dilatancy) answers without dilatancy{self._nearly}"
         )
+
+    @property
+    def _nearly(self) -> str:
+        if self.nearly is None or self.lacks is None:
+            return ""
+        but = f" but for {100.0 * self.lacks:.1g} % of it" if self.lacks > _NOTHING else ""
+        return f"; at a first look {rounded(self.nearly, 4)} holds without{but}, and lower ones may"
 
 
 def dilatancy_of(

@@ -20,9 +20,10 @@ from typing import Any
 
 import cvxpy as cp
 import numpy as np
+import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.dilatancy.tresca import HeldFormulation, Slip, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
@@ -48,24 +49,34 @@ class Priced:
 class Reduced:
     """The smallest model of a run, for problems with friction held.
 
-    A mirror is left out: without dilatancy a symmetric structure may fall on one side.
+    A mirror is left out unless a symmetric answer will do: without dilatancy a symmetric structure
+    may fall on one side.
 
     Attributes
     ----------
     kept : (k,) int array
         Contacts that it has.
+    lift : (n, k) matrix
+        Compressions of all contacts that those of the kept ones stand for.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, is_symmetric: bool = False) -> None:
         self.surfaces = needed_surfaces(run.surfaces)
-        found = replace(Reductions.of(run.assemblage, self.surfaces, model=run.model), mirror=None)
+        found = Reductions.of(run.assemblage, self.surfaces, model=run.model)
+        found = found if is_symmetric else replace(found, mirror=None)
         self.assemblage, state = found.assemblage, None
         if found.loaded is not None:
             state = Certifier(found.assemblage, self.surfaces).witnesses.easy_dead_state
         self.reduction = found.best(state)
-        self.kept = np.arange(len(run.contacts))
-        if "parts" in self.reduction.names and found.loaded is not None:
-            self.kept = np.flatnonzero(contacts_of(run.assemblage.statics, found.loaded))
+        n, names = len(run.contacts), self.reduction.names
+        is_kept = np.ones(n, dtype=bool)
+        if "parts" in names and found.loaded is not None:
+            is_kept = contacts_of(run.assemblage.statics, found.loaded)
+        if found.mirror is not None:
+            is_kept = is_kept & (np.arange(n) <= found.mirror.contacts)
+        self.kept, lift, at = np.flatnonzero(is_kept), self.reduction.forces, COLUMN["N"]
+        each = slice(at, None, len(COMPONENTS))
+        self.lift = sp.eye_array(n, format="csr") if lift is None else lift[each][:, each].tocsr()
 
     def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
         """With friction as it is."""
@@ -89,11 +100,11 @@ class Pair:
         How many problems were solved.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, is_symmetric: bool = False) -> None:
         self.run, self.solved = run, 0
         with run.clock.phase("compile"):
-            reduced = Reduced(run)
-            self._kept = reduced.kept
+            reduced = Reduced(run, is_symmetric)
+            self._kept, self._lift = reduced.kept, reduced.lift
             self._slip = Slip(reduced.surfaces, run.assemblage.contacts)
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
             self._priced = reduced.problem(Priced(self._price))
@@ -101,7 +112,7 @@ class Pair:
 
     def priced(self, price: FloatArray, tolerance: float) -> LimitState:
         """Forces of the largest load factor less prices (n,) of compressions."""
-        self._price.value = self.run.scaling.live * price[self._kept]
+        self._price.value = self.run.scaling.live * (self._lift.T @ price)
         state, settings = self._solved(self._priced, tolerance)
         self.run.note(state, f"{settings}, compressions priced")
         return state
