@@ -75,6 +75,17 @@ FIT_FROM = 400
 OWN = r"cvxlimit/1e-\d+"
 """Names of the methods whose phases are shown."""
 
+CHARTED = (
+    "cvxlimit", "cvxlimit, octagon", "cone, Clarabel", "cone, QOCO", "cone, SCS",
+    "cone, blockwise own Cholesky", "cone, blockwise CHOLMOD", "facets, circumscribed, Clarabel",
+    "facets, inscribed, Clarabel", "literal transcription, octagon", "literal transcription, cone",
+    "literal, cone, N and mm", "literal, octagon, N and mm",
+)  # fmt: skip
+"""Lines of a chart of time against error, where there are more than a reader can tell apart."""
+
+AT = "/1e-8"
+"""End of the names of methods whose growth is drawn, those of the package besides: one tolerance."""
+
 PHASE_COLOURS = dict(
     zip(PHASES, ("#9aad00", "#f59e0b", "#e36fb0", "#134b73", "#4aa3a8"), strict=True)
 )
@@ -125,6 +136,9 @@ def _scene_label(record: Record) -> str:
 
 def time_against_error(family: str, studied: dict[str, list[Record]]) -> Figure:
     """One plot per studied scene, one above the other, every line named beside it."""
+    every = {r.row.line for group in studied.values() for r in group if r.row.has_point}
+    if len(every) > len(CHARTED):
+        studied = {k: [r for r in v if r.row.line in CHARTED] for k, v in studied.items()}
     labels = dict.fromkeys(r.row.line for group in studied.values() for r in group)
     styles = {label: number for number, label in enumerate(labels)}
     high = max(3.6, 0.175 * len(labels))
@@ -162,7 +176,8 @@ def growth(family: str, grown: dict[str, list[Record]]) -> Figure:
         (plots[0], "total", "total time (s)"),
         (plots[1], "memory", "peak memory (MB)"),
     ):
-        for number, (name, records) in enumerate(grown.items()):
+        shown = {k: v for k, v in grown.items() if k.endswith(AT) or k.startswith("cvxlimit")}
+        for number, (name, records) in enumerate((shown or grown).items()):
             _grow(axes, number, name, records, column)
         axes.set(xscale="log", yscale="log", ylabel=label, xlabel="contacts")
         if axes.lines:

@@ -83,10 +83,12 @@ def outcomes(rows: Sequence[Row]) -> Figure:
 
 
 def map_of_wrong(rows: Sequence[Row]) -> Figure:
-    """Families x methods that believe the solver: the share that is wrong but called right."""
+    """Families x methods that believe the solver: the share that is wrong but called right, where it
+    is on any family."""
     raw = [row for row in rows if row["method"].startswith("raw/")]
     names = list(dict.fromkeys(row["method"] for row in raw))
-    families = [f for f in FAMILIES if any(row["family"] == f for row in raw)]
+    bad = {row["family"] for row in raw if row["outcome"] == Outcome.WRONG}
+    families = [f for f in FAMILIES if f in bad]
     wrong, of = (np.zeros((len(families), len(names))) for _ in range(2))
     for row in raw:
         at = families.index(row["family"]), names.index(row["method"])
