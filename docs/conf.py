@@ -34,7 +34,7 @@ extensions = [
 ]
 exclude_patterns = [
     f"_made/{name}.md"
-    for name in ("commands", "gallery", "scenes", "columns-contacts", "columns-blocks")
+    for name in ("commands", "gallery", "scenes", "notebooks", "columns-contacts", "columns-blocks")
 ]
 
 html_theme = "furo"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ def make_all(root: Path, made: Path) -> None:
     sources = sorted((root / "notebooks").glob("*.ipynb"))
     for source in sources:
         keep(made / "notebooks" / source.name, notebook(source))
+    keep(made / "notebooks.md", shown(sources, made / "notebooks"))
     for page in (made / "notebooks").glob("*.ipynb"):
         if page.name not in [source.name for source in sources]:
             page.unlink()
@@ -55,6 +58,38 @@ def notebook(path: Path) -> str:
             if output.output_type in ("display_data", "execute_result"):
                 output.setdefault("metadata", nbformat.from_dict({}))
     return str(nbformat.writes(content))
+
+
+def shown(sources: Sequence[Path], folder: Path) -> str:
+    """A card for every notebook: its title, its first sentences, and the last picture it drew."""
+    cards = ["::::{grid} 1 1 2 3\n:gutter: 2\n"]
+    for source in sources:
+        cells = nbformat.read(source, as_version=4).cells
+        title, said, *_ = next(c.source for c in cells if c.cell_type == "markdown").split("\n\n")
+        data = [output.get("data", {}) for c in cells for output in c.get("outputs", ())]
+        drawn = [base64.b64decode(each["image/png"]) for each in data if "image/png" in each]
+        picture = folder / f"{source.stem}.png"
+        if not picture.exists() or picture.read_bytes() != drawn[-1]:
+            picture.write_bytes(drawn[-1])
+        name = f"/_made/notebooks/{source.stem}"
+        line = for_site(said.replace("\n", " "), "notebooks")
+        head = f":::{{grid-item-card}} [{title.removeprefix('# ')}]({name}.ipynb)"
+        cards.append(f"{head}\n![]({name}.png)\n\n{first_sentences(line)}\n:::")
+    return "\n".join([*cards, "::::\n"])
+
+
+def first_sentences(text: str, least: int = 60) -> str:
+    """As many as it takes to say something.
+
+    >>> first_sentences("Coulomb's cone is round. Linear programming needs facets. Which?", 30)
+    "Coulomb's cone is round. Linear programming needs facets."
+    """
+    found = ""
+    for sentence in re.findall(r".*?[.?!](?= |$)|.+$", text):
+        found += sentence
+        if len(found) >= least:
+            break
+    return found.strip()
 
 
 def commands() -> str:

@@ -41,10 +41,7 @@ class Status(StrEnum):
 
 
 _ADVICE = {
-    Status.CERTIFIED: (
-        "the bracket, recomputed outside the solver, is within the tolerance; with interaction and "
-        "no tolerance asked for, within 5 %"
-    ),
+    Status.CERTIFIED: "the load factor lies between both bounds, recomputed outside the solver",
     Status.NOT_CERTIFIED: (
         "the bracket is wider than the tolerance: use its bounds, or ask for a wider tolerance; "
         "with interaction give it more time, without it try another surface or solver"
