@@ -196,7 +196,9 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
     if not np.isfinite(most):
         return result("joints may press each other without end")
     unit = scaling.load_factor(1.0)
-    lift = _Lift(products, (start / unit, (1.0 + _WIDER) * upper / unit), _near(problem, settings.radius))
+    lift = _Lift(
+        products, (start / unit, (1.0 + _WIDER) * upper / unit), _near(problem, settings.radius)
+    )
     run.tell(f"lifted problem: {lift.inequalities.shape[0]:,} products of forces and rates")
     left = settings.seconds - (time.perf_counter() - since)
     with run.clock.phase("solve"):
