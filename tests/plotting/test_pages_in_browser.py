@@ -182,6 +182,15 @@ class TestViewer:
         said = tab.opened(pages["viewer"], 1280, "light").text("#advice")
         assert said.startswith("Certified: between 0.42305 and 0.42306, proved outside the solver.")
 
+    def test_on_a_phone_the_picture_comes_before_what_the_number_rests_on(self, tab, pages) -> None:
+        tab.opened(pages["viewer"], 390, "light")
+        assert tab.run("return document.querySelector('header').offsetHeight") < 0.2 * HEIGHTS[390]
+        assert "On the unsafe side: joints slide" in tab.text("#advice")
+        assert "joints that move" not in tab.text("header")
+        tab.click("#more summary")
+        assert "115 of 124 joints that move" in tab.text("header")
+        assert tab.overflow() == []
+
     @pytest.mark.parametrize("width", HEIGHTS)
     def test_a_block_is_read_where_it_is(self, width: int, tab, pages) -> None:
         """Blocks are found under the pointer by their names, wherever they are drawn."""

@@ -72,6 +72,7 @@ def page(scene: Scene, solution: Solution) -> Page:
     }
     if forces is not None:
         data |= _strength_data(scene, solution, forces)
+    advice, more = _said(solution)
     data |= {
         "shapes": [
             {
@@ -84,15 +85,18 @@ def page(scene: Scene, solution: Solution) -> Page:
             for shape in shapes_of(scene, solution, moving)
         ],
         "title": look.title(solution),
-        "advice": _said(solution),
+        "advice": advice,
+        "more": more,
         "speedText": look.SPEED_TEXT,
     }
     return framed("viewer.html", data)
 
 
-def _said(solution: Solution) -> str:
-    """What the number is worth, first in one short sentence."""
-    note = solution.note
+def _said(solution: Solution) -> tuple[str, str]:
+    """What the number is worth, in one or two short sentences, and the note, which says why."""
+    note, unsafe = solution.note, solution.dilatancy
+    if not solution.status.has_answer:  # what to do is in the note
+        return _sentences(solution.standing, note), ""
     if solution.status is Status.CERTIFIED:
         lower = rounded_down(solution.lower, look.DIGITS)
         upper = rounded_up(solution.upper, look.DIGITS)
@@ -100,11 +104,16 @@ def _said(solution: Solution) -> str:
         first = f"{solution.standing}: between {lower} and {upper}, {how} outside the solver"
         if solution.is_proved:
             note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
-    elif solution.status.has_answer:
+    else:
         first = f"{solution.standing}: {solution.status.advice}"
-    else:  # what to do is in the note
-        first = solution.standing
-    return " ".join(f"{said[0].upper()}{said[1:]}." for said in (first, note) if said)
+    second = ""
+    if unsafe is not None and unsafe.is_worth_a_word:
+        second = "on the unsafe side: joints slide, and open by dilatancy"
+    return _sentences(first, second), _sentences(note)
+
+
+def _sentences(*said: str) -> str:
+    return " ".join(f"{each[0].upper()}{each[1:]}." for each in said if each)
 
 
 def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict[str, Any]:
