@@ -106,6 +106,20 @@ class LiftedBound:
     seconds: float
     note: str
 
+    @property
+    def is_bound(self) -> bool:
+        """True if more was found than was known."""
+        return self.load_factor > self.start
+
+    def __str__(self) -> str:
+        """What the bound rests on, or why there is none."""
+        if not self.is_bound:
+            return self.note
+        return (
+            f"unless joints open and slide, in all, by more than {self.rates:.2g} times the "
+            "displacement of the live load"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class _Products:

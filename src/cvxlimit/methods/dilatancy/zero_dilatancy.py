@@ -17,9 +17,11 @@ from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
 from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
+from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.proof.certificate import assumptions
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState
@@ -84,6 +86,15 @@ class ZeroDilatancy(Method):
     descents : int
         Pairs of problems tried in the search for low members, and half as many for high ones; 0
         for none.
+    products : Lifted or None
+        Seek a second lower bound, for scenes in a plane up to some 45 contacts; None does not.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> found = solve(builtin_scene("arch"), method=ZeroDilatancy(starts=1))
+    >>> found.lower <= found.load_factor <= found.upper, found.gap < 1e-4
+    (True, True)
     """
 
     name = "zero-dilatancy"
@@ -96,6 +107,7 @@ class ZeroDilatancy(Method):
     max_iterations: int = 150
     seed: int = 0
     descents: int = 120
+    products: Lifted | None = None
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
@@ -109,6 +121,12 @@ class ZeroDilatancy(Method):
         if dead_load_falls(run):
             return Status.DEAD_LOAD_UNSTABLE
         return (yield from _Search(self, run).steps())
+
+    def basis(self, run: Run) -> str:
+        """What the bounds rest on; that by products says so where it is named."""
+        bracket = run.best.bracket
+        told = bracket if bracket.lower_is_proved else replace(bracket, lower=-np.inf)
+        return assumptions(told)
 
 
 Found = tuple[Member, LimitState]
@@ -124,6 +142,7 @@ class _Search:
         self.last: Member | None = None
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
+        self.products: LiftedBound | None = None
         self.pair = Pair(run)
         with run.clock.phase("certify"):
             self.verifier = Verifier(run)
@@ -143,6 +162,8 @@ class _Search:
         if self.found and not self.run.best.bracket.is_within(self.rule.tolerance):
             yield from self._walked(1.0, self.rule.descents)
             yield from self._walked(-1.0, self.rule.descents // 2)
+        if self.found and self.rule.products is not None:
+            self._bound_by_products(self.rule.products)
         self._report()
         return Status.CONVERGED if self.found else Status.NOT_CONVERGED
 
@@ -176,6 +197,16 @@ class _Search:
         found = lower_bound(run, lowest, states, run.clock.elapsed)
         if found.load_factor > 0.0:
             bracket = run.best.bracket.raised(found.load_factor, True)
+            run.best = replace(run.best, bracket=bracket)
+        self._report()
+
+    def _bound_by_products(self, settings: Lifted) -> None:
+        """What products of forces and rates show besides."""
+        run, start = self.run, max(self.run.best.bracket.lower, 0.0)
+        run.tell("bounding solutions by products of forces and rates")
+        self.products = lifted_bound(run, start, self._extreme(1.0)[0].load_factor, settings)
+        if self.products.load_factor > start:
+            bracket = run.best.bracket.raised(self.products.load_factor, False)
             run.best = replace(run.best, bracket=bracket)
         self._report()
 
@@ -313,8 +344,11 @@ class _Search:
     def _report(self) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
         bracket = self.run.best.bracket
+        by = "least thrusts"
+        if self.products is not None and self.products.is_bound:
+            by = f"products of forces and rates ({self.products})"
         ends = (
-            (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by least thrusts"),
+            (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by {by}"),
             (bracket.upper, f"none above {rounded_up(bracket.upper)}, by associated friction"),
         )
         said = " and ".join(words for end, words in ends if np.isfinite(end))
@@ -332,6 +366,8 @@ class _Search:
         else:
             remark = f"no zero-dilatancy solution was found from {tried}{above}"
         self.run.remarks = [remark]
+        if self.products is not None and not self.products.is_bound:
+            self.run.remarks.append(f"no bound by products: {self.products}")
         if members:
             best = members[0]
             self.run.best = Answer(
