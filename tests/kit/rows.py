@@ -34,7 +34,7 @@ def by_cvxpy(problem: LimitProblem) -> ConeProgram:
 
 def assert_same_rows(problem: LimitProblem) -> None:
     """The rows of both sinks at the Parameters' present values."""
-    own, theirs = problem._in_rows[1].at_present(), by_cvxpy(problem)
+    own, theirs = problem.program, by_cvxpy(problem)
     sizes = [(p.matrix.shape, p.zero, p.nonneg, sorted(p.cones)) for p in (own, theirs)]
     assert sizes[0] == sizes[1]
     size = float(abs(theirs.matrix).max())

@@ -17,6 +17,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.own_limits import OwnCertifier
+from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, rungs_of
@@ -145,6 +146,8 @@ def solved_at(
     ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
 ) -> Solution:  # fmt: skip
     """The solution where the Parameters' present values are those of the mechanics ``given``."""
+    problem.shared = given.repeats or problem.shared or Repeats()
+    given = replace(given, repeats=problem.shared)
     run = Run(
         given, problem.surfaces, formulation=problem.formulation, ladder=ladder, verbose=verbose,
         model="full",

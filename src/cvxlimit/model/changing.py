@@ -39,10 +39,9 @@ class Changeable(Statement):
             return "limits have a bracket on full models without unknowns of their own only"
         starts = self.model.start.values()
         internal = {v.id: at for v, at in zip(found.internal, starts, strict=True)}
-        units = sp.diags_array(self.scaling.force * self._unit)
-        factor = sp.csr_array([[self.scaling.load_factor(1.0)]])
-        resultant_map = sp.block_diag([self.model.resultant_map @ units, factor], format="csr")
-        return self._own.linear(internal, found.factor.id, resultant_map)
+        units, load = self.scaling.force * self._unit, self.scaling.load_factor(1.0)
+        forces = sp.csr_array(self.model.resultant_map @ sp.diags_array(units))
+        return self._own.linear(internal, forces, found.factor.id, load)
 
     @property
     def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:

@@ -184,18 +184,17 @@ class OwnLimits:
         self.problem.unpack_results(raw, self._chain, self._inverse)
 
     def linear(
-        self, internal: Mapping[int, slice], factor: int, resultant_map: sp.csr_array
+        self, internal: Mapping[int, slice], forces: sp.csr_array, factor: int, load: float
     ) -> Any:
         """The limits and the aim on contact forces, at present, or a sentence on why they are not.
 
         ``internal`` says where variables stand among the internal forces (p,), ``factor`` which is
-        the load factor, both scaled as ``resultant_map`` (6 n, p + 1) is: in the user's units it
-        gives contact forces, and in its last column the load factor, per unknown.
+        the load factor. ``forces`` (6 n, p) and ``load`` are contact forces and load factor of a
+        unit of each, in the user's units.
         """
         if not self.has_rows or self.dims.soc:
             return "only linear limits have a bracket, and some of these are cones"
         cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        forces, load = resultant_map[:-1, :-1], float(resultant_map[-1, -1])
         rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
         whole, start = sp.lil_array((rows.shape[0], forces.shape[1])), 0
         alpha = np.zeros(rows.shape[0])
@@ -208,7 +207,7 @@ class OwnLimits:
                 whole[:, internal[variable.id]] = own
             elif abs(own).sum() > 0.0:
                 return self._open([*internal, factor])
-        found = _on_contacts(sp.csr_array(whole), sp.csr_array(forces))
+        found = _on_contacts(sp.csr_array(whole), forces)
         if found is None:
             return "limits on more than the forces of contacts have no bracket"
         aim = None if self._aim is None else (found[[-1]], float(alpha[-1]), -float(offset))
@@ -246,16 +245,19 @@ class OwnLimits:
 def _on_contacts(rows: sp.csr_array, resultant_map: sp.csr_array) -> sp.csr_array | None:
     """Rows (k, 6 n) on contact forces that are rows (k, p) on internal forces, by contact, or None
     where they are not."""
-    n = resultant_map.shape[0] // DOF
-    square = sp.bsr_array(resultant_map @ resultant_map.T, blocksize=(DOF, DOF)).tocoo()
-    at, place = (np.asarray(index, np.int64) for index in square.coords)
-    inside = at // DOF == place // DOF
-    blocks = np.zeros((n, DOF, DOF))
-    blocks[at[inside] // DOF, at[inside] % DOF, place[inside] % DOF] = square.data[inside]
-    inverse = np.linalg.pinv(blocks, hermitian=True)
-    found = rows @ resultant_map.T @ sp.block_diag(list(inverse), format="csr")
+    given = sp.csr_array(rows @ resultant_map.T)
+    touched = np.unique(given.indices // DOF)  # few, as a rule
+    at, each = (DOF * touched[:, None] + np.arange(DOF)).ravel(), np.arange(len(touched) + 1)
+    square = sp.coo_array(resultant_map[at] @ resultant_map[at].T)
+    row, column = (np.asarray(index, np.int64) for index in square.coords)
+    inside, blocks = row // DOF == column // DOF, np.zeros((len(touched), DOF, DOF))
+    row, column = row[inside], column[inside]
+    blocks[row // DOF, row % DOF, column % DOF] = square.data[inside]
+    inverse = sp.bsr_array((np.linalg.pinv(blocks, hermitian=True), each[:-1], each))
+    own = sp.csr_array(given[:, at] @ inverse)
+    found = sp.csr_array((own.data, at[own.indices], own.indptr), shape=given.shape)
     rest = abs(found @ resultant_map - rows)
-    return sp.csr_array(found) if rest.max() <= 1e-9 * abs(rows).max() else None
+    return found if rest.max() <= 1e-9 * abs(rows).max() else None
 
 
 def broken(problem: cp.Problem, limits: Mapping[str, Sequence[cp.Constraint]]) -> list[str]:

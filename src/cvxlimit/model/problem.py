@@ -107,6 +107,7 @@ class LimitProblem(Changeable):
         given = Given.of(scene, joints, {"dead": dead, "live": live}, weights)
         super().__init__(given, surfaces, formulation, reduction, goal, repeats)
         self.reference: Any = None  # the last certifier, for the next
+        self.shared: Any = None  # what certificates at several values of the Parameters share
 
     def __repr__(self) -> str:
         scene, limits = self.assemblage.scene, {**self.constraints, **self._limits}
@@ -200,7 +201,8 @@ class LimitProblem(Changeable):
         norms, the load factor, and what the goal adds."""
         if self._shared is not None:
             return self._shared
-        return self._in_rows[1].at_present()
+        written = self._in_rows[1]
+        return written.at(written.theta.values())
 
     @cached_property
     def _shared(self) -> ConeProgram | None:
@@ -213,7 +215,7 @@ class LimitProblem(Changeable):
         if about is None or not is_full or self.goal != LARGEST_FACTOR:
             return None
         what, contacts = ("program", about, self.scaling.force), self.model.contacts
-        found = self.repeats.shared(what, contacts, lambda: self._in_rows[1].at_present())
+        found = self.repeats.shared(what, contacts, lambda: self._in_rows[1].program)
         dead, live = self._loads
         shared: ConeProgram = found.under(dead, live)
         return shared
@@ -291,10 +293,12 @@ class LimitProblem(Changeable):
         has_rows = has_rows and (self._own is None or self._own.has_rows)
         if not settings.row.takes_matrices or not has_rows:
             return self._run_by_cvxpy(settings)
-        program, kept = self.program, self._kept
+        values, program, kept = None, self._shared, self._kept
+        if program is None:
+            values = self._in_rows[1].theta.values()
+            program = self._in_rows[1].at(values)
         if self.repeats is not None:
             kept = self.repeats.structure(program)
-        values = None if self._shared is not None else self._in_rows[1].theta.values()
         before, self._values_before = self._values_before, values
         is_warm = before is not None and values is not None and bool((before != values).any())
         outcome, x, y = program.solve(settings, kept, is_warm, all_duals=self._own is not None)

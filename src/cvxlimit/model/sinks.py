@@ -435,11 +435,11 @@ class Written:
         program = ConeProgram(cost, matrix, right, *sizes)
         return cls(program, theta, fixed, *map(np.concatenate, (place, values, every)))
 
-    def at_present(self) -> ConeProgram:
-        """The program at the Parameters' present values."""
+    def at(self, values: FloatArray) -> ConeProgram:
+        """The program where theta has these ``values``."""
         if self.place is None or self.value is None or self.fixed is None:
             return self.program
-        numbers = self.value * self.theta.values()[self.slot]
+        numbers = self.value * values[self.slot]
         filled = self.fixed + np.bincount(self.place, numbers, len(self.fixed))
         matrix, right = self.program.matrix, self.program.right
         data, b, cost = np.split(filled, np.cumsum([matrix.nnz, len(right)]))
