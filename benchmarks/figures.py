@@ -203,7 +203,8 @@ def names_read(has_interaction: bool) -> dict[str, list[str]]:
 
 def _loaded(code: CodeType) -> Iterator[str]:
     for step in dis.get_instructions(code):
-        if step.opname.startswith("LOAD_") and isinstance(step.argval, str):
+        is_name = step.opname.startswith("LOAD_") and step.opname != "LOAD_CONST"
+        if is_name and isinstance(step.argval, str):
             yield step.argval
 
 
@@ -322,6 +323,7 @@ def main() -> None:
     )
     parser.add_argument("--plain", action="store_true", help="the twenty without only")
     parser.add_argument("--list", action="store_true", help="list the figures, and try none")
+    parser.add_argument("--round", action="store_true", help="round values only")
     parser.add_argument(
         "--untimed", action="store_true", help="brackets only, in a third of the time"
     )
@@ -353,6 +355,8 @@ def main() -> None:
             if not names:
                 continue
             for which, value in others(figure, known).items():
+                if asked.round and which != "round":
+                    continue
                 said = (
                     verdict(has_interaction, names, figure, value, base, not asked.untimed)
                     or "nothing"
