@@ -168,7 +168,7 @@ def better(run: Run, tries: int, seed: int = 0) -> float:
         moved = rng.random(len(contacts)) < rng.choice([0.1, 0.3, 1.0])
         step = _SPREADS[number % len(_SPREADS)] * rng.uniform(-1.0, 1.0, centre.shape)
         centre = np.clip(centre + step * moved[:, None], -1.0, 1.0)
-        state = problem.solve(run.moments.safe_copies(contacts, centre), settings)
+        state = problem.solve(run.moments.safe_disjuncts(contacts, centre), settings)
         if state.forces is None or state.load_factor is None or state.load_factor <= best:
             continue
         bound = checker.of(state.forces, state.load_factor)

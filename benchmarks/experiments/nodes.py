@@ -43,16 +43,16 @@ def solvers(seed: int, repeats: int = 5) -> Lines:
     _, _, root = search.open[0]
     boxes = root.boxes.copy()
     boxes[:, :, 0] += 0.3 * rng.random(boxes.shape[:2])
-    copies = relaxer.moments.box_copies(relaxer.contacts, boxes)
+    disjuncts = relaxer.moments.box_disjuncts(relaxer.contacts, boxes)
     flow = InteractionFlow(relaxer.contacts, relaxer.moments, boxes)
     certifier = relaxer.certifier.with_flow(flow)
     for name, tolerance in _SOLVERS:
         settings, start = settings_for(name, tolerance), time.process_time()
         for _ in range(repeats):
-            state = relaxer.problem.solve(copies, settings, search.price)
+            state = relaxer.problem.solve(disjuncts, settings, search.price)
         spent = 1e3 * (time.process_time() - start) / repeats
         bound = certifier.certificate(None, None, state.mechanism).upper
-        about = seed, len(relaxer.contacts), len(copies)
+        about = seed, len(relaxer.contacts), len(disjuncts)
         yield *about, name, f"{tolerance:g}", f"{spent:.1f}", f"{bound:.5f}"
 
 

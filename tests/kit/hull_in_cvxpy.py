@@ -1,7 +1,7 @@
 """The convex hull of contacts' states once more, written in CVXPY: the second path to one answer.
 
 The package writes it as arrays (:mod:`cvxlimit.methods.interaction.relaxation.hull`); formulas are
-those of :mod:`cvxlimit.readings.states.copies`.
+those of :mod:`cvxlimit.readings.states.disjuncts`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
-from cvxlimit.readings.states.copies import Copies, copy_arms, sheared
+from cvxlimit.readings.states.disjuncts import Disjuncts, disjunct_arms, sheared
 from cvxlimit.readings.states.support import half_extent
 from cvxlimit.solvers import LimitState, SolverSettings, run
 
@@ -23,12 +23,15 @@ IntArray = NDArray[np.int64]
 
 
 def hull_solved(
-    assemblage: Assemblage, copies: Copies, settings: SolverSettings, price: float | None = None
+    assemblage: Assemblage,
+    disjuncts: Disjuncts,
+    settings: SolverSettings,
+    price: float | None = None,
 ) -> LimitState:
-    """The limit problem over copies, compiled by CVXPY; any share of the dead load may be taken off
-    at a ``price`` in load factors."""
+    """The limit problem over disjuncts, compiled by CVXPY; any share of the dead load may be taken
+    off at a ``price`` in load factors."""
     scaling, scaled = assemblage.scaling, assemblage.scaled
-    forces, limits = copy_forces(copies, scaled.contacts)
+    forces, limits = disjunct_forces(disjuncts, scaled.contacts)
     alpha, relief = cp.Variable(), cp.Variable(nonneg=True)
     balance = scaled.matrix @ forces + (1.0 - relief) * scaled.dead + alpha * scaled.live == 0
     cost = 0.0 if price is None else price / scaling.load_factor(1.0)
@@ -45,24 +48,26 @@ def hull_solved(
     )
 
 
-def copy_forces(copies: Copies, contacts: Contacts) -> tuple[cp.Expression, list[cp.Constraint]]:
-    """Forces of all contacts (6 n,) as sums over copies, and what bounds them."""
-    maps, limits = _CopyForces(copies, contacts).model()
+def disjunct_forces(
+    disjuncts: Disjuncts, contacts: Contacts
+) -> tuple[cp.Expression, list[cp.Constraint]]:
+    """Forces of all contacts (6 n,) as sums over disjuncts, and what bounds them."""
+    maps, limits = _DisjunctForces(disjuncts, contacts).model()
     return sum(matrix @ cp.vec(v, order="F") for v, matrix in maps), limits
 
 
-class _CopyForces:
-    """Variables and constraints of all copies; contact forces are sums over them."""
+class _DisjunctForces:
+    """Variables and constraints of all disjuncts; contact forces are sums over them."""
 
-    def __init__(self, copies: Copies, contacts: Contacts) -> None:
-        self.copies, self.contacts = copies, contacts
-        self.half = half_extent(contacts)[copies.contact]
-        self.arm = copy_arms(copies, contacts)
-        self.friction = contacts.friction[copies.contact]
-        self.along = sheared(copies, self.arm)
+    def __init__(self, disjuncts: Disjuncts, contacts: Contacts) -> None:
+        self.disjuncts, self.contacts = disjuncts, contacts
+        self.half = half_extent(contacts)[disjuncts.contact]
+        self.arm = disjunct_arms(disjuncts, contacts)
+        self.friction = contacts.friction[disjuncts.contact]
+        self.along = sheared(disjuncts, self.arm)
         self.shears = np.flatnonzero(self.along.any(axis=1))
         self.twists = np.flatnonzero(self.arm > 0.0)
-        self.compression = cp.Variable(len(copies), name="N")
+        self.compression = cp.Variable(len(disjuncts), name="N")
         self.maps: list[tuple[cp.Variable, sp.csr_array]] = []
         self.constraints: list[cp.Constraint] = []
 
@@ -75,8 +80,8 @@ class _CopyForces:
         return self.maps, self.constraints
 
     def _add_compression(self) -> None:
-        k = np.arange(len(self.copies))
-        e1, e2 = (self.half * self.copies.centre).T
+        k = np.arange(len(self.disjuncts))
+        e1, e2 = (self.half * self.disjuncts.centre).T
         self._map(self.compression, [("N", k, k, np.ones(len(k))), ("M1", k, k, e2),
                                      ("M2", k, k, -e1)])  # fmt: skip
         implied = np.zeros(len(k), dtype=bool)
@@ -86,7 +91,7 @@ class _CopyForces:
 
     def _add_spread(self, axis: int, moment: str) -> None:
         """abs(moment) <= sum of spread N, for contacts with spread along ``axis``."""
-        reach = (self.half * self.copies.spread)[:, axis]
+        reach = (self.half * self.disjuncts.spread)[:, axis]
         k = np.flatnonzero(reach > 0.0)
         self._add_bounded(moment, k, reach[k], self.compression[k] if len(k) else None)
 
@@ -105,13 +110,14 @@ class _CopyForces:
         self.constraints.append(cp.SOC(remaining, shear, axis=1))
 
     def _lever(self, k: IntArray) -> FloatArray:
-        """Where the torsion of copies ``k`` is taken about, (len(k), 2), in the unit of length."""
-        signed = self.copies.signed[k][:, None]
-        return np.where(signed, self.half[k] * self.copies.lever[k], 0.0)
+        """Where the torsion of disjuncts ``k`` is taken about, (len(k), 2), in the unit of
+        length."""
+        signed = self.disjuncts.signed[k][:, None]
+        return np.where(signed, self.half[k] * self.disjuncts.lever[k], 0.0)
 
     def _torsion(self, shear: cp.Variable) -> cp.Expression:
-        """tau of the copies that shear, and the contacts' torsion bounded by it."""
-        rows, limited = len(self.shears), self.copies.limited[self.twists]
+        """tau of the disjuncts that shear, and the contacts' torsion bounded by it."""
+        rows, limited = len(self.shears), self.disjuncts.limited[self.twists]
         if not len(self.twists):
             self._limit_torsion(shear, None)
             return cp.Constant(np.zeros(rows))
@@ -123,15 +129,15 @@ class _CopyForces:
         return _places(np.searchsorted(self.shears, self.twists), rows) @ share
 
     def _limit_torsion(self, shear: cp.Variable, share: cp.Expression | None) -> None:
-        """Eq. 27: torsion of their own for limited copies, which with what their shear does about
-        the contact's centre is at most c mu N."""
-        k = self.shears[self.copies.limited[self.shears]]
+        """Eq. 27: torsion of their own for limited disjuncts, which with what their shear does
+        about the contact's centre is at most c mu N."""
+        k = self.shears[self.disjuncts.limited[self.shears]]
         if not len(k):
             return
         at, lever = np.searchsorted(self.shears, k), self._lever(k)
         total = cp.multiply(lever[:, 0], shear[at, 1]) - cp.multiply(lever[:, 1], shear[at, 0])
         if share is not None:
-            twists = self.twists[self.copies.limited[self.twists]]
+            twists = self.twists[self.disjuncts.limited[self.twists]]
             own, each = cp.Variable(len(twists), name="t"), np.arange(len(twists))
             self._map(own, [("MT", twists, each, np.ones(len(twists)))])
             bound = cp.multiply(self.arm[twists], share)
@@ -143,8 +149,8 @@ class _CopyForces:
     def _drag(self, shear: cp.Variable) -> cp.Expression:
         """kappa . (abs(V1), abs(V2)): torsion whose sign or pressure centre is free, (rows,)."""
         k = self.shears
-        fixed = np.where(self.copies.signed[k][:, None], 0.0, np.abs(self.copies.centre[k]))
-        eps = self.half[k] * (fixed + self.copies.spread[k])
+        fixed = np.where(self.disjuncts.signed[k][:, None], 0.0, np.abs(self.disjuncts.centre[k]))
+        eps = self.half[k] * (fixed + self.disjuncts.spread[k])
         total = cp.Constant(np.zeros(len(k)))
         for column in (0, 1):
             weight = eps[:, 1 - column] / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
@@ -159,10 +165,11 @@ class _CopyForces:
     def _add_bounded(
         self, component: str, k: IntArray, reach: FloatArray, size: cp.Expression | None
     ) -> None:
-        """A free part of a force component, between +- sums of reach * size over the copies k."""
+        """A free part of a force component, between +- sums of reach * size over the disjuncts
+        k."""
         if size is None:
             return
-        rows, place = np.unique(self.copies.contact[k], return_inverse=True)
+        rows, place = np.unique(self.disjuncts.contact[k], return_inverse=True)
         part = cp.Variable(len(rows))
         each = np.arange(len(rows))
         self.maps.append(
@@ -172,7 +179,7 @@ class _CopyForces:
         self.constraints += [part <= bound, -part <= bound]
 
     def _map(self, variable: cp.Variable, entries: list[_Entry]) -> None:
-        by_contact = [(c, self.copies.contact[k], column, v) for c, k, column, v in entries]
+        by_contact = [(c, self.disjuncts.contact[k], column, v) for c, k, column, v in entries]
         self.maps.append((variable, self._columns(by_contact, variable.size)))
 
     def _columns(self, entries: list[_Entry], size: int) -> sp.csr_array:
@@ -187,7 +194,7 @@ class _CopyForces:
 
 
 _Entry = tuple[str, IntArray, IntArray, FloatArray]
-"""Component, copies (or contacts), columns of the variable, coefficients."""
+"""Component, disjuncts (or contacts), columns of the variable, coefficients."""
 
 
 def _places(at: IntArray, rows: int, values: FloatArray | float = 1.0) -> sp.csr_array:

@@ -224,8 +224,8 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its copies take long a first lower bound waits for no more of them
-        than bring the upper bound near the relaxation's load factor."""
+        """The relaxation; where its disjuncts take long a first lower bound waits for no more of
+        them than bring the upper bound near the relaxation's load factor."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
         for _ in rounds:
             yield None

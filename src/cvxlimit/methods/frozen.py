@@ -88,6 +88,6 @@ class PressedProblem(FrozenProblem):
     def surfaces(self, pressure: Pressure) -> tuple[Rocking, *tuple[Frozen, ...]]:
         """Those of the problem."""
         extent = half_extent(self.contacts)
-        copies = self.moments.safe_copies(self.contacts, pressure.centre / extent)
-        spread = extent * copies.spread if self.moments.slopes is None else None
-        return (*super().surfaces(pressure), Pressed(extent * copies.centre, spread))
+        disjuncts = self.moments.safe_disjuncts(self.contacts, pressure.centre / extent)
+        spread = extent * disjuncts.spread if self.moments.slopes is None else None
+        return (*super().surfaces(pressure), Pressed(extent * disjuncts.centre, spread))

@@ -1,5 +1,5 @@
 """Readings of Eq. 30: how moments add up, and all that depends on it.
 
 A further reading is one more class in ``moments`` or ``named``. ``states`` is one contact: what is
-admissible there, from outside (``support``, ``copies``, ``cells``) and from inside.
+admissible there, from outside (``support``, ``disjuncts``, ``cells``) and from inside.
 """

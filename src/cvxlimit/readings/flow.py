@@ -36,7 +36,7 @@ class InteractionFlow:
     least -s N of work on rates q. ``boxes`` (n, 2, 2) are the pressure centres considered: lowest
     and highest e1 and e2 as fractions of :func:`half_extent`, None is all. Where it ``is_coarse``
     shortfalls are enclosed closely only if something is missing, and then to ``precision`` of the
-    largest power in play, if that is coarser. ``number`` (n,) is whose copies contacts are where
+    largest power in play, if that is coarser. ``number`` (n,) is whose disjuncts contacts are where
     all of a scene come several times, one after another.
     """
 

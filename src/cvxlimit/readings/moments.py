@@ -23,12 +23,12 @@ from cvxlimit.readings.states.cells import (
     independent_cells,
     levered_cells,
 )
-from cvxlimit.readings.states.copies import (
-    Copies,
-    copies_of,
-    corner_copies,
+from cvxlimit.readings.states.disjuncts import (
+    Disjuncts,
+    corner_disjuncts,
     corner_places,
-    spread_copies,
+    disjuncts_at_places,
+    spread_disjuncts,
 )
 from cvxlimit.readings.states.pressure import Pressure, own_arm
 from cvxlimit.readings.states.rectangles import (
@@ -121,24 +121,26 @@ class Moments(ABC):
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """True (n,) for contacts whose states friction at the corners stands for."""
 
-    def copies_at(
+    def disjuncts_at(
         self,
         contacts: Contacts,
         rows: IntArray,
         centre: FloatArray,
         boxes: FloatArray,
         arm: FloatArray | float = np.nan,
-    ) -> Copies:
-        """Copies of contacts ``rows`` pressed at ``centre`` (k, 2), with their own arms or others
-        (k,); with independent signs at both signs that a box allows alike."""
+    ) -> Disjuncts:
+        """Disjuncts of contacts ``rows`` pressed at ``centre`` (k, 2), with their own arms or
+        others (k,); with independent signs at both signs that a box allows alike."""
         is_tied = self.slopes is not None
         free = free_sign(boxes[rows]) & contacts.is_rectangle[rows, None] & (not is_tied)
         about = self.lever(centre) if is_tied else np.nan
-        return spread_copies(rows, centre, free, about, self.is_limited, arm)
+        return spread_disjuncts(rows, centre, free, about, self.is_limited, arm)
 
     @abstractmethod
-    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
-        """One copy per contact whose states are all admissible, about ``centre`` (n, 2)."""
+    def safe_disjuncts(
+        self, contacts: Contacts, centre: FloatArray, reach: float = 0.0
+    ) -> Disjuncts:
+        """One disjunct per contact whose states are all admissible, about ``centre`` (n, 2)."""
 
     def largest_arm(self, contacts: Contacts) -> FloatArray:
         """The largest arm c (n,) there may be; infinite as a rule."""
@@ -172,19 +174,19 @@ class Moments(ABC):
         chosen = ~contacts.is_rectangle & ~self.has_corner_hull(contacts, boxes)
         return Cells.of(contacts, chosen, boxes, self.largest_arm(contacts))
 
-    def box_copies(self, contacts: Contacts, boxes: FloatArray | None = None) -> Copies:
-        """The copies every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
+    def box_disjuncts(self, contacts: Contacts, boxes: FloatArray | None = None) -> Disjuncts:
+        """The disjuncts every relaxation starts from, for boxes (n, 2, 2) of pressure centres."""
         boxes = whole_boxes(contacts) if boxes is None else boxes
         by_corners = self.has_corner_hull(contacts, boxes)
         others = np.flatnonzero(~contacts.is_rectangle & ~by_corners)
         rows, place = corners_in(contacts, others, boxes)
-        found = corner_copies(contacts, by_corners)
-        found = found.joined(self.copies_at(contacts, rows, place, boxes))
+        found = corner_disjuncts(contacts, by_corners)
+        found = found.joined(self.disjuncts_at(contacts, rows, place, boxes))
         # with independent signs one half of a range stands for both
         side = 0.0 if self.slopes is not None else free_sign(boxes).astype(float)
         rows, place = corner_places(boxes, side)
         inside = (contacts.is_rectangle & ~by_corners)[rows]
-        return found.joined(self.copies_at(contacts, rows[inside], place[inside], boxes))
+        return found.joined(self.disjuncts_at(contacts, rows[inside], place[inside], boxes))
 
     def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
         """The ranges into which branching cuts [low, high] near ``at``: at zero first, unless that
@@ -203,7 +205,7 @@ class Moments(ABC):
 class Independent(Moments):
     """abs(V1) eps2 + abs(V2) eps1 + abs(MT): every sign on its own, the safe reading of Eq. 30.
 
-    Only magnitudes of eccentricities count: copies are spread over both signs where boxes allow
+    Only magnitudes of eccentricities count: disjuncts are spread over both signs where boxes allow
     both alike. The arm is no larger than that of the whole contact (:func:`own_arm`), so that
     Eq. 24 follows.
     """
@@ -231,12 +233,14 @@ class Independent(Moments):
         other = ~contacts.is_rectangle
         return other & is_whole(boxes) & (other.sum() > SUPPORT.most_whole)
 
-    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+    def safe_disjuncts(
+        self, contacts: Contacts, centre: FloatArray, reach: float = 0.0
+    ) -> Disjuncts:
         """Anywhere with abs(M2) <= eps1 N, abs(M1) <= eps2 N, where the true arm is no smaller and
         the true eccentricities no larger than the frozen ones; pressed exactly there on other
         polygons."""
         every, centre = np.arange(len(contacts)), np.clip(centre, -1.0, 1.0)
-        return spread_copies(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
+        return spread_disjuncts(every, centre, np.repeat(contacts.is_rectangle[:, None], 2, axis=1))
 
     def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
         """A range of both signs into its middle and what lies beyond, so that no other has both.
@@ -336,14 +340,16 @@ class TiedMoments(Moments):
         """Whole contacts of any shape about the pressure centre, where it is the exact hull."""
         return is_whole(boxes) & (self.is_about_centre and not self.is_limited)
 
-    def safe_copies(self, contacts: Contacts, centre: FloatArray, reach: float = 0.0) -> Copies:
+    def safe_disjuncts(
+        self, contacts: Contacts, centre: FloatArray, reach: float = 0.0
+    ) -> Disjuncts:
         """Up to ``reach`` from ``centre``, with the least arm there and with the torsion about any
         such point, abs(MT - d x V) + reach2 abs(V1) + reach1 abs(V2), bounded, since the lever
         moves no farther than the pressure centre; pressed exactly there on other polygons."""
         centre = np.clip(centre, -1.0, 1.0)
         around = np.minimum(reach, 0.5 * (1.0 - np.abs(centre))) * contacts.is_rectangle[:, None]
         every = np.arange(len(contacts))
-        return copies_of(every, centre, around, self.lever(centre), self.is_limited)
+        return disjuncts_at_places(every, centre, around, self.lever(centre), self.is_limited)
 
 
 class Signed(TiedMoments):

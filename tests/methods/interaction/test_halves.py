@@ -46,9 +46,9 @@ def test_a_half_relaxes_no_more_than_the_whole(moments: str) -> None:
     assert half is not None
     assert len(half.kept) < 0.6 * len(run.contacts)
     assert len(half.kept) > 0.5 * len(run.contacts)  # some lie on the plane
-    copies = run.moments.box_copies(run.contacts)
-    whole = HullProblem(run.assemblage).solve(copies, SOLVER)
-    found = HullProblem(run.assemblage, half).solve(copies, SOLVER)
+    disjuncts = run.moments.box_disjuncts(run.contacts)
+    whole = HullProblem(run.assemblage).solve(disjuncts, SOLVER)
+    found = HullProblem(run.assemblage, half).solve(disjuncts, SOLVER)
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-6)
     residual = run.assemblage.statics.residual(found.forces, found.load_factor)
     assert np.abs(residual).max() < 1e-6 * run.scaling.force
@@ -69,7 +69,7 @@ def test_safe_steps_on_a_half_are_safe_on_the_whole(moments: str) -> None:
     found = method.step.solve(method.middle, SOLVER)
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-6)
     checker = LowerBounds(run.scene, run.moments)
-    for iterate in islice(method.climb(method.middle), 3):
+    for iterate in islice(method.improve(method.middle), 3):
         bound = checker.of(iterate.state.forces, iterate.state.load_factor)
         assert bound.is_accepted
         assert bound.value <= iterate.state.load_factor + 1e-9
@@ -95,7 +95,7 @@ def test_certified_brackets_with_and_without_the_mirror_overlap() -> None:
     half = solve(scene, method=replace(rule), model="least")
     assert half.model == ("symmetry",)
     assert whole.model == ()
-    assert half.upper == pytest.approx(whole.upper, rel=2e-4)  # what copies are added down to
+    assert half.upper == pytest.approx(whole.upper, rel=2e-4)  # what disjuncts are added down to
     assert half.lower <= whole.upper
     assert whole.lower <= half.upper
     assert half.lower == pytest.approx(whole.lower, rel=0.02)  # other paths to local optima

@@ -22,7 +22,7 @@ from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import effective_arm
 from cvxlimit.readings.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
@@ -42,7 +42,7 @@ from determinate import (
 )
 from exhaustive import slow
 from helpers import interaction_excess, named_scene
-from hull_in_cvxpy import copy_forces
+from hull_in_cvxpy import disjunct_forces
 
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
 ROUNDING = 1e-12
@@ -258,24 +258,24 @@ def test_moments_must_be_known() -> None:
         parse_moments("both")
 
 
-# -- copies --------------------------------------------------------------------------------------
+# -- disjuncts -----------------------------------------------------------------------------------
 
 
-def reach(copies: Copies, contacts: Contacts, w: np.ndarray) -> float:
-    """Largest power of the copies' forces with N = 1, by CVXPY."""
-    force, limits = copy_forces(copies, contacts)
+def reach(disjuncts: Disjuncts, contacts: Contacts, w: np.ndarray) -> float:
+    """Largest power of the disjuncts' forces with N = 1, by CVXPY."""
+    force, limits = disjunct_forces(disjuncts, contacts)
     problem = cp.Problem(cp.Maximize(w @ force), [*limits, force[COLUMN["N"]] == 1.0])
     problem.solve(solver=cp.CLARABEL)
     return float(problem.value)
 
 
 @pytest.mark.parametrize("shape", [(1.0, 0.5), 5])
-def test_signed_copies_are_the_exact_hull(shape: tuple[float, float] | int) -> None:
+def test_signed_disjuncts_are_the_exact_hull(shape: tuple[float, float] | int) -> None:
     """To 1e-6, Clarabel's default accuracy on powers of order one."""
     contacts = block_of(shape) if isinstance(shape, tuple) else pentagon()
     for w in rates_like(6, seed=14):
         missing = InteractionFlow(contacts, SIGNED).shortfall(-w[None]).missing[0]
-        assert reach(SIGNED.box_copies(contacts), contacts, w) == pytest.approx(
+        assert reach(SIGNED.box_disjuncts(contacts), contacts, w) == pytest.approx(
             missing, abs=1e-6 * max(1.0, np.abs(w).max())
         )
 
@@ -296,28 +296,30 @@ def pentagon() -> Contacts:
         (0.9, 0.4, 0.6, 0.1),
     ],
 )
-def test_independent_copies_and_the_worst_one_are_the_hull(box: tuple[float, ...] | None) -> None:
+def test_independent_disjuncts_and_the_worst_one_are_the_hull(
+    box: tuple[float, ...] | None,
+) -> None:
     contacts = block_of((1.0, 0.5))
     boxes = whole_boxes(contacts) if box is None else np.reshape(box, (1, 2, 2))
     flow = InteractionFlow(contacts, INDEPENDENT, boxes)
-    first = INDEPENDENT.box_copies(contacts, boxes)
+    first = INDEPENDENT.box_disjuncts(contacts, boxes)
     for w in rates_like(6, seed=15):
         missing, centre, _ = flow.worst(-w[None])
         size = max(1.0, np.abs(w).max())
         assert reach(first, contacts, w) <= missing[0] + 1e-6 * size
-        more = first.joined(INDEPENDENT.copies_at(contacts, np.array([0]), centre, boxes))
+        more = first.joined(INDEPENDENT.disjuncts_at(contacts, np.array([0]), centre, boxes))
         assert reach(more, contacts, w) == pytest.approx(missing[0], abs=1e-6 * size)
 
 
 @pytest.mark.parametrize("moments", MOMENTS)
-def test_boxed_signed_copies_and_safe_copies_are_admissible(moments: str) -> None:
-    """Extreme states of safe copies pass the checker, on rectangles and hexagons."""
+def test_boxed_signed_disjuncts_and_safe_disjuncts_are_admissible(moments: str) -> None:
+    """Extreme states of safe disjuncts pass the checker, on rectangles and hexagons."""
     for contacts in (block_of((1.0, 0.5)), pentagon()):
         rng = np.random.default_rng(16)
         for _ in range(4):
             centre = rng.uniform(-0.4, 0.4, (1, 2))
-            safe = parse_moments(moments).safe_copies(contacts, centre, reach=0.1)
-            force, limits = copy_forces(safe, contacts)
+            safe = parse_moments(moments).safe_disjuncts(contacts, centre, reach=0.1)
+            force, limits = disjunct_forces(safe, contacts)
             w = rng.normal(size=6)
             limits = [*limits, force[COLUMN["N"]] == 1.0]
             cp.Problem(cp.Maximize(w @ force), limits).solve(solver=cp.CLARABEL)
@@ -338,7 +340,7 @@ def assert_history(run: Run) -> None:
 
 @pytest.mark.parametrize("moments", NAMES)
 def test_on_polygons_mechanisms_prove_what_relaxations_carry(moments: str) -> None:
-    """A pentagon with a corner on an axis: copies and support function have the same states."""
+    """A pentagon with a corner on an axis: disjuncts and support function have the same states."""
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     push = Load(acceleration=(0.6, 0.8, 0.0), forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 0.5)})
     scene = Scene((ground, prism("b1", 5, 0.0, 0.4)), ("ground",), push, friction=0.6)
@@ -359,11 +361,11 @@ def test_bounds_hold_where_forces_are_known(name: str, moments: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "moments", "most", "reason"), [
-    ("tuff-wall", "independent", 0.26917, "prototype: hull with priced copies 0.269166"),
+    ("tuff-wall", "independent", 0.26917, "prototype: hull with priced disjuncts 0.269166"),
     ("tuff-wall", "signed", 0.36423, "prototype: friction at the corners 0.364222"),
     ("dome", "independent", 0.39850, "triangles of a quarter of the size: 0.398458"),
     slow("s12-panel", "independent", 0.12633, "seen with an earlier program: 0.12632"),
-    slow("s12-class", "independent", 0.12643, "prototype: hull with priced copies 0.126427"),
+    slow("s12-class", "independent", 0.12643, "prototype: hull with priced disjuncts 0.126427"),
     slow("s12-class", "signed", 0.18212, "prototype: friction at the corners 0.182117"),
     slow("s10-class", "independent", 0.165319, "rocking decides: both hulls meet at 0.165318"),
     slow("s10-class", "signed", 0.165319, "rocking decides: both hulls meet at 0.165318"),
@@ -442,19 +444,19 @@ def test_relief_makes_every_problem_solvable() -> None:
     scene = single_block((1.0, 1.0, 0.5))
     held = np.array([[[0.9, 1.0], [0.9, 1.0]]])
     up = scene.with_live(Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}))
-    state = HullProblem(up).solve(INDEPENDENT.box_copies(up.contacts, held), relief_price=50.0)
+    state = HullProblem(up).solve(INDEPENDENT.box_disjuncts(up.contacts, held), relief_price=50.0)
     assert state.mechanism is not None
     assert -float((up.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
 
 
 def test_nothing_stands_on_a_box_beside_its_contact() -> None:
-    """No copy is left: the dead load is relieved as a whole and no load factor carries more."""
+    """No disjunct is left: the dead load is relieved as a whole and no load factor carries more."""
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     up = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
     scene = Scene((ground, prism("b1", 3, 0.0, 0.4)), ("ground",), up, friction=0.6)
-    copies = INDEPENDENT.box_copies(scene.contacts, np.array([[[0.9, 1.0], [0.9, 1.0]]]))
-    assert len(copies) == 0
-    state = HullProblem(scene).solve(copies, relief_price=50.0)
+    disjuncts = INDEPENDENT.box_disjuncts(scene.contacts, np.array([[[0.9, 1.0], [0.9, 1.0]]]))
+    assert len(disjuncts) == 0
+    state = HullProblem(scene).solve(disjuncts, relief_price=50.0)
     assert state.load_factor == pytest.approx(0.0, abs=1e-7)
     assert state.mechanism is not None
     assert -float((scene.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
@@ -466,8 +468,8 @@ def test_fractions_are_of_half_sides() -> None:
 
 @pytest.mark.parametrize("moments", NAMES)
 def test_a_start_costs_or_saves_time_only(moments: str) -> None:
-    """From halfway to another problem's answer, with other copies of some contacts, and from noise:
-    the load factor of a cold solve. Both are solved to 1e-8."""
+    """From halfway to another problem's answer, with other disjuncts of some contacts, and from
+    noise: the load factor of a cold solve. Both are solved to 1e-8."""
     scene, rng = random_wall(11), np.random.default_rng(0)
     reading, problem, rung = (
         parse_moments(moments),
@@ -475,29 +477,29 @@ def test_a_start_costs_or_saves_time_only(moments: str) -> None:
         settings_for("BLOCKWISE", 1e-8),
     )
     boxes = whole_boxes(scene.contacts)
-    first = problem.solve(reading.box_copies(scene.contacts, boxes), rung)
+    first = problem.solve(reading.box_disjuncts(scene.contacts, boxes), rung)
     boxes[rng.permutation(len(boxes))[:5], :, 0] = 0.2
-    copies = reading.box_copies(scene.contacts, boxes)
-    cold = problem.solve(copies, rung, relief_price=10.0)
+    disjuncts = reading.box_disjuncts(scene.contacts, boxes)
+    cold = problem.solve(disjuncts, rung, relief_price=10.0)
     assert first.halfway is not None
     assert cold.halfway is not None
     point = first.halfway.point
     noise = Point(*(rng.normal(size=len(v)) for v in (point.x, point.y, point.z, point.s)))
     for start in (first.halfway, cold.halfway, replace(first.halfway, point=noise)):
-        warm = problem.solve(copies, rung, relief_price=10.0, start=start)
+        warm = problem.solve(disjuncts, rung, relief_price=10.0, start=start)
         assert warm.load_factor == pytest.approx(cold.load_factor, rel=1e-7)
 
 
 @pytest.mark.parametrize("moments", NAMES)
 def test_pieces_make_up_the_whole(moments: str) -> None:
-    """In any order, whole, cut by contact or by copy: the same load factor, and forces that are in
-    equilibrium with it."""
+    """In any order, whole, cut by contact or by disjunct: the same load factor, and forces that are
+    in equilibrium with it."""
     scene, rng, rung = random_wall(11), np.random.default_rng(2), settings_for("BLOCKWISE", 1e-9)
-    problem, copies = HullProblem(scene), parse_moments(moments).box_copies(scene.contacts)
-    whole = problem.solve(copies, rung)
+    problem, disjuncts = HullProblem(scene), parse_moments(moments).box_disjuncts(scene.contacts)
+    whole = problem.solve(disjuncts, rung)
     assert whole.load_factor is not None
-    for unit in (None, copies.contact, np.arange(len(copies))):
-        pieces = problem.pieces(copies, unit)
+    for unit in (None, disjuncts.contact, np.arange(len(disjuncts))):
+        pieces = problem.pieces(disjuncts, unit)
         order = rng.permutation(len(pieces))
         state = problem.solve([pieces[k] for k in order], rung)
         assert state.forces is not None
@@ -512,14 +514,14 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
     """The same number for each of its variables, and other places only where pieces change theirs;
     cut in another way, too."""
     scene, rng, rung = random_wall(11), np.random.default_rng(4), settings_for("BLOCKWISE", 1e-8)
-    problem, copies = HullProblem(scene), parse_moments(moments).box_copies(scene.contacts)
-    pieces = problem.pieces(copies, copies.contact)
+    problem, disjuncts = HullProblem(scene), parse_moments(moments).box_disjuncts(scene.contacts)
+    pieces = problem.pieces(disjuncts, disjuncts.contact)
     halfway = problem.solve(pieces, rung, price).halfway
     assert halfway is not None
     for other in (
         pieces,
         [pieces[k] for k in rng.permutation(len(pieces))],
-        problem.pieces(copies),
+        problem.pieces(disjuncts),
     ):
         joined = problem.joined(other, price)
         start, point = joined.start(halfway), halfway.point
@@ -540,11 +542,11 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
 def test_what_ends_early_still_bounds(moments: str) -> None:
     """A load factor that is not reached: the mechanism proves it, and less is not claimed."""
     scene, reading = random_wall(11), parse_moments(moments)
-    problem, copies = HullProblem(scene), reading.box_copies(scene.contacts)
-    whole = problem.solve(copies, settings_for("BLOCKWISE", 1e-8)).load_factor
+    problem, disjuncts = HullProblem(scene), reading.box_disjuncts(scene.contacts)
+    whole = problem.solve(disjuncts, settings_for("BLOCKWISE", 1e-8)).load_factor
     assert whole is not None
     for above in (1.5, 1.1, 1.01):
-        state = problem.solve(copies, settings_for("BLOCKWISE", 1e-8), enough=above * whole)
+        state = problem.solve(disjuncts, settings_for("BLOCKWISE", 1e-8), enough=above * whole)
         rates = state.mechanism
         assert rates is not None
         statics = problem.assemblage.statics

@@ -228,7 +228,7 @@ def test_safe_steps_do_not_fall(moments: str) -> None:
     scene = builtin_scene("stack")
     scene = replace(scene, live=Load(acceleration=(0.6, 0.5, 0.0)))
     method = inner(scene, moments, gain=1e-6)
-    lowers = [i.lower for i in method.climb(method.middle, reach=0.0) if i.is_safe]
+    lowers = [i.lower for i in method.improve(method.middle, reach=0.0) if i.is_safe]
     assert len(lowers) >= 3
     assert np.diff(lowers).min() >= -1e-6 * lowers[-1]
 
@@ -237,7 +237,7 @@ def test_safe_steps_do_not_fall(moments: str) -> None:
 def test_s12_class_panel_in_one_step_from_the_relaxation() -> None:
     """Issue: at least 0.1244 within 20 times the first solve; one hard step costs about 4."""
     scene = named_scene("s12-class")
-    relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
+    relaxed = HullProblem(scene).solve(INDEPENDENT.box_disjuncts(scene.contacts))
     assert relaxed.forces is not None
     (first,) = inner(scene, "independent", most=1).iterates(relaxed.forces)
     assert first.kind == "safe"
@@ -473,7 +473,7 @@ def test_progress_is_told_and_stops_are_lazy() -> None:
 def test_rows_with_less_curvature_contain_those_with_more() -> None:
     """At one point the load factor falls with curvature, and all of it is safe."""
     scene = builtin_scene("tuff-wall")
-    relaxed = HullProblem(scene).solve(INDEPENDENT.box_copies(scene.contacts))
+    relaxed = HullProblem(scene).solve(INDEPENDENT.box_disjuncts(scene.contacts))
     assert relaxed.forces is not None
     method = inner(scene, "independent")
     point = method.point(relaxed.forces)

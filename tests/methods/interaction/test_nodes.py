@@ -125,9 +125,9 @@ def test_the_same_as_cvxpy_compiles(scene: Scene, name: str) -> None:
     assemblage = Assemblage.of(scene)
     written = HullProblem(assemblage)
     for boxes in (None, random_boxes(scene.contacts, rng)):
-        copies = moments.box_copies(scene.contacts, boxes)
-        ours = written.solve(copies, TIGHT, relief_price=10.0)
-        theirs = hull_solved(assemblage, copies, TIGHT, 10.0)
+        disjuncts = moments.box_disjuncts(scene.contacts, boxes)
+        ours = written.solve(disjuncts, TIGHT, relief_price=10.0)
+        theirs = hull_solved(assemblage, disjuncts, TIGHT, 10.0)
         assert ours.load_factor is not None
         assert ours.load_factor == pytest.approx(theirs.load_factor, rel=1e-6, abs=1e-6)
         assert ours.mechanism is not None
@@ -231,8 +231,8 @@ def test_how_far_pressure_reaches(name: str) -> None:
     middle than that for a load factor of 0.2, and reaches the edge at 0.4."""
     scene = single_block((0.4, 0.4, 1.0), friction=0.7)
     assemblage = Assemblage.of(scene)
-    copies = MOMENTS[name].box_copies(scene.contacts)
-    reach = Reach(HullProblem(assemblage), copies, 0.2)
+    disjuncts = MOMENTS[name].box_disjuncts(scene.contacts)
+    reach = Reach(HullProblem(assemblage), disjuncts, 0.2)
     ends = []
     for axis in (0, 1):
         for sign in (-1.0, 1.0):
@@ -246,7 +246,9 @@ def test_how_far_pressure_reaches(name: str) -> None:
 
 
 def test_no_reach_where_nothing_presses() -> None:
-    """A contact without copies carries nothing: there is no answer to where."""
+    """A contact without disjuncts carries nothing: there is no answer to where."""
     scene = random_wall(23)
-    copies = MOMENTS["signed"].box_copies(scene.contacts).without(np.array([0]))
-    assert Reach(HullProblem(Assemblage.of(scene)), copies, 0.0).furthest(0, 0, 1.0, TIGHT) is None
+    disjuncts = MOMENTS["signed"].box_disjuncts(scene.contacts).without(np.array([0]))
+    assert (
+        Reach(HullProblem(Assemblage.of(scene)), disjuncts, 0.0).furthest(0, 0, 1.0, TIGHT) is None
+    )

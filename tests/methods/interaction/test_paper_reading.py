@@ -555,13 +555,13 @@ def _inclined() -> tuple[Scene, float]:
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("moments", ["paper", "signed-torsion-bending"])
-def test_a_first_lower_bound_does_not_wait_for_all_copies(
+def test_a_first_lower_bound_does_not_wait_for_all_disjuncts(
     moments: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On large scenes copies take minutes: a run that is stopped on the way has a bracket all the
-    same, and one that goes on ends with the upper bound that it would have had. Climbs end at local
-    optima, which depend on where they began: with Eq. 27 lower bounds of such walls are up to 3 %
-    apart, with both signs."""
+    """On large scenes disjuncts take minutes: a run that is stopped on the way has a bracket all
+    the same, and one that goes on ends with the upper bound that it would have had. Climbs end at
+    local optima, which depend on where they began: with Eq. 27 lower bounds of such walls are up to
+    3 % apart, with both signs."""
     wall = random_wall(5004, sizes=(*SIZES, (4, 5)))
     rule = Certified(moments=moments, branching_seconds=0.0)
     patient = drive(rule, Run(wall))
@@ -573,7 +573,7 @@ def test_a_first_lower_bound_does_not_wait_for_all_copies(
     assert early is not None
     end = run.best.bracket
     assert early.lower <= end.lower
-    assert early.upper > 1.001 * end.upper  # copies that came later lowered it
-    # 1e-4 of it is where copies end
+    assert early.upper > 1.001 * end.upper  # disjuncts that came later lowered it
+    # 1e-4 of it is where disjuncts end
     assert end.upper == pytest.approx(patient.upper, rel=1e-4)
     assert end.lower == pytest.approx(patient.lower, rel=1e-4 if moments == "paper" else 0.03)

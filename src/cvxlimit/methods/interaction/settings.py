@@ -73,8 +73,8 @@ class BranchSettings:
     """What is done at a node of branch and bound, and the search as a whole."""
 
     narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
-    worth_a_copy: float = 0.05  # share of the tolerance that a solve with more copies must promise
-    rounds: int = 2  # solves per node, with copies added
+    worth_a_disjunct: float = 0.05  # share of the tolerance that a solve with more must promise
+    rounds: int = 2  # solves per node, with disjuncts added
     precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
     at_rest: float = 0.06  # share of the largest speed that contacts at rest have in splits,
     still: float = 1e-3  # and in the order of tightening
@@ -109,16 +109,16 @@ class BranchSettings:
 
 @dataclass(frozen=True)
 class BracketSettings:
-    """The relaxation of a whole run with copies added to it, and the method as a whole."""
+    """The relaxation of a whole run with disjuncts added to it, and the method as a whole."""
 
     noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
-    worth_a_copy: float = 0.1  # share of the tolerance that a contact must raise the bound by
-    beside: float = 0.2  # copies this far beside the worst place too, its square in round 2 ...
-    most_rounds: int = 12  # solves with added copies,
+    worth_a_disjunct: float = 0.1  # share of the tolerance that a contact must raise the bound by
+    beside: float = 0.2  # disjuncts this far beside the worst place too, its square in round 2 ...
+    most_rounds: int = 12  # solves with added disjuncts,
     near: float = 0.25  # of the upper bound to the relaxation from which a lower one may come first
     least_problems: float = 2.0  # that there must be time for, or no branching begins
     good: float = 0.05  # width that counts as an answer where no tolerance is asked for
-    outer: float = 1e-4  # width at which copies and branching end where none is asked for
+    outer: float = 1e-4  # width at which disjuncts and branching end where none is asked for
     narrow: float = 0.005  # width below which no further start is taken unasked
     wanted: float = 0.01  # width that is wanted where none is asked for, its proof included,
     aim: float = 0.00999  # the one at which branching ends, or sooner by what a proof has cost

@@ -14,15 +14,15 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, Halfway, Key
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, HullState
-from cvxlimit.methods.interaction.relaxation.pieces import Halfway, Key, Piece
-from cvxlimit.methods.interaction.relaxation.upper import missed_copies
+from cvxlimit.methods.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.methods.interaction.settings import BRANCH
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import Range, box_keys
 from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
@@ -41,18 +41,18 @@ class Split:
 @dataclass(frozen=True, eq=False)
 class Node:
     """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
-    relaxation's ``forces`` and ``load_factor``, and pieces of copies ``added`` by pricing;
+    relaxation's ``forces`` and ``load_factor``, and pieces of disjuncts ``added`` by pricing;
     ``halfway`` is where the solver may start for its parts."""
 
     bound: float
     boxes: FloatArray
-    added: tuple[Piece, ...] = ()
+    added: tuple[ColumnBlock, ...] = ()
     forces: FloatArray | None = None
     load_factor: float = -np.inf
     mechanism: FloatArray | None = None
     halfway: Halfway | None = None
 
-    def without(self, *contacts: int) -> tuple[Piece, ...]:
+    def without(self, *contacts: int) -> tuple[ColumnBlock, ...]:
         """What was added of other contacts."""
         return tuple(piece for piece in self.added if piece.members.key[0] not in contacts)
 
@@ -111,7 +111,7 @@ class Relaxer:
         self.solvers: set[str] = set()
         self.closed = -np.inf
         self.experience = Experience(len(self.contacts))
-        self._pieces: dict[Key, Piece] = {}
+        self._pieces: dict[Key, ColumnBlock] = {}
 
     def begun(self) -> None:
         self.solves, self.closed = 0, -np.inf
@@ -122,7 +122,7 @@ class Relaxer:
         return Explored(still, closed, self.solves, frozenset(self.solvers))
 
     def evaluated(self, nodes: Sequence[Node], goal: Goal) -> list[Node]:
-        """Solve, certify, add copies, all nodes in step: calls of NumPy take hardly longer for
+        """Solve, certify, add disjuncts, all nodes in step: calls of NumPy take hardly longer for
         several. A solver's failure leaves the bound and forces as given."""
         every = self.pieces([node.boxes for node in nodes])
         parts = [_Part(self, *given, goal) for given in zip(nodes, every, strict=True)]
@@ -150,8 +150,8 @@ class Relaxer:
             self.flow.together(list(asked), list(asked.values()), opening)
 
     def _add(self, parts: Sequence[_Part]) -> None:
-        """Give the parts' nodes the copies that they miss."""
-        missed = Copies.none().joined(*(part.missed for part in parts))
+        """Give the parts' nodes the disjuncts that they miss."""
+        missed = Disjuncts.none().joined(*(part.missed for part in parts))
         if not len(missed):
             return
         part_of = np.repeat(np.arange(len(parts)), [len(part.missed) for part in parts])
@@ -161,7 +161,7 @@ class Relaxer:
             node = parts[number].node
             parts[number].node = replace(node, added=(*node.added, piece))
 
-    def pieces(self, every: Sequence[FloatArray]) -> list[list[Piece]]:
+    def pieces(self, every: Sequence[FloatArray]) -> list[list[ColumnBlock]]:
         """The pieces of several boxes (n, 2, 2), of which most are known."""
         number = np.arange(len(self.contacts))
         keys = [box_keys(boxes, number) for boxes in every]
@@ -170,15 +170,15 @@ class Relaxer:
         if new := [*dict.fromkeys(k for each in keys for k in each if k not in self._pieces)]:
             rows = np.array([j for j, _ in new])
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
-            copies = self.moments.box_copies(self.contacts.take(rows), boxes)
-            unit = copies.contact
-            found = self.problem.pieces(replace(copies, contact=rows[unit]), unit, new)
+            disjuncts = self.moments.box_disjuncts(self.contacts.take(rows), boxes)
+            unit = disjuncts.contact
+            found = self.problem.pieces(replace(disjuncts, contact=rows[unit]), unit, new)
             self._pieces.update(zip(new, found, strict=True))
         return [[self._pieces[key] for key in each] for each in keys]
 
     def solve(
         self,
-        copies: Copies | Sequence[Piece],
+        disjuncts: Disjuncts | Sequence[ColumnBlock],
         price: float | None,
         ladder: Sequence[SolverSettings] | None = None,
         start: Halfway | None = None,
@@ -187,7 +187,7 @@ class Relaxer:
         for settings in ladder or self.ladder:
             self.solves += 1
             self.solvers.add(settings.name)
-            state = self.problem.solve(copies, settings, price, start, enough)
+            state = self.problem.solve(disjuncts, settings, price, start, enough)
             if state.mechanism is not None or state.outcome.claims_no_optimum:
                 break
         return state
@@ -205,11 +205,13 @@ class _Part:
 
     mechanism: FloatArray
 
-    def __init__(self, relaxer: Relaxer, node: Node, pieces: Sequence[Piece], goal: Goal) -> None:
+    def __init__(
+        self, relaxer: Relaxer, node: Node, pieces: Sequence[ColumnBlock], goal: Goal
+    ) -> None:
         self.relaxer, self.node, self.pieces, self.goal = relaxer, node, pieces, goal
         self.flow = relaxer.flow.within(node.boxes, goal.precision)
         self.certifier = relaxer.certifier.with_flow(self.flow)
-        self.missed, self.is_stuck = Copies.none(), False
+        self.missed, self.is_stuck = Disjuncts.none(), False
 
     def is_solved(self) -> bool:
         node, goal = self.node, self.goal
@@ -224,16 +226,16 @@ class _Part:
         return True
 
     def misses(self) -> bool:
-        """True if copies are missed, after the bound has been certified."""
+        """True if disjuncts are missed, after the bound has been certified."""
         found = self.certifier.certificate(self.node.forces, None, self.mechanism).upper
         if found < self.node.bound:
             self.node = replace(self.node, bound=found, mechanism=self.mechanism)
-        worth = BRANCH.worth_a_copy * self.goal.width
+        worth = BRANCH.worth_a_disjunct * self.goal.width
         is_close = found - self.node.load_factor <= worth
         self.is_stuck = not is_close and self.node.load_factor < self.goal.cut < self.node.bound
         if is_close or self.node.bound < self.goal.lower:
             return False
-        self.missed = missed_copies(self.flow, self.certifier, self.mechanism, worth)
+        self.missed = priced_disjuncts(self.flow, self.certifier, self.mechanism, worth)
         return len(self.missed) > 0
 
     def widen(self) -> None:

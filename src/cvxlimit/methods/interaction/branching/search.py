@@ -271,9 +271,9 @@ class BranchAndBound:
             self.forces, self.lower = state[0], float(state[1])
 
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:
-        copies = self.run.moments.safe_copies(self.run.contacts, centre, reach)
+        disjuncts = self.run.moments.safe_disjuncts(self.run.contacts, centre, reach)
         with self.run.clock.phase("solve"):
-            state = self.relaxer.solve(copies, None, ladder=self.relaxer.tight[:1])
+            state = self.relaxer.solve(disjuncts, None, ladder=self.relaxer.tight[:1])
         self.solves += 1
         if state.forces is None or state.load_factor is None:
             return None

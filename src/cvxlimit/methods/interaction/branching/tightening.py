@@ -14,11 +14,11 @@ import scipy.sparse as sp
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
+from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, stacked
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.relaxation.pieces import Piece, stacked
-from cvxlimit.methods.interaction.relaxation.upper import missed_copies
+from cvxlimit.methods.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.methods.interaction.settings import BRANCH
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
@@ -95,7 +95,7 @@ class _Tightening:
 
     def _is_shut(self, slab: FloatArray, mechanism: FloatArray, j: int) -> bool:
         """True if a mechanism proves that states pressed in ``slab`` do not reach the bound; else
-        copies that it missed are added."""
+        disjuncts that it missed are added."""
         relaxer, node, goal = self.relaxer, self.node, self.goal
         flow = relaxer.flow.within(slab, goal.precision)
         certifier = relaxer.certifier.with_flow(flow)
@@ -106,10 +106,10 @@ class _Tightening:
         if bound <= goal.cut + 0.1 * goal.width:
             relaxer.closed = max(relaxer.closed, bound)
             return True
-        power, new = float(relaxer.statics.live @ rates.ravel()), Copies.none()
+        power, new = float(relaxer.statics.live @ rates.ravel()), Disjuncts.none()
         if power > 0.0:
-            worth = BRANCH.worth_a_copy * goal.width
-            new = missed_copies(flow, certifier, rates / power, worth).without(np.array([j]))
+            worth = BRANCH.worth_a_disjunct * goal.width
+            new = priced_disjuncts(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
         if self._is_missing:
             added = (*node.added, *relaxer.problem.pieces(new, new.contact))
@@ -126,10 +126,10 @@ class Reach:
     """
 
     def __init__(
-        self, problem: HullProblem, copies: Copies | Sequence[Piece], least: float
+        self, problem: HullProblem, disjuncts: Disjuncts | Sequence[ColumnBlock], least: float
     ) -> None:
         self.problem = problem
-        joined = problem.joined(copies)
+        joined = problem.joined(disjuncts)
         plain = problem.program(joined)
         rows = plain.matrix.tocsr()
         zero, self.width = plain.zero, plain.matrix.shape[1] + 1

@@ -1,7 +1,7 @@
 """Upper bounds on the load factor from the convex hull of every contact's states.
 
-Bounds never rest on the copies that make the hull: a mechanism is certified against the support
-function itself, and shows which copies are missed (column pricing).
+Bounds never rest on the disjuncts that make the hull: a mechanism is certified against the support
+function itself, and shows which disjuncts are missed (column pricing).
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.halves import SymmetricHalf
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Rocking
 
 
-def missed_copies(
+def priced_disjuncts(
     flow: InteractionFlow,
     certifier: Certifier,
     mechanism: FloatArray,
     worth: float,
     beside: float = 0.0,
-) -> Copies:
-    """Copies at the worst pressure centres of contacts that open too little, ``beside`` them too.
+) -> Disjuncts:
+    """Disjuncts at the worst pressure centres of contacts that open too little, ``beside`` them
+    too.
 
     ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
@@ -50,8 +51,8 @@ def missed_copies(
         chosen &= missing * price > worth * -flow.opened(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
 
-    def at(rows: IntArray, place: FloatArray) -> Copies:
-        return flow.moments.copies_at(flow.contacts, rows, place, flow.boxes, arm[rows])
+    def at(rows: IntArray, place: FloatArray) -> Disjuncts:
+        return flow.moments.disjuncts_at(flow.contacts, rows, place, flow.boxes, arm[rows])
 
     result = at(rows, centre[rows])
     if beside > 0.0:
@@ -65,7 +66,7 @@ def missed_copies(
 
 
 class UpperBound:
-    """Relaxations of a run by the hull of every contact, with copies added as they are missed.
+    """Relaxations of a run by the hull of every contact, with disjuncts added as they are missed.
 
     Bounds go to ``run.best``. ``state`` is the last relaxation with a mechanism;
     ``claims_no_optimum`` if the last solver found it to be without limit.
@@ -77,7 +78,7 @@ class UpperBound:
             self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
-            self.pieces = self.problem.pieces(run.moments.box_copies(run.contacts))
+            self.pieces = self.problem.pieces(run.moments.box_disjuncts(run.contacts))
         self.state: LimitState | None = None
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 
@@ -86,7 +87,7 @@ class UpperBound:
             pass
 
     def rounds(self, tolerance: float, ladder: Sequence[SolverSettings]) -> Iterator[None]:
-        """The search, which stops before every solve with further copies."""
+        """The search, which stops before every solve with further disjuncts."""
         for rung in ladder:
             for _ in range(BRACKET.most_rounds):
                 is_changed = self._improve(rung, tolerance)
@@ -118,8 +119,8 @@ class UpperBound:
         with run.clock.phase("certify"):
             bound = self.certifier.certificate(state.forces, None, state.mechanism)
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
-            worth = BRACKET.worth_a_copy * tolerance * self._unit
-            new = missed_copies(self.flow, self.certifier, state.mechanism, worth, self._beside)
+            worth = BRACKET.worth_a_disjunct * tolerance * self._unit
+            new = priced_disjuncts(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
         self.pieces += self.problem.pieces(new)
         self._beside *= BRACKET.beside

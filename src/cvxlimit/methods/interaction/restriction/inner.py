@@ -18,7 +18,7 @@ from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate, SafeProblems
 from cvxlimit.methods.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import whole_boxes
@@ -49,10 +49,10 @@ class Boxes:
             self._move(forces)
 
     @property
-    def copies(self) -> Copies:
+    def disjuncts(self) -> Disjuncts:
         reach = self.size[:, None]
         ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
-        return self.moments.box_copies(self.contacts, np.clip(ends, -1.0, 1.0))
+        return self.moments.box_disjuncts(self.contacts, np.clip(ends, -1.0, 1.0))
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
@@ -119,7 +119,7 @@ class InnerMethod(SafeProblems):
         run = self.run
         self.begin(f"{stricter} relaxation")
         whole = whole_boxes(run.contacts)
-        relaxed = self.relaxed("hull", stricter.box_copies(run.contacts, whole))
+        relaxed = self.relaxed("hull", stricter.box_disjuncts(run.contacts, whole))
         yield relaxed
         near = relaxed.state.forces
         if near is None or relaxed.load_factor <= run.best.bracket.lower:
@@ -150,7 +150,7 @@ class InnerMethod(SafeProblems):
         boxes, point, best = self._boxes(start), self.middle, -np.inf
         settled = CLIMB.frozen if self.has_others else CLIMB.settled
         for number in range(1, exploring + settling + 1):
-            iterate = self.relaxed("box", boxes.copies)
+            iterate = self.relaxed("box", boxes.disjuncts)
             yield iterate
             forces = iterate.state.forces
             if forces is None:
@@ -168,7 +168,7 @@ class InnerMethod(SafeProblems):
             if frozen.is_safe and frozen.lower - best < self.gain * abs(frozen.lower):
                 return
             best = max(best, frozen.lower)
-        yield from self.climb(point)
+        yield from self.improve(point)
 
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Safe steps, after others that lead there; they know rectangles only, so contacts of other
@@ -189,14 +189,14 @@ class InnerMethod(SafeProblems):
             if iterate.state.forces is not None:
                 point = self.point(iterate.state.forces, point)
         if not has_bound:
-            yield from self.climb(point)
+            yield from self.improve(point)
 
     def _settling(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         boxes = self._boxes(start)
         best, nearly, explored, freezes = -np.inf, CLIMB.nearly, 0, True
         for _ in range(CLIMB.exploring + CLIMB.settling):
-            copies = boxes.copies
-            iterate = self.relaxed("box", copies)
+            disjuncts = boxes.disjuncts
+            iterate = self.relaxed("box", disjuncts)
             yield iterate
             forces, factor = iterate.state.forces, iterate.load_factor
             if forces is None:
@@ -209,7 +209,7 @@ class InnerMethod(SafeProblems):
             if boxes.excess > nearly and not iterate.is_safe:
                 continue
             lower = iterate.lower
-            for nearby in self._nearby(boxes, copies, forces, freezes):
+            for nearby in self._nearby(boxes, disjuncts, forces, freezes):
                 yield nearby
                 freezes = nearby.is_safe if nearby.kind == "frozen" else freezes
                 lower = max(lower, nearby.lower)
@@ -219,7 +219,7 @@ class InnerMethod(SafeProblems):
             best, nearly = max(best, lower), CLIMB.retry * boxes.excess
 
     def _nearby(
-        self, boxes: Boxes, copies: Copies, forces: FloatArray, freezes: bool
+        self, boxes: Boxes, disjuncts: Disjuncts, forces: FloatArray, freezes: bool
     ) -> Iterator[InnerIterate]:
         """The frozen problem at the boxes' centres. Where that has no interior, as where forces are
         determinate: the box problem itself, tightly, if all that keeps its forces from being
@@ -230,14 +230,14 @@ class InnerMethod(SafeProblems):
             if frozen.is_safe:
                 return
         if boxes.largest <= CLIMB.noise:
-            tight = self.restricted("box", lambda rung: self.hull.solve(copies, rung))
+            tight = self.restricted("box", lambda rung: self.hull.solve(disjuncts, rung))
             yield tight
             if tight.is_safe:
                 return
         point = self.point(forces)
         yield self.restricted("safe", lambda rung: self.step.solve(point, rung), self.warm)
 
-    def climb(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
+    def improve(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
         moments have it), until they gain little, or could not reach the best bound."""
         reach = self.moments.reach if reach is None else reach
@@ -282,7 +282,7 @@ class InnerMethod(SafeProblems):
                 if iterate.load_factor - best < CLIMB.long_gain * abs(best):
                     break
                 best = iterate.load_factor
-        yield from self.climb(point)
+        yield from self.improve(point)
 
     def _after_penalties(self) -> Iterator[InnerIterate]:
         """A safe step at the middle, whose mechanism prices slack, penalty steps at a price that
@@ -302,7 +302,7 @@ class InnerMethod(SafeProblems):
             stuck = number > 0 and iterate.slack > 0.5 * last
             price *= CLIMB.price_growth * (10.0 if stuck else 1.0)
             last = iterate.slack
-        yield from self.climb(point)
+        yield from self.improve(point)
 
 
 def _predicted(gains: Sequence[float]) -> float:

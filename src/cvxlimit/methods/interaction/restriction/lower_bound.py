@@ -70,7 +70,7 @@ class LowerBounds:
     def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
         self.assemblage, self.moments = Assemblage.of(scene), moments
         self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
-        self._copies: dict[int, Contacts] = {}
+        self._disjuncts: dict[int, Contacts] = {}
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
@@ -104,10 +104,10 @@ class LowerBounds:
                     yield given
 
     def _repeated(self, times: int) -> Contacts:
-        if times not in self._copies:
+        if times not in self._disjuncts:
             contacts = self.statics.contacts
-            self._copies[times] = contacts.take(np.tile(np.arange(len(contacts)), times))
-        return self._copies[times]
+            self._disjuncts[times] = contacts.take(np.tile(np.arange(len(contacts)), times))
+        return self._disjuncts[times]
 
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
@@ -288,8 +288,8 @@ def _proof(
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
-    copies = run.moments.safe_copies(contacts, centre).without(np.flatnonzero(is_idle))
-    state = HullProblem(_slippery(run, margin)).solve(copies, tight_ladder()[0])
+    disjuncts = run.moments.safe_disjuncts(contacts, centre).without(np.flatnonzero(is_idle))
+    state = HullProblem(_slippery(run, margin)).solve(disjuncts, tight_ladder()[0])
     if state.forces is None or state.load_factor is None:
         return None
     held = _held(contacts, centre * extent, np.flatnonzero(~is_idle))

@@ -19,14 +19,14 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.methods.frozen import PressedProblem
+from cvxlimit.methods.interaction.relaxation.column_blocks import Halfway
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.relaxation.pieces import Halfway
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.states.copies import Copies
+from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.readings.states.support import half_extent
@@ -125,12 +125,12 @@ class SafeProblems:
         with self.run.clock.phase("compile"):
             return PressedProblem(self.run.assemblage, Conic(), self.moments, half=self.half)
 
-    def relaxed(self, kind: str, copies: Copies) -> InnerIterate:
-        return self.solved(kind, lambda rung: self._next(kind, copies, rung), self.leading)
+    def relaxed(self, kind: str, disjuncts: Disjuncts) -> InnerIterate:
+        return self.solved(kind, lambda rung: self._next(kind, disjuncts, rung), self.leading)
 
-    def _next(self, kind: str, copies: Copies, rung: SolverSettings) -> LimitState:
+    def _next(self, kind: str, disjuncts: Disjuncts, rung: SolverSettings) -> LimitState:
         """Solve from where the last problem of this kind was halfway."""
-        state = self.hull.solve(copies, rung, start=self._halfway.get(kind))
+        state = self.hull.solve(disjuncts, rung, start=self._halfway.get(kind))
         if state.halfway is not None:
             self._halfway[kind] = state.halfway
         return state

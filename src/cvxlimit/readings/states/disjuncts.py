@@ -1,6 +1,6 @@
-"""Copies of contacts with frozen pressure centres: contact forces are sums over them.
+"""Disjuncts of contacts with frozen pressure centres: contact forces are sums over them.
 
-The sum of copies is the convex hull of a contact's states (Balas' perspective form, one disjunct
+The sum of disjuncts is the convex hull of a contact's states (Balas' perspective form, one disjunct
 each): docs/evidence/interaction-bounds.md.
 """
 
@@ -23,11 +23,11 @@ from cvxlimit.readings.states.support import (
 
 
 @dataclass(frozen=True, eq=False)
-class Copies:
-    """Copies of contacts with frozen pressure centres, k of them.
+class Disjuncts:
+    """Disjuncts of contacts with frozen pressure centres, k of them.
 
     ``centre`` (k, 2) is a fraction of :func:`half_extent`; with ``spread`` (k, 2) it may lie
-    anywhere in centre +- spread, and the copy is that of eps = abs(centre) + spread. Torsion is
+    anywhere in centre +- spread, and the disjunct is that of eps = abs(centre) + spread. Torsion is
     taken about ``lever`` (k, 2), a fraction too; NaN where every sign is on its own. ``limited``
     (k,) says where Eq. 27 stands beside Eq. 30. ``arm`` (k,) is NaN but where it is not that of the
     centre.
@@ -47,59 +47,59 @@ class Copies:
     def signed(self) -> BoolArray:
         return np.asarray(np.isfinite(self.lever).all(axis=1))
 
-    def joined(self, *others: Copies) -> Copies:
+    def joined(self, *others: Disjuncts) -> Disjuncts:
         columns = zip(*(vars(c).values() for c in (self, *others)), strict=True)
-        return Copies(*(np.concatenate(column) for column in columns))
+        return Disjuncts(*(np.concatenate(column) for column in columns))
 
-    def without(self, contacts: IntArray) -> Copies:
+    def without(self, contacts: IntArray) -> Disjuncts:
         return self.take(~np.isin(self.contact, contacts))
 
-    def take(self, kept: BoolArray) -> Copies:
-        return Copies(*(values[kept] for values in vars(self).values()))
+    def take(self, kept: BoolArray) -> Disjuncts:
+        return Disjuncts(*(values[kept] for values in vars(self).values()))
 
     @property
     def names(self) -> list[bytes]:
-        """Of each copy: its contact, and where that presses."""
+        """Of each disjunct: its contact, and where that presses."""
         table = np.column_stack([self.contact, self.centre, self.spread])
         return table.view(f"V{table.itemsize * table.shape[1]}").ravel().tolist()
 
     @classmethod
-    def none(cls) -> Copies:
-        return copies_of(np.zeros(0, dtype=int), np.zeros((0, 2)))
+    def none(cls) -> Disjuncts:
+        return disjuncts_at_places(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
-def copies_of(
+def disjuncts_at_places(
     rows: IntArray,
     centre: FloatArray,
     spread: FloatArray | float = 0.0,
     lever: FloatArray | float = np.nan,
     is_limited: bool = False,
     arm: FloatArray | float = np.nan,
-) -> Copies:
+) -> Disjuncts:
     spreads, levers = (np.broadcast_to(values, centre.shape) for values in (spread, lever))
     arms, limited = np.broadcast_to(arm, rows.shape), np.full(len(rows), is_limited)
-    return Copies(rows, centre, spreads, levers, limited, arms)
+    return Disjuncts(rows, centre, spreads, levers, limited, arms)
 
 
-def spread_copies(
+def spread_disjuncts(
     rows: IntArray,
     centre: FloatArray,
     free: BoolArray,
     lever: FloatArray | float = np.nan,
     is_limited: bool = False,
     arm: FloatArray | float = np.nan,
-) -> Copies:
-    """Copies pressed at ``centre``, or from -centre to centre where ``free`` (k, 2)."""
+) -> Disjuncts:
+    """Disjuncts pressed at ``centre``, or from -centre to centre where ``free`` (k, 2)."""
     spread = np.where(free, np.abs(centre), 0.0)
-    return copies_of(rows, np.where(free, 0.0, centre), spread, lever, is_limited, arm)
+    return disjuncts_at_places(rows, np.where(free, 0.0, centre), spread, lever, is_limited, arm)
 
 
-def corner_copies(contacts: Contacts, chosen: BoolArray) -> Copies:
+def corner_disjuncts(contacts: Contacts, chosen: BoolArray) -> Disjuncts:
     """Friction at the corners of the contacts that are ``chosen`` (n,)."""
     k = np.flatnonzero(chosen[contacts.corner_contact])
     j = contacts.corner_contact[k]
     place = contacts.corner_xy[k] / half_extent(contacts)[j]
-    return copies_of(j, place, lever=place)
+    return disjuncts_at_places(j, place, lever=place)
 
 
 def corner_places(boxes: FloatArray, side: FloatArray | float) -> tuple[IntArray, FloatArray]:
@@ -111,21 +111,21 @@ def corner_places(boxes: FloatArray, side: FloatArray | float) -> tuple[IntArray
     return found[:, 0].astype(int), found[:, 1:]
 
 
-def copy_arms(copies: Copies, contacts: Contacts) -> FloatArray:
-    """c (k,) of the copies, in the unit of ``contacts``; exactly zero in corners."""
-    half = half_extent(contacts)[copies.contact]
-    arm = rectangle_arm(half, half * (np.abs(copies.centre) + copies.spread))
-    given = np.isfinite(copies.arm)
-    arm[given] = (copies.arm * contacts.torsion_arm[copies.contact])[given]
-    k = np.flatnonzero(~contacts.is_rectangle[copies.contact] & ~given)
-    arm[k] = polygon_arms(contacts, copies.contact[k], half[k] * copies.centre[k])
-    own = np.where(copies.signed, np.inf, own_arm(contacts)[copies.contact])
+def disjunct_arms(disjuncts: Disjuncts, contacts: Contacts) -> FloatArray:
+    """c (k,) of the disjuncts, in the unit of ``contacts``; exactly zero in corners."""
+    half = half_extent(contacts)[disjuncts.contact]
+    arm = rectangle_arm(half, half * (np.abs(disjuncts.centre) + disjuncts.spread))
+    given = np.isfinite(disjuncts.arm)
+    arm[given] = (disjuncts.arm * contacts.torsion_arm[disjuncts.contact])[given]
+    k = np.flatnonzero(~contacts.is_rectangle[disjuncts.contact] & ~given)
+    arm[k] = polygon_arms(contacts, disjuncts.contact[k], half[k] * disjuncts.centre[k])
+    own = np.where(disjuncts.signed, np.inf, own_arm(contacts)[disjuncts.contact])
     least = 4.0 * SUPPORT.rounding * half.max(axis=1)  # bounds have a margin even in corners
     return np.where(arm > least, np.minimum(arm, own), 0.0)
 
 
-def sheared(copies: Copies, arm: FloatArray) -> BoolArray:
-    """Along which axes (k, 2) copies shear. With unsigned torsion and no arm that is the one on
+def sheared(disjuncts: Disjuncts, arm: FloatArray) -> BoolArray:
+    """Along which axes (k, 2) disjuncts shear. With unsigned torsion and no arm that is the one on
     which they press, as in a polygon's corner: eps2 abs(V1) + eps1 abs(V2) + abs(MT) <= 0."""
-    is_on_axis = np.abs(copies.centre) + copies.spread <= SUPPORT.rounding
-    return np.asarray((copies.signed | (arm > 0.0))[:, None] | is_on_axis[:, ::-1])
+    is_on_axis = np.abs(disjuncts.centre) + disjuncts.spread <= SUPPORT.rounding
+    return np.asarray((disjuncts.signed | (arm > 0.0))[:, None] | is_on_axis[:, ::-1])

@@ -1,4 +1,4 @@
-"""Programs put together from pieces: columns of some copies, and the rows that are theirs alone.
+"""Programs put together from pieces: columns of some disjuncts, and the rows that are theirs alone.
 
 Only the equations of equilibrium have columns of several pieces. So thousands of problems that
 differ in a contact or two share all other pieces, and one may start where another one was.
@@ -25,8 +25,9 @@ Key = tuple[int, bytes]  # a contact, -1 for none, and what of it
 
 
 class Members(NamedTuple):
-    """Whose a piece's columns, linear rows and cones are: of which kind, and of which of the copies
-    with these ``names``, which begin with their contact. Equal keys are those of equal pieces."""
+    """Whose a piece's columns, linear rows and cones are: of which kind, and of which of the
+    disjuncts with these ``names``, which begin with their contact. Equal keys are those of equal
+    pieces."""
 
     key: Key
     names: list[bytes]
@@ -36,7 +37,7 @@ class Members(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ColumnBlock:
     """Columns with ``counts`` entries each: ``data`` in ``rows``, which are numbered within their
     ``kind``, 0 for equations, 1 for linear rows, 2 for those of cones; and ``forces``, the entries
     that give contact forces."""
@@ -65,13 +66,13 @@ def cut(
     kinds: tuple[list[IntArray], list[IntArray], list[IntArray]],
     entries: tuple[list[Entry], list[Entry], list[Entry]],
     forces: list[Entry],
-) -> list[Piece]:
-    """A piece for every key, of the copies whose ``unit`` (k,) is its number. ``kinds`` says whose
-    columns, linear rows and cones are, kind by kind; ``entries`` are those of equations, linear
-    rows and cones, which have three rows each."""
+) -> list[ColumnBlock]:
+    """A piece for every key, of the disjuncts whose ``unit`` (k,) is its number. ``kinds`` says
+    whose columns, linear rows and cones are, kind by kind; ``entries`` are those of equations,
+    linear rows and cones, which have three rows each."""
     of = [unit[np.concatenate(each)] for each in kinds]
     places, starts = zip(*(_grouped(each, len(keys)) for each in (*of, unit)), strict=True)
-    (column, line, cone, copy), first = places, np.cumsum([0, equations, len(of[1])])
+    (column, line, cone, disjunct), first = places, np.cumsum([0, equations, len(of[1])])
     at = np.arange(equations), line, (3 * cone[:, None] + np.arange(3)).ravel()
     every = [
         (first[kind] + at[kind][rows], column[columns], values)
@@ -91,16 +92,16 @@ def cut(
     columns = (column[columns] - starts[0][whose])[order]
     inner = np.searchsorted(whose[order], np.arange(len(keys) + 1))
     labels = [
-        _labels(each, copy - starts[3][unit], place)
+        _labels(each, disjunct - starts[3][unit], place)
         for each, place in zip(kinds, places[:3], strict=True)
     ]
-    called = [names[k] for k in np.argsort(copy).tolist()]
+    called = [names[k] for k in np.argsort(disjunct).tolist()]
     slices = [
         [slice(*ends) for ends in pairwise(each.tolist())]
         for each in (*starts, matrix.indptr[starts[0]], inner)
     ]
     return [
-        Piece(
+        ColumnBlock(
             Members(key, called[d], labels[0][a], labels[1][b], labels[2][c]),
             counts[a], matrix.data[e], rows[e], kind[e], (given[f], columns[f], values[f]),
         )
@@ -109,22 +110,22 @@ def cut(
 
 
 _CONTACT = 8
-"""Bytes of a copy's name that are its contact."""
+"""Bytes of a disjunct's name that are its contact."""
 
 _KIND = 1 << 24
-"""More copies than a problem has: labels are a kind times this plus the number of a copy."""
+"""More disjuncts than a problem has: labels are a kind times this plus the number of a disjunct."""
 
 
-def _labels(kinds: list[IntArray], copy: IntArray, place: IntArray) -> IntArray:
+def _labels(kinds: list[IntArray], disjunct: IntArray, place: IntArray) -> IntArray:
     result = np.empty(len(place), dtype=int)
-    result[place] = np.concatenate([_KIND * k + copy[each] for k, each in enumerate(kinds)])
+    result[place] = np.concatenate([_KIND * k + disjunct[each] for k, each in enumerate(kinds)])
     return result
 
 
-class Joined:
+class Columns:
     """A program of pieces, with ``equations`` rows that they share."""
 
-    def __init__(self, pieces: Sequence[Piece], equations: int) -> None:
+    def __init__(self, pieces: Sequence[ColumnBlock], equations: int) -> None:
         self.pieces, self.equations = pieces, equations
         self.members = tuple(piece.members for piece in pieces)
         self.starts = [_starts(self.members, k) for k in range(2, 5)]
@@ -186,7 +187,7 @@ def _starts(members: Sequence[Members], field: int) -> list[int]:
 
 class _Alike:
     """Which of ``others`` stands for what in ``own``: equal pieces for all of each other; of what
-    is left the same copy, or the first one left of the same contact."""
+    is left the same disjunct, or the first one left of the same contact."""
 
     def __init__(self, own: Sequence[Members], others: Sequence[Members]) -> None:
         self.own, self.others = own, others
@@ -210,7 +211,7 @@ class _Alike:
 
 
 def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
-    """Which of the others' copies stands for each copy; for none the one after the last."""
+    """Which of the others' disjuncts stands for each disjunct; for none the one after the last."""
     left: dict[bytes, dict[bytes, int]] = {}  # by contact, and by name
     for number, name in enumerate(name for each in others for name in each.names):
         left.setdefault(name[:_CONTACT], {})[name] = number
@@ -231,16 +232,16 @@ def _placed(
     own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
 ) -> IntArray:
     """Where the members of all kinds are among the others', -1 for nowhere."""
-    kind, copy = _split(own, field)
-    other_kind, other_copy = _split(others, field)
+    kind, disjunct = _split(own, field)
+    other_kind, other_disjunct = _split(others, field)
     kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1
     place = np.full((kinds, _starts(others, 1)[-1] + 1), -1)
-    place[other_kind, other_copy] = np.arange(len(other_copy))
-    return np.asarray(place[kind, match[copy]])
+    place[other_kind, other_disjunct] = np.arange(len(other_disjunct))
+    return np.asarray(place[kind, match[disjunct]])
 
 
 def _split(members: Sequence[Members], field: int) -> tuple[IntArray, IntArray]:
-    """Kinds, and numbers of copies in a whole problem."""
+    """Kinds, and numbers of disjuncts in a whole problem."""
     labels = np.concatenate([np.zeros(0, dtype=int), *(each[field] for each in members)])
     counts, first = [len(each[field]) for each in members], np.array(_starts(members, 1)[:-1])
     return labels // _KIND, labels % _KIND + np.repeat(first.astype(int), counts)
