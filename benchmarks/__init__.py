@@ -1,5 +1,8 @@
-"""Speed against accuracy: ``python -m benchmarks run`` runs the suite, draws its charts.
+"""What is measured, and how: ``python -m benchmarks list``.
 
-One case per file in ``cases/``; methods come from :mod:`cvxlimit.compare.registry`, and what a
-user would write without the package from :mod:`benchmarks.baselines`.
+An experiment is a generator of tables in ``experiments/`` (:mod:`benchmarks.experiment`), a scene
+has a name (:mod:`benchmarks.scenes`), runs have processes of their own (:mod:`benchmarks.runs`),
+rows that are kept are lines of JSON (:mod:`benchmarks.rows`), and what was printed goes into the
+pages of the documentation (:mod:`benchmarks.evidence`). ``stability/`` makes scenes that break
+methods and judges answers, ``bench/`` is the open bench of published values.
 """

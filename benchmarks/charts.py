@@ -84,8 +84,7 @@ CHARTED = (
 """Lines of a chart of time against error, where there are more than a reader can tell apart."""
 
 AT = "/1e-8"
-"""End of the names of methods whose growth is drawn, those of the package besides: one
-tolerance."""
+"""End of names of methods whose growth is drawn beside the package: one tolerance."""
 
 PHASE_COLOURS = dict(
     zip(PHASES, ("#9aad00", "#f59e0b", "#e36fb0", "#134b73", "#4aa3a8"), strict=True)

@@ -83,8 +83,7 @@ def outcomes(rows: Sequence[Row]) -> Figure:
 
 
 def map_of_wrong(rows: Sequence[Row]) -> Figure:
-    """Families x methods that believe the solver: the share that is wrong but called right, where
-    it is on any family."""
+    """Families x methods that believe the solver: the share that is wrong but called right."""
     raw = [row for row in rows if row["method"].startswith("raw/")]
     names = list(dict.fromkeys(row["method"] for row in raw))
     bad = {row["family"] for row in raw if row["outcome"] == Outcome.WRONG}
