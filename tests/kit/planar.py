@@ -74,10 +74,10 @@ def _friction_rows(friction: np.ndarray, shear: np.ndarray) -> coo_array:
     return coo_array((value, (row, column)), shape=(2 * count, 3 * count + 1))
 
 
-def extreme_member(
-    scene: Scene, sign: int, force: float = 3.0, rate: float = 30.0, seconds: float = 60.0
+def lowest_member(
+    scene: Scene, force: float = 3.0, rate: float = 30.0, seconds: float = 60.0
 ) -> tuple[float, float]:
-    """Lowest (sign 1) or highest (-1) zero-dilatancy load factor in the plane, and a bound on it.
+    """Lowest zero-dilatancy load factor in the plane, and a bound on it.
 
     Mixed-integer: forces in equilibrium and a mechanism of live power 1; at both ends of a contact
     either the pressure is zero or the opening; it slides one way with all friction against it, or
@@ -123,10 +123,10 @@ def extreme_member(
     )  # fmt: skip
     low[free], high[free] = -np.inf, np.inf
     goal = np.zeros(width)
-    goal[3 * n] = sign
+    goal[3 * n] = 1.0
     whole = np.repeat([0, 1], [width - 4 * n, 4 * n])
     options = {"time_limit": seconds, "mip_rel_gap": 1e-7}
     answer = milp(goal, constraints=limits, bounds=Bounds(low, high), integrality=whole,
                   options=options)  # fmt: skip
     assert answer.x is not None, answer.message
-    return float(answer.x[3 * n]), float(sign * answer.mip_dual_bound)
+    return float(answer.x[3 * n]), float(answer.mip_dual_bound)

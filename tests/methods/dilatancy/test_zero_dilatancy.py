@@ -16,11 +16,10 @@ from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
 from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result
-from cvxlimit.masonry import running_bond, single_block, wall
+from cvxlimit.masonry import single_block
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import vertex_forces
 from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
-from planar import extreme_member
 
 FloatArray = NDArray[np.float64]
 
@@ -104,29 +103,6 @@ class TestWalls:
         assert solution.bracket.upper_is_proved
         assert solution.upper == pytest.approx(ASSOCIATED[name], rel=1e-5)
         assert solution.members[-1].load_factor <= solution.upper * (1 + 1e-6)
-
-
-class TestAllMembersKnown:
-    """Walls of five blocks, for which a mixed-integer search proves the lowest member."""
-
-    @pytest.mark.exhaustive_cases("0.4-0.8")
-    @pytest.mark.parametrize(("height", "friction"), [(0.4, 0.8), (0.6, 0.5)])
-    def test_lowest_is_found(self, height: float, friction: float) -> None:
-        scene = wall(
-            running_bond(2, 2),
-            unit=(0.4, 0.2, height),
-            density=20.0,
-            friction=friction,
-            live=Load(acceleration=(1, 0, 0)),
-        )
-        lowest, proved = extreme_member(scene, 1)
-        assert proved == pytest.approx(lowest, rel=1e-6)
-        highest, bound = extreme_member(scene, -1)
-        assert bound == pytest.approx(highest, rel=1e-6)
-        found = [member.load_factor for member in solve(scene, method="zero-dilatancy").members]
-        assert found[0] == pytest.approx(lowest, rel=1e-6)
-        assert found[-1] <= highest * (1 + 1e-6)
-        assert lowest < 0.95 * highest  # far from unique
 
 
 class TestSpace:

@@ -59,7 +59,7 @@ class LowerBound:
     thrusts : (n,)
         Compressions that every admissible state from there on exceeds, as far as they were used.
     forces : (n, 6) or None
-        Forces that carry ``load_factor`` with the friction of such compressions.
+        Forces that carry ``load_factor`` or more with the friction of such compressions.
     rounds, solves : int
         Of least thrusts, and of convex problems in all.
     is_cut : bool
@@ -92,7 +92,7 @@ def lower_bound(
     states : iterable of (forces (n, 6), load factor)
         Admissible states that are known: what they show need not be sought.
     seconds : float
-        After which no further problem is begun; what is proved by then holds.
+        After which no further least thrust is sought; what those found by then exclude is.
     """
     return _Search(run, upper, states, seconds).bound()
 
@@ -285,18 +285,18 @@ class _Search:
         their least thrusts does not reach their end."""
         width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
         while a < self.upper and not self.run.is_boundless(a):
-            if self._is_late:
-                return a, forces, True
             end = min(a + width, self.upper)
             least = self.thrusts.least(a, end)
             factor, found = self._carried(least, 2.0 * end)
             if factor > a:
                 forces = found
+            rise = min(factor, end) - a
+            a = max(a, a + rise)
+            if self._is_late:
+                return a, forces, a < self.upper
             if factor >= end:
-                a, width = end, 2.0 * width
+                width *= 2.0
                 continue
-            rise = factor - a
-            a = max(a, factor)
             lost = self._friction() @ (self.thrusts.least(a, a) - least)
             if rise > _RISE * a and rise > 0.5 * width:
                 continue
