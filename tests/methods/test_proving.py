@@ -262,6 +262,9 @@ def test_a_solution_without_dilatancy_is_checked() -> None:
     proof = prove(held, STONE)
     first = next(c for c in proof.checks if c.claim.startswith("a solution without dilatancy"))
     assert first.is_met
+    ends = [c for c in proof.checks if "er bound" in c.claim]  # of all solutions, found anew
+    assert len(ends) == 2
+    assert all(check.is_met for check in ends)
     bad = prove(force(1.01)(held), STONE)
     assert not all(c.is_met for c in bad.checks if c not in proof.missing)
     for check in proof.missing:

@@ -20,6 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
@@ -380,9 +381,27 @@ class _Again:
             said = f"largest residual {worst:.1e}"
             yield Check(claim, is_met, said if is_met else f"{said}, {first.residual:.1e} claimed")
             yield from self._held()
+        yield from self._ends_of_all()
         if others:
             yield Check(f"{len(others)} further solutions without dilatancy", False, "the file "
                         "holds the forces of the lowest only")  # fmt: skip
+
+    def _ends_of_all(self) -> Iterator[Check]:
+        """The bracket of all solutions without dilatancy, found anew: the file holds neither the
+        mechanism of associated friction nor least thrusts."""
+        held, aside = self.solution.bracket, self.run.auxiliary_run()
+        if np.isfinite(held.upper):
+            for _ in ConvexSearch(aside, self.run.model).steps():
+                pass
+            upper = aside.best.bracket.upper
+            is_met = upper <= held.upper + max(self._near, SLACK * abs(held.upper))
+            said = f"associated friction, solved anew, shows {rounded_up(upper, 9)}"
+            yield Check(f"upper bound {rounded_up(held.upper, 9)}", is_met, said)
+        if np.isfinite(held.lower):
+            lower = lower_bound(aside, held.lower).load_factor
+            is_met = lower >= held.lower - max(self._near, SLACK * abs(held.lower))
+            said = f"least thrusts, found anew, show {rounded_down(lower, 9)}"
+            yield Check(f"lower bound {rounded_down(held.lower, 9)}", is_met, said)
 
     # What all have
 

@@ -209,7 +209,7 @@ PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
         "fixed-point": (2.5e-4, 1.85),
         "certified": (5e-2, 1.0),
         "zero-dilatancy": (5e-4, 2.0),
-        "gilbert": (1.4e-5, 2.1),
+        "gilbert": (4e-6, 2.0),
     }
 )
 """CPU seconds by method: the first times contacts to the power of the second, within a factor of

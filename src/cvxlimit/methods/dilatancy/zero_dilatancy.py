@@ -369,7 +369,9 @@ class _Search:
         if self.products is not None and not self.products.is_bound:
             self.run.remarks.append(f"no bound by products: {self.products}")
         if members:
-            best = members[0]
+            best, state = self._extreme(1.0)
+            internal = state.internal if self.verifier.strength.is_internal else None
             self.run.best = Answer(
-                best.load_factor, bracket, best.forces, best.mechanism, tuple(members)
-            )
+                best.load_factor, bracket, best.forces, best.mechanism, tuple(members),
+                internal=internal,
+            )  # fmt: skip
