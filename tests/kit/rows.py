@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
+import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
@@ -14,18 +16,18 @@ ROUNDING = 1e-12
 """Of the largest entry: a hundred times the rounding of products of a dozen terms."""
 
 
-def by_cvxpy(problem: LimitProblem) -> ConeProgram:
-    """What CVXPY makes of the statement, its columns in the order of the unknowns: where CVXPY puts
-    the values of a solution that counts its own columns says which is which."""
-    data, chain, inverse = problem.problem.get_problem_data("CLARABEL", solver_opts={})
+def by_cvxpy(problem: cp.Problem, unknowns: Sequence[cp.Variable]) -> ConeProgram:
+    """What CVXPY makes of a problem, its columns in the order of the unknowns: where CVXPY puts the
+    values of a solution that counts its own columns says which is which."""
+    data, chain, inverse = problem.get_problem_data("CLARABEL", solver_opts={})
     n = data["A"].shape[1]
     counted = SimpleNamespace(
         status="Solved", x=np.arange(float(n)), z=np.zeros(len(data["b"])), obj_val=0.0,
         obj_val_dual=0.0, solve_time=0.0, iterations=0,
     )  # fmt: skip
-    problem.problem.unpack_results(counted, chain, inverse)
-    unknowns = problem._in_cvxpy[0].into.unknowns
-    columns = np.concatenate([np.atleast_1d(v.value).ravel(order="F") for v in unknowns])
+    problem.unpack_results(counted, chain, inverse)
+    known = [v for v in unknowns if v.size]
+    columns = np.concatenate([np.atleast_1d(v.value).ravel(order="F") for v in known])
     order = columns.round().astype(int)
     assert sorted(order) == list(range(n))
     dims, matrix = data["dims"], sp.csc_array(data["A"])[:, order]
@@ -34,7 +36,12 @@ def by_cvxpy(problem: LimitProblem) -> ConeProgram:
 
 def assert_same_rows(problem: LimitProblem) -> None:
     """The rows of both sinks at the Parameters' present values."""
-    own, theirs = problem.program, by_cvxpy(problem)
+    theirs = by_cvxpy(problem.problem, problem._in_cvxpy[0].into.unknowns)
+    assert_same(problem.program, theirs)
+
+
+def assert_same(own: ConeProgram, theirs: ConeProgram) -> None:
+    """Rows and cost of two programs with the same columns."""
     sizes = [(p.matrix.shape, p.zero, p.nonneg, sorted(p.cones)) for p in (own, theirs)]
     assert sizes[0] == sizes[1]
     size = float(abs(theirs.matrix).max())

@@ -15,6 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry.builtin import BUILTIN
 from cvxlimit.methods.frozen import FrozenProblem, PressedProblem
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import PlasticField
@@ -28,16 +29,18 @@ from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.point_friction import PointFriction, at_corners
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.reserve import LeastUse
+from cvxlimit.model.sinks import Constraints
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.majorants import Point
+from cvxlimit.readings.states.support import whole_boxes
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import settings_for
-from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
+from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Facets, Sink
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, surfaces_of
 from helpers import scenes
-from rows import assert_same_rows, at_random
+from rows import assert_same, assert_same_rows, at_random, by_cvxpy
 
 SURFACES = ("conic", "octagon", "16-gon-inscribed", "parabolic")
 READINGS = ("independent", "signed", "signed-torsion-bending", "paper")
@@ -82,19 +85,25 @@ def test_all_scenes_and_reductions(name: str, model: str, surface: str) -> None:
 @everywhere(("single-block", "arch"))
 @pytest.mark.parametrize("moments", READINGS)
 @pytest.mark.parametrize("cone", ["conic", "octagon"])
-@pytest.mark.parametrize("kind", [FrozenProblem, PressedProblem])
-def test_frozen_at_random_eccentricities(
-    name: str, kind: type[FrozenProblem], moments: str, cone: str
-) -> None:
-    reading = parse_moments(moments)
-    frozen = kind(builtin_scene(name), surfaces_of(cone)[0][1].cone, reading)
+def test_frozen_at_random_eccentricities(name: str, moments: str, cone: str) -> None:
+    plain = surfaces_of(cone)[0][1].cone
+    assert_frozen(FrozenProblem(builtin_scene(name), plain, parse_moments(moments)))
+
+
+@pytest.mark.parametrize("name", ["single-block", "arch"])
+@pytest.mark.parametrize("moments", READINGS)
+def test_frozen_where_contacts_are_pressed(name: str, moments: str) -> None:
+    assert_frozen(PressedProblem(builtin_scene(name), Conic(), parse_moments(moments)))
+
+
+def assert_frozen(frozen: FrozenProblem) -> None:
     assert set(frozen.problem.problem.parameters()) == set(frozen.parameters.values())
     for seed in range(2):
         at_random(frozen.problem, seed)
         assert_same_rows(frozen.problem)
 
 
-@everywhere(("single-block", "arch"))
+@pytest.mark.parametrize("name", ["single-block", "arch"])  # CVXPY takes minutes on larger ones
 @pytest.mark.parametrize("moments", READINGS)
 def test_safe_steps_at_random_points(name: str, moments: str) -> None:
     """With all that a step may have: a price of slack, a bound, and a share of the curvature."""
@@ -109,6 +118,24 @@ def test_safe_steps_at_random_points(name: str, moments: str) -> None:
         assert_same_rows(stated.problem)
         at_random(stated.problem)
         assert_same_rows(stated.problem)
+
+
+@everywhere(("single-block", "arch"))
+@pytest.mark.parametrize("moments", READINGS)
+@pytest.mark.parametrize("price", [None, 2.0])
+def test_hulls_with_disjuncts_of_all_kinds(name: str, moments: str, price: float | None) -> None:
+    """In boxes, at corners, at random centres, and about some: by both sinks, and from pieces."""
+    scene, reading = builtin_scene(name), parse_moments(moments)
+    problem, contacts, random = HullProblem(scene), scene.contacts, np.random.default_rng(2)
+    every, boxes = np.arange(len(contacts)), whole_boxes(contacts)
+    centre = random.uniform(-0.9, 0.9, (len(contacts), 2))
+    disjuncts = reading.box_disjuncts(contacts).joined(
+        reading.disjuncts_at(contacts, every, centre, boxes),
+        reading.safe_disjuncts(contacts, centre, 0.1),
+    )
+    own = problem.program(problem.joined(disjuncts, price), price)
+    goal = problem.stated(disjuncts, into := Constraints(), price)
+    assert_same(own, by_cvxpy(cp.Problem(cp.Maximize(goal), into.all), into.unknowns))
 
 
 class Lens(Cone):

@@ -210,13 +210,13 @@ class LimitProblem(Changeable):
         if self.repeats is None or self.given.is_symbolic:
             return None
         about = strength_key(self.surfaces, self.model.contacts)
-        is_full = self._is_whole and len(self.equilibrium.rows) == len(self._loads[0])
+        is_full = self._is_whole and len(self.equilibrium.rows) == len(self.loads[0])
         is_full = is_full and self._own is None
         if about is None or not is_full or self.goal != LARGEST_FACTOR:
             return None
         what, contacts = ("program", about, self.scaling.force), self.model.contacts
         found = self.repeats.shared(what, contacts, lambda: self._in_rows[1].program)
-        dead, live = self._loads
+        dead, live = self.loads
         shared: ConeProgram = found.under(dead, live)
         return shared
 
@@ -383,7 +383,7 @@ class LimitProblem(Changeable):
         if alone.scaling.force != scaling.force:
             return result
         result.__dict__["equilibrium"] = self.equilibrium
-        dead = self.equilibrium.of_load(self._loads[0])
+        dead = self.equilibrium.of_load(self.loads[0])
         before = self.program.under(np.zeros_like(dead), dead)
         at, given = before.zero + before.nonneg, before.matrix
         entries = (

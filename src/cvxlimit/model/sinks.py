@@ -310,7 +310,7 @@ def gathered(form: Any, at: IntArray, size: int, weight: Any = 1.0) -> Any:
         is_plain = np.ndim(weight) == 0 and float(weight) == 1.0
         return (form if is_plain else form.times(weight)).gathered(at, size)
     every, weights = np.arange(len(at)), np.broadcast_to(weight, at.shape)
-    if size == len(at) and np.array_equal(at, every) and np.ptp(weights) == 0.0:
+    if size == len(at) > 0 and np.array_equal(at, every) and np.ptp(weights) == 0.0:
         return form if weights[0] == 1.0 else float(weights[0]) * form  # less for CVXPY to do
     return sp.csr_array((weights, (at, every)), shape=(size, len(at))) @ form
 
@@ -370,26 +370,35 @@ class Rows:
     def cone(self, bound: Form, rows: Sequence[Form]) -> None:
         self.cones.append([bound, *rows])
 
-    def written(self, goal: Form) -> Written:
-        """The program that maximises ``goal``, equations first, then inequalities, then cones."""
-        blocks = [[form] for form in (*self.equations, *self.linear)] + self.cones
-        signs = [1.0] * len(self.equations) + [-1.0] * (len(blocks) - len(self.equations))
-        found, rights, start = [], [], 0
-        for block, sign in zip(blocks, signs, strict=True):
-            step = len(block)
-            right = np.empty(step * block[0].size)
+    def entries(self) -> _Entries:
+        """Rows, columns, values and slots of A where b - A x is zero, not negative or in a cone:
+        equations first, then inequalities, then cones, whose rows stand together."""
+        found, start = _Entries(), 0
+        for sign, block in self._blocks():
             for i, form in enumerate(block):
-                right[i::step] = -sign * form.constant
-                row = start + i + step * form.row
-                found.append((row, form.column, sign * form.value, form.slot))
+                rows = start + i + len(block) * form.row
+                found.append((rows, form.column, sign * form.value, form.slot))
+            start += len(block) * block[0].size
+        return found
+
+    def _blocks(self) -> list[tuple[float, list[Form]]]:
+        equations = [(1.0, [form]) for form in self.equations]
+        return equations + [(-1.0, block) for block in [*([f] for f in self.linear), *self.cones]]
+
+    def written(self, goal: Form) -> Written:
+        """The program that maximises ``goal``."""
+        rights = []
+        for sign, block in self._blocks():
+            right = np.empty(len(block) * block[0].size)
+            for i, form in enumerate(block):
+                right[i :: len(block)] = -sign * form.constant
             rights.append(right)
-            start += len(right)
         counts = tuple(sum(form.size for form in forms) for forms in (self.equations, self.linear))
         sizes = tuple(len(cone) for cone in self.cones for _ in cone[0].constant)
-        return Written.of(found, np.concatenate(rights), goal, self, (*counts, sizes))
+        return Written.of(self.entries(), np.concatenate(rights), goal, self, (*counts, sizes))
 
 
-_Entries = list[tuple[IntArray, IntArray, FloatArray, "IntArray | None"]]
+_Entries = list[tuple[IntArray, IntArray, FloatArray, IntArray | None]]
 
 
 @dataclass(frozen=True, eq=False)

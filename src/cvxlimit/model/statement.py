@@ -63,7 +63,7 @@ class Statement:
             admissible(into, condition, forces, cone)
         into.label = "goal"
         factor = into.new(name="alpha")
-        found = Stated(self.assemblage, into, forces, internal, factor, *self._loads)
+        found = Stated(self.assemblage, into, forces, internal, factor, *self.loads)
         goal = self.goal(found)
         into.label = "equilibrium"
         equilibrium = self.equilibrium
@@ -100,7 +100,7 @@ class Statement:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        loads = np.stack([_size(load) for load in self._loads])
+        loads = np.stack([_size(load) for load in self.loads])
         return Equilibrium.of(self._matrix, loads, self.scaling, self.reduction.rates)
 
     @cached_property
@@ -110,7 +110,7 @@ class Statement:
         return np.tile(units, len(self.assemblage.statics.dead) // DOF)
 
     @cached_property
-    def _loads(self) -> tuple[Any, Any]:
+    def loads(self) -> tuple[Any, Any]:
         """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
         units, loads = (self.scaling.force, self.scaling.live), (self.given.dead, self.given.live)
         dead, live = (product(self._down / u, load) for u, load in zip(units, loads, strict=True))

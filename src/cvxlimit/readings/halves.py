@@ -53,13 +53,6 @@ class SymmetricHalf:
         contacts = whole.contacts.take(self.kept)
         return replace(whole, contacts=contacts, forces=self.forces, rates=self.rates)
 
-    @property
-    def forces_of_all(self) -> sp.csr_array:
-        """Per forces (6 n,) of which only those of contacts kept count."""
-        column = (len(COMPONENTS) * self.kept[:, None] + np.arange(len(COMPONENTS))).ravel()
-        size, entries = self.forces.shape[0], self.forces.tocoo()
-        return sp.csr_array((entries.data, (entries.row, column[entries.col])), (size, size))
-
 
 def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:
     # a reading that is not indifferent differs almost surely for random forces

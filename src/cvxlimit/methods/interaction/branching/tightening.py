@@ -14,14 +14,15 @@ import scipy.sparse as sp
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
-from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, stacked
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, Columns, stacked
+from cvxlimit.methods.interaction.relaxation.hull import HullProblem, LoadBlock
 from cvxlimit.methods.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.methods.interaction.settings import BRANCH
+from cvxlimit.model.sinks import Rows
 from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.surfaces.base import times
 
 
 def tightened_root(
@@ -128,40 +129,38 @@ class Reach:
     def __init__(
         self, problem: HullProblem, disjuncts: Disjuncts | Sequence[ColumnBlock], least: float
     ) -> None:
-        self.problem = problem
-        joined = problem.joined(disjuncts)
-        plain = problem.program(joined)
-        rows = plain.matrix.tocsr()
-        zero, self.width = plain.zero, plain.matrix.shape[1] + 1
-        dead = sp.csc_array(problem.dead[:, None])
-        alpha = least / problem.scaling.load_factor(1.0)
-        last = self.width - 1
-        reached = [(np.array([0, 0, 1]), np.array([0, last, last]), np.array([-1.0, alpha, -1.0]))]
-        rest = sp.hstack([rows[zero:], sp.csc_array((rows.shape[0] - zero, 1))])
-        self.matrix = sp.vstack(
-            [sp.hstack([rows[:zero], dead]), stacked(reached, (2, self.width)), rest], format="csr"
+        self.problem, into = problem, Rows()
+        factor, share = into.new(), into.new()
+        into.zero(times(problem.live, factor) + times(problem.dead, share))
+        into.nonneg(share)
+        into.nonneg(factor - least / problem.scaling.load_factor(1.0) * share)
+        load = LoadBlock.of(into, 0.0 * factor)
+        pieces = problem.pieces(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
+        joined = Columns([load.piece, *pieces], len(problem.dead))
+        self.plain = load.program(joined)
+        self.resultant_map = sp.csr_array(
+            stacked([joined.forces()], (problem.matrix.shape[1], joined.columns))
         )
-        self.counts = zero + 1, plain.nonneg + 2, plain.cones
-        size = len(COMPONENTS) * len(problem.contacts)
-        self.resultant_map = stacked([joined.forces()], (size, joined.columns)).tocsr()
 
     def furthest(
         self, contact: int, axis: int, sign: float, settings: SolverSettings
     ) -> tuple[float, FloatArray] | None:
         """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6);
         None without an answer, as for contacts that do not press."""
-        base = len(COMPONENTS) * contact
+        base, plain = len(COMPONENTS) * int(self.problem.number[contact]), self.plain
         normal = self.resultant_map[[base + COLUMN["N"]]]
         if not normal.nnz:
             return None
         moment, turn = (("M2", -1.0), ("M1", 1.0))[axis]
-        cost = np.zeros(self.width)
-        cost[:-1] = -sign * turn * self.resultant_map[[base + COLUMN[moment]]].toarray()[0]
-        unit = sp.hstack([normal, sp.csr_array((1, 1))])
-        matrix = sp.vstack([unit, self.matrix], format="csc")
-        right = np.zeros(matrix.shape[0])
-        right[0] = 1.0
-        _, x, y = ConeProgram(cost, matrix, right, *self.counts).solve(settings)
+        cost = -sign * turn * self.resultant_map[[base + COLUMN[moment]]].toarray()[0]
+        program = replace(
+            plain,
+            cost=cost,
+            matrix=sp.vstack([normal, plain.matrix], format="csc"),
+            right=np.append(1.0, plain.right),
+            zero=plain.zero + 1,
+        )
+        _, x, y = program.solve(settings)
         if x is None or y is None:
             return None
         at = float(-cost @ x) / float(self.problem.extent[contact, axis])

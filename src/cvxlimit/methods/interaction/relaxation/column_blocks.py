@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.model.sinks import Rows
 from cvxlimit.solvers.interior.iteration import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
@@ -62,30 +63,27 @@ def cut(
     keys: Sequence[Key],
     unit: IntArray,
     names: Sequence[bytes],
-    equations: int,
     kinds: tuple[list[IntArray], list[IntArray], list[IntArray]],
-    entries: tuple[list[Entry], list[Entry], list[Entry]],
-    forces: list[Entry],
+    stated: Rows,
+    forces: Entry,
 ) -> list[ColumnBlock]:
     """A piece for every key, of the disjuncts whose ``unit`` (k,) is its number. ``kinds`` says
-    whose columns, linear rows and cones are, kind by kind; ``entries`` are those of equations,
-    linear rows and cones, which have three rows each."""
+    whose columns, linear rows and cones are, kind by kind, as they were ``stated``; cones have
+    three rows each."""
+    equations = sum(form.size for form in stated.equations)
     of = [unit[np.concatenate(each)] for each in kinds]
     places, starts = zip(*(_grouped(each, len(keys)) for each in (*of, unit)), strict=True)
     (column, line, cone, disjunct), first = places, np.cumsum([0, equations, len(of[1])])
-    at = np.arange(equations), line, (3 * cone[:, None] + np.arange(3)).ravel()
-    every = [
-        (first[kind] + at[kind][rows], column[columns], values)
-        for kind, own in enumerate(entries)
-        for rows, columns, values in own
-    ]
-    matrix = stacked(every, (int(first[-1]) + 3 * len(cone), len(column)))
+    triples = first[2] + (3 * cone[:, None] + np.arange(3)).ravel()
+    at = np.concatenate([np.arange(equations), equations + line, triples])
+    every = [(at[rows], column[columns], values) for rows, columns, values, _ in stated.entries()]
+    matrix = stacked(every, (len(at), len(column)))
     counts = np.diff(matrix.indptr)
     kind = np.searchsorted(first, matrix.indices, side="right") - 1
     before = np.stack([np.zeros(len(keys), dtype=int), starts[1][:-1], 3 * starts[2][:-1]])
     rows = matrix.indices - first[kind] - before[kind, np.repeat(np.sort(of[0]), counts)]
     kind = kind.astype(np.int8)
-    given, columns, values = (np.concatenate(part) for part in zip(*forces, strict=True))
+    given, columns, values = forces
     whose = of[0][columns]
     order = np.argsort(whose, kind="stable")
     given, values = given[order], values[order]
