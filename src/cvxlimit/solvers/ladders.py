@@ -25,29 +25,28 @@ Ladder = tuple[SolverSettings, ...]
 class LadderNumbers:
     """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md."""
 
-    least_bracket: float = 1e-6  # narrowest that is asked of QOCO with cones
-    lean: float = 1e-10  # tolerance of QOCO without cones and facets
-    enough: float = 1 / 3  # gap of the blockwise solver, over the width of the bracket asked for
-    few: int = 950  # variables below which it is asked for more digits, which are cheap there,
-    few_gap: float = 1e-9  # and Clarabel is next: contacts of weak stone may be too large for it
-    tiny: int = 100  # variables up to which Clarabel comes first in any case
-    loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
-    leading: float = 1e-6  # of problems that only lead the way:
-    leading_iterations: int = 60  # those not solved in 60 were never solved later
-    steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
-    steps_from: int = 200  # from so many contacts on, and of
-    leads_from: int = 500  # relaxations, which it starts cold, from so many,
-    leads: float = 1e-7  # to this: looser ones take as long in all, and S12 ends 0.8 % wider
-    iterate: float = 1e-9  # of fixed-point iterates,
-    last: float = 1e-8  # by the solver that starts warm,
-    node: float = 1e-8  # of nodes,
-    # or this share of the width at which they are closed: at 1e-2 splits followed what was noise
-    node_share: float = 1e-4
-    node_refinements: int = 1  # with directions that need few, for bounds are checked outside,
-    tight: float = 1e-9  # and of forces that count to 1e-9
+    finest: float = 1e-10  # tolerance of QOCO without cones and facets, and residual of its
+    refinements: int = 20  # directions elsewhere, in at most so many rounds
+    # Of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and of the
+    # blockwise solver on fewer variables than these, where digits are cheap and Clarabel is next:
+    # contacts of weak stone may be too large for it.
+    tight: float = 1e-9
+    few: int = 1000
     tight_iterations: int = 100
-    refined: float = 1e-10  # residual of QOCO's directions where its forces bound the load factor,
-    refinements: int = 20  # in at most so many rounds
+    node: float = 1e-8  # of nodes, and of fixed-point iterates by the solver that starts warm,
+    # or this share of the width at which nodes are closed: at 1e-2 splits followed what was noise
+    node_share: float = 1e-4
+    node_refinements: int = 1  # with directions that need few, for bounds are checked outside
+    leading: float = 1e-6  # of problems that only lead the way, and the narrowest bracket that is
+    # asked of QOCO with cones
+    leading_iterations: int = 60  # those not solved in 60 were never solved later
+    leads_from: int = 500  # from so many contacts on the blockwise solver leads,
+    leads: float = 1e-7  # to this: looser ones take as long in all, and S12 ends 0.8 % wider
+    steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
+    steps_from: int = 200  # from so many contacts on
+    enough: float = 1 / 3  # gap of the blockwise solver, over the width of the bracket asked for
+    loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
+    tiny: int = 100  # variables up to which Clarabel comes first in any case
 
 
 NUMBERS = LadderNumbers()
@@ -153,9 +152,9 @@ def iterate_ladder(is_linear: bool = True) -> Ladder:
     first, whatever else is installed, for which of many possible forces are picked depends on it.
     Our own starts from the solve before; it takes linear objectives only.
     """
-    own = settings_for("BLOCKWISE", NUMBERS.last, iterations=NUMBERS.tight_iterations)
+    own = settings_for("BLOCKWISE", NUMBERS.node, iterations=NUMBERS.tight_iterations)
     first = (own,) if is_linear else ()
-    return (*first, settings_for("CLARABEL", NUMBERS.iterate), *default_ladder())
+    return (*first, settings_for("CLARABEL", NUMBERS.tight), *default_ladder())
 
 
 def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Ladder:
@@ -248,14 +247,14 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     if shape.variables >= max(NUMBERS.few, blockwise_from(kind)):
         return (settings_for("BLOCKWISE", asked), tight, first, *others)
     if shape.variables >= blockwise_from(kind):
-        digits = settings_for("BLOCKWISE", min(asked, NUMBERS.few_gap))
+        digits = settings_for("BLOCKWISE", min(asked, NUMBERS.tight))
         return (digits, first, tight, *others)
-    if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.least_bracket)):
+    if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
         return (first, own, *others)
-    lean = NUMBERS.lean if kind == "lean" else None
+    lean = NUMBERS.finest if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
         return (first, settings_for("QOCO", lean), own, *others)
-    refined: dict[str, Any] = {"ir_tol": NUMBERS.refined, "max_ir_iters": NUMBERS.refinements}
+    refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
     quick = settings_for("QOCO", lean, **refined)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
     is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
