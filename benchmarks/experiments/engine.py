@@ -36,12 +36,9 @@ WAYS = {"whole": "", "compiled": "supernodal", "NumPy": "superlu"}
 """Ways to run our own, with their factorisations: ``whole`` is one compiled call."""
 
 OTHERS = (("CLARABEL", 1e-8), ("QOCO", 1e-8), ("QOCO", 1e-6))
-LABELS = (
-    *(f"{name} {tolerance:g}" for name, tolerance in OTHERS),
-    *(f"own {way} {tolerance:g}{warm}" for way in WAYS for tolerance in TOLERANCES
-      for warm in ("", " warm")),
-)  # fmt: skip
-"""Columns of the table."""
+COLUMNS = tuple(f"{tolerance:g}{warm}" for tolerance in TOLERANCES for warm in ("", " warm"))
+METHODS = ("CLARABEL", "QOCO", *(f"own {way}" for way in WAYS))
+"""Columns and rows of the table: methods that say nothing are left out."""
 
 
 Run = Callable[[float, Point | None], Result | None]
@@ -72,7 +69,7 @@ def own(scene: Scene, surface: str, way: str) -> Run:
     """The engine on a limit problem, set up and run."""
     if way != "whole":
         setup = arrays(scene, surface, way)
-        return lambda tolerance, start: setup().minimise(tolerance, 100, start)
+        return lambda tolerance, start: setup().minimise(tolerance, 100, [start] if start else [])
     given = program_of(scene, surface)
     return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
 
@@ -114,14 +111,22 @@ def measured(name: str, repeat: int) -> dict[str, str]:
             result = run()
             seconds[label].append(time.process_time() - began)
             found[label] = str(getattr(result, "iterations", ""))
-    return {label: f"{1e3 * median(s):.3g} ({found[label]})" for label, s in seconds.items()}
+    said = {label: f" ({number})" if number else "" for label, number in found.items()}
+    return {label: f"{1e3 * median(s):.3g}{said[label]}" for label, s in seconds.items()}
 
 
 @experiment(Part(3))
 def engine(scenes: Sequence[str] = SCENES, repeat: int = 5) -> Lines:
     """Our own solver beside Clarabel and QOCO: CPU milliseconds (iterations), cold and warm."""
-    yield Head("scene", *LABELS)
+    yield Head("scene", "solver", *COLUMNS)
     with threadpool_limits(1, user_api="blas"):
         for name in scenes:
-            found = measured(name, repeat)
-            yield name, *(found.get(label, "") for label in LABELS)
+            yield from rows(name, measured(name, repeat))
+
+
+def rows(name: str, found: dict[str, str]) -> Lines:
+    """A row for every method, from cells by method and column."""
+    for method in METHODS:
+        cells = [found.get(f"{method} {column}", "") for column in COLUMNS]
+        if any(cells):
+            yield name, method, *cells

@@ -84,7 +84,7 @@ def measured(size: int) -> Row:
         found = program.minimise(TOLERANCE, 200)
     seconds = process_time() - start
     stiffer = scene.with_joints(friction=1.01 * float(scene.contacts.friction.max()))
-    warm = arrays(stiffer, "conic", way)().minimise(TOLERANCE, 200, found.middle)
+    warm = arrays(stiffer, "conic", way)().minimise(TOLERANCE, 200, [found.middle])
     number = len(scene.contacts)
     return Row(number, seconds, median(spent), found.iterations, warm.iterations)
 
