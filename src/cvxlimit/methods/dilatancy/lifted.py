@@ -218,7 +218,7 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
     with run.clock.phase("solve"):
         multipliers = lift.solved(left) if left > 0.0 else None
     if multipliers is None:
-        return result("HiGHS found no optimum of the lifted problem in the time")
+        return result("HiGHS found no optimum of the lifted problem, or not in the time")
     with run.clock.phase("certify"):
         factor, taken = lift.checked(multipliers, most)
     factor = min((1.0 - _LOSS) * factor * unit, upper)
