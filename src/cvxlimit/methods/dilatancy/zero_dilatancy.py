@@ -44,11 +44,11 @@ class _Numbers:
     # random prices over the last iterate's largest, in turn: only far higher ones find the lowest
     # branch of a wall whose solutions are all known
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    # of walks: how much prices are too high for low members, too low for high ones; random prices
-    # of compressions besides, in load factors per total load; and the share by which held friction
-    # is less at random. With 0.1 four of five walks on Ferris & Tin-Loi's walls end at the lowest
-    # member known within ten; held friction as it is takes four times as many
-    push: float = 0.1
+    # of walks, in turn: how much prices are too high for low members, too low for high ones; random
+    # prices of compressions besides, in load factors per total load; and the share by which held
+    # friction is less at random. Small ones find the lowest members known of walls in the plane,
+    # from six seeds of six, large ones lower members in space
+    pushes: tuple[float, ...] = (0.03, 0.1)
     walk: int = 6  # pairs of a descent before it ends at a solution
 
 
@@ -288,12 +288,13 @@ class _Search:
             if walk % 2 == 1:
                 scale = _N.scales[walk // 2 % len(_N.scales)]
                 state = self._with_mechanism(self._priced(self._drawn(scale), _N.rough), exact)
+            size = _N.pushes[walk // 2 % len(_N.pushes)]
             for step in range(min(_N.walk, number - walk * _N.walk)):
                 if state is None or state.mechanism is None:
                     break
                 self.tried += 1
-                price = (1.0 + sign * _N.push) * self._price(state.mechanism)
-                push = _N.push if step % 2 == 1 else 0.0
+                price = (1.0 + sign * size) * self._price(state.mechanism)
+                push = size if step % 2 == 1 else 0.0
                 unit = self.run.scaling.unit(state.load_factor or 0.0) / self.run.scaling.force
                 forces = self._priced(price + self._chance(push * unit), exact)
                 state = self._with_mechanism(forces, exact, 1.0 - self._chance(push))
