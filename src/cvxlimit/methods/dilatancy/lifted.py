@@ -58,8 +58,8 @@ _WIDER = 1e-4
 """By how much the interval ends above the lowest solution known, relative, whose own error would
 leave nothing in it."""
 
-_TIGHT = 1e-10
-"""The tightest tolerance that HiGHS takes."""
+_TIGHT = 1e-10, 1e-7
+"""Tolerances of HiGHS: the tightest that it takes, and its own where it ends without an optimum."""
 
 _ROUGH = 1e-6
 """What rounding may change of a pseudo-inverse, far more than it does."""
@@ -261,14 +261,18 @@ class _Lift:
 
     def solved(self, seconds: float) -> tuple[FloatArray, FloatArray] | None:
         """Multipliers of equations and inequalities, as exact as HiGHS has them."""
-        right = np.zeros(self.equations.shape[0])
+        right, until = np.zeros(self.equations.shape[0]), time.perf_counter() + seconds
         right[-1] = 1.0
-        answer = linprog(
-            self.cost, A_ub=-self.inequalities, b_ub=np.zeros(self.inequalities.shape[0]),
-            A_eq=self.equations, b_eq=right, bounds=(None, None), method="highs-ipm",
-            options={"time_limit": seconds, "dual_feasibility_tolerance": _TIGHT,
-                     "primal_feasibility_tolerance": _TIGHT},
-        )  # fmt: skip
+        for tolerance in _TIGHT:
+            answer = linprog(
+                self.cost, A_ub=-self.inequalities, b_ub=np.zeros(self.inequalities.shape[0]),
+                A_eq=self.equations, b_eq=right, bounds=(None, None), method="highs-ipm",
+                options={"time_limit": seconds, "dual_feasibility_tolerance": tolerance,
+                         "primal_feasibility_tolerance": tolerance},
+            )  # fmt: skip
+            seconds = until - time.perf_counter()
+            if answer.status == 0 or seconds <= 0.0:
+                break
         if answer.status != 0:
             return None
         return answer.eqlin.marginals, np.maximum(-answer.ineqlin.marginals, 0.0)
