@@ -1,6 +1,6 @@
 """The convex hull of contacts' states once more, written in CVXPY: the second path to one answer.
 
-The package writes it as arrays (:mod:`cvxlimit.methods.interaction.relaxation.hull`); formulas are
+The package states it to a sink (:mod:`cvxlimit.methods.interaction.relaxation.hull`); formulas are
 those of :mod:`cvxlimit.readings.states.disjuncts`.
 """
 
