@@ -25,8 +25,6 @@ __all__ = ["__version__", *(name for name in _HOME if name != "__version__")]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "analyse":
-        raise ImportError("analyse has become solve, which takes the same options")
     if name not in _HOME:
         reason = f"module 'cvxlimit' has no attribute {name!r}"
         raise AttributeError(reason, name=name, obj=sys.modules[__name__])  # did you mean ...?

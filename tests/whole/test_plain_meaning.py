@@ -122,7 +122,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: solve(scene(), method="certify"),
         "method must be one of convex, .*'certify'",
     ),
-    "old setting": (lambda: FixedPoint(most=2), "is called max_iterations now"),  # type: ignore[call-arg]
     "surface": (lambda: solve(scene(), None), "surface must be a name .* got None"),  # type: ignore[arg-type]
     "ladder": (
         lambda: solve(scene(), ladder=5),  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NoReturn, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -384,12 +384,6 @@ class Method(ABC):
     answers: ClassVar[str] = ""
     axis: ClassVar[str] = "interaction"
 
-    def __new__(cls, *_: object, **settings: object) -> Self:
-        """Refuse settings by the name they once had."""
-        if "most" in settings and "most" not in cls.__dataclass_fields__:
-            raise ModelError(f"{cls.__name__}(most=...) is called max_iterations now")
-        return super().__new__(cls)
-
     @abstractmethod
     def steps(self, run: Run) -> Steps:
         """Yield after every problem that the run has solved; return how it ended.
@@ -509,12 +503,6 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
     parts.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
     parts.append("" if dilatancy is None else str(dilatancy))
     return "; ".join(part for part in parts if part)
-
-
-def __getattr__(name: str) -> NoReturn:
-    if name == "Rule":
-        raise ImportError("Rule has become cvxlimit.Method: its settings, and one generator, steps")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def cycles(values: Sequence[float | None], tolerance: float) -> bool:
