@@ -81,6 +81,13 @@ def solution_problem(solution: Solution) -> LimitProblem:
     return found
 
 
+def solution_first_look(solution: Solution, progress: Any) -> Solution:
+    """:meth:`cvxlimit.Solution.first_look`."""
+    from cvxlimit.methods.dilatancy.first_look import first_look
+
+    return first_look(solution, progress)
+
+
 def problem_solve(
     problem: LimitProblem, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
 ) -> Solution:

@@ -124,11 +124,26 @@ def test_one_joint_that_slides_is_named_in_the_singular() -> None:
 
 def test_units_do_not_matter() -> None:
     scene = retaining_wall()[0]
-    one, two = (solve(s).dilatancy for s in (scene, scene.in_units(Units("mm", "N"), 1e3, 1e3)))
+    pair = (scene, scene.in_units(Units("mm", "N"), 1e3, 1e3))
+    one, two = (solve(s).first_look().dilatancy for s in pair)
     assert one is not None
     assert two is not None
     assert (one.sliding, one.moving) == (two.sliding, two.moving)
     assert one.nearly == pytest.approx(two.nearly, rel=1e-4)
+
+
+def test_a_first_look_is_below_the_associated_factor_and_not_taken_where_blocks_rock() -> None:
+    """On one slab friction without dilatancy carries as much: 0.3 either way."""
+    solution = solve(slab(0.3))
+    looked = solution.first_look()
+    assert looked.load_factor == solution.load_factor
+    assert looked.dilatancy is not None
+    assert looked.dilatancy.nearly == pytest.approx(0.3, rel=1e-4)
+    assert looked.dilatancy.lacks == pytest.approx(0.0, abs=1e-4)
+    assert looked.note.startswith(solution.note)
+    assert "at a first look 0.3000 holds without, and lower ones may" in looked.note
+    rocking = solve(builtin_scene("single-block"))
+    assert rocking.first_look() is rocking
 
 
 @pytest.mark.parametrize("method", ["certified", "exact", "fixed-point"])

@@ -251,7 +251,8 @@ def solve_command(order: Order) -> ExitCode:
 
     def solved(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(order.scene)
-        return scene, solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
+        found = solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
+        return scene, found.first_look(tell)
 
     with _prints_on_stderr() if files.is_piped else nullcontext():
         scene, solution = interruptible(solved)

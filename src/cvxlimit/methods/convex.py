@@ -8,7 +8,6 @@ import numpy as np
 
 from cvxlimit.base.checks import not_negative, ratio
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
-from cvxlimit.methods.dilatancy.first_look import without_dilatancy
 from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
@@ -50,10 +49,8 @@ class Convex(Method):
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
         search = ConvexSearch(run, run.model, self.tolerance, self.budget)
         status = yield from search.steps()
-        found = without_dilatancy(run)
-        if status is Status.LIVE_LOAD_HARMLESS and found and is_covered(run):
-            found = _with_proof(run, found)
-        run.best = replace(run.best, dilatancy=found)
+        if status is Status.LIVE_LOAD_HARMLESS and run.best.dilatancy and is_covered(run):
+            run.best = replace(run.best, dilatancy=_with_proof(run, run.best.dilatancy))
         return status
 
 
