@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from dataclasses import asdict
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from benchmarks import evidence
 from benchmarks.evidence import Record, filled, parts, read, run
-from benchmarks.experiment import Part
+from benchmarks.experiment import Part, experiments
 
 from cvxlimit import __version__
 
@@ -25,6 +26,8 @@ MARK = re.compile(r"<!-- record ([\w-]+)")
 MADE = {"bench.md", "interaction.md", "paper.md"}
 """Pages whose figures others hold: the open bench, whose command writes its tables, and published
 values recomputed by ``tests/whole/test_published.py``."""
+
+COMMAND = re.compile(r"\.venv/bin/python -m benchmarks run (.*)")
 
 CODE = re.compile(r"<!-- record .*?<!-- /record -->|```.*?```|`[^`]*`|\$[^$]*\$", re.S)
 """What is no prose."""
@@ -40,6 +43,19 @@ RECORD = Record(
     "speed", "benchmarks.speed", __version__, "1a2b3c4", "2026-11-22T10:00:00+00:00", "2 cores",
     3.0, "### walls\n| wall | s |\n|---|---|\n| 1 | 0.423056 |\nthree lines\n### arches\n12.5 ms\n",
 )  # fmt: skip
+
+
+def commands() -> list[str]:
+    """What pages ask experiments, continued lines joined."""
+    pages = [DOCS.parent / "CONTRIBUTING.md", *PAGES]
+    texts = (page.read_text("utf-8").replace("\\\n", " ") for page in pages)
+    return sorted({line for text in texts for line in COMMAND.findall(text)})
+
+
+@pytest.mark.parametrize("line", commands())
+def test_options_that_pages_name_exist(line: str) -> None:
+    words = shlex.split(line.split("`")[0], comments=True)
+    experiments()[words[0]].parser().parse_args(words[1:])
 
 
 def marks(page: Path) -> list[str]:

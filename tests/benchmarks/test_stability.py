@@ -344,12 +344,14 @@ def test_every_option_is_asked() -> None:
 
 @pytest.mark.parametrize("family", ["stacks", "boulders"])
 def test_models_do_not_contradict_each_other(family: str) -> None:
-    """All but the slow ones; zero dilatancy's members are checked by a second writing."""
+    """All but the slow ones; zero dilatancy's members are checked by a second writing. Gilbert's
+    scheme may end where its load factor settles before Coulomb's law holds, and then says so."""
     slow = ("certified", "exact", "strong", "weak")
     asked = [m for m in models.MODELS if not m.name.startswith(slow)]
     made = sample(family, 1)
     found = {model.name: models.ask(model, made) for model in asked}
     assert models.contradictions(found, made.scene) == {}
+    assert found.pop("Gilbert")["outcome"] in (Outcome.RIGHT, Outcome.NO_ANSWER, Outcome.HONEST)
     assert {record["outcome"] for record in found.values()} <= {Outcome.RIGHT, Outcome.NO_ANSWER}
     assert found["zero dilatancy"]["members"] >= 1
 

@@ -272,6 +272,10 @@ class TestAnswers:
             np.testing.assert_allclose(_flat(constraint.dual_value), _flat(dual), atol=1e-5)
 
     @pytest.mark.exhaustive_cases(*(f"s10-panel-conic-0.259313-{name}" for name in backends()))
+    @pytest.mark.exhaustive_cases(
+        *(f"s12-panel-octagon-0.184581-{name}" for name in backends()),
+        *(f"s12-panel-conic-0.181935-{name}" for name in backends()),
+    )
     @pytest.mark.parametrize("backend", backends())
     @pytest.mark.parametrize(
         ("name", "surface", "published"),

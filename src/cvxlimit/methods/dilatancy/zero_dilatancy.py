@@ -61,10 +61,10 @@ class ZeroDilatancy(Method):
 
     Two convex problems alternate (:mod:`~cvxlimit.methods.dilatancy.pair`): the load factor with
     friction held at the compressions of the last forces, whose mechanism slides without opening,
-    and the load factor less a price on compressions, that of the dilatancy of the last mechanism.
+    and the load factor less a penalty on compressions: the dilatancy of the last mechanism.
     What forces and mechanism lose never rises; where it stalls, De Saxce's iterates, damped, come
     between. A solution is accepted if equilibrium, yield, flow and complementarity, recomputed
-    outside the solver, are within the tolerance. From the lowest one, prices that are a little too
+    outside the solver, are within the tolerance. From the lowest one, penalties a little too
     high lead to the lowest forces on its mechanism, friction held to another mechanism of theirs,
     and so on; from the highest one likewise upwards.
 
@@ -76,13 +76,13 @@ class ZeroDilatancy(Method):
     tolerance : float
         Largest residual of a solution.
     starts : int
-        The first is the associated solution, the others have random prices.
+        The first is the associated solution, the others have random penalties.
     damping : float
-        Weight of the new price against the old one, in iterates with their own mechanism.
+        Weight of the new penalty against the old one, in iterates with their own mechanism.
     max_iterations : int
         Problems per start.
     seed : int
-        Of the random prices.
+        Of the random penalties.
     descents : int
         Pairs of problems tried in the search for low members, and half as many for high ones; 0
         for none.
