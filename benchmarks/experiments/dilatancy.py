@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
-from benchmarks.experiment import Head, Lines, Part, experiment
-from cvxlimit import Scene, Solution, Status, builtin_scene, solve
-from cvxlimit.masonry import random_wall
+from benchmarks.experiment import Head, Lines, Part, Title, experiment
+from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
+from cvxlimit.masonry import random_wall, running_bond, wall
 from cvxlimit.methods.dilatancy.gilbert import Gilbert
+from cvxlimit.methods.dilatancy.least_thrust import lower_bound
+from cvxlimit.methods.dilatancy.lifted import Lifted, lifted_bound
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.methods.driver import Run
 
 PLANE = ("ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3")
 
@@ -20,7 +24,14 @@ SAME = 1e-4
 load factors by up to about that."""
 
 
-def seconds_of(work: Callable[[], Solution]) -> tuple[Solution, float]:
+Found = TypeVar("Found")
+
+
+_PATIENT = 3600.0
+"""Seconds that no program here takes: a bound is not to depend on what else the machine does."""
+
+
+def seconds_of(work: Callable[[], Found]) -> tuple[Found, float]:
     """CPU seconds: what else the machine does counts little."""
     start = time.process_time()
     return work(), time.process_time() - start
@@ -90,21 +101,95 @@ def gilbert(scenes: Sequence[str]) -> Lines:
             yield name, f"{tolerance:g}", len(found.history), factor, f"{found.status}: {worth}"
 
 
+PUSH = Load(acceleration=(1, 0, 0))
+
+
+def clamped() -> Scene:
+    """The middle one of three cubes on one another, of which the outer ones are fixed."""
+    cubes = [
+        Block.box(f"p{i}", (0, 0, 0.5 * i), (0.5, 0.5, 0.5 * i + 0.5), density=20.0)
+        for i in range(3)
+    ]
+    return Scene(cubes, ["p0", "p2"], PUSH, friction=1.0, name="clamped cube")
+
+
+def laid(name: str, courses: list[list[float]], height: float, friction: float) -> Scene:
+    """A wall in the plane, pushed along it."""
+    unit = (0.4, 0.2, height)
+    return wall(courses, unit=unit, density=20.0, friction=friction, live=PUSH, name=name)
+
+
+def leaved(courses: int, first: int) -> Scene:
+    """Whole stones and pairs of halves in turn, whole ones first if ``first`` is 0."""
+    pattern = [[0.5, 0.5] if (k + first) % 2 else [1.0] for k in range(courses)]
+    name = f"leaved, {courses} courses, {('whole', 'halves')[first]} first"
+    return laid(name, pattern, 0.3, 0.6)
+
+
+def lowest(scene: Scene, starts: int) -> tuple[Scene, str, Solution]:
+    """The scene, its associated load factor, and the members that are known."""
+    associated = solve(scene, model="full").load_factor
+    factor = "none" if associated is None else f"{associated:.6f}"
+    return scene, factor, solve(scene, method=ZeroDilatancy(starts=starts))
+
+
+def thrusts(scene: Scene, associated: str, known: Solution) -> tuple[object, ...]:
+    """What least thrusts exclude, with all that members show."""
+    states = [(member.forces, member.load_factor) for member in known.members]
+    least = known.members[0].load_factor
+    bound, seconds = seconds_of(lambda: lower_bound(Run(scene), least, states))
+    numbers = f"{least:.6f}", f"{bound.load_factor:.6f}", bound.solves, f"{seconds:.1f}"
+    return scene.name, len(scene.contacts), associated, *numbers
+
+
+def products(
+    scene: Scene, associated: str, known: Solution, radius: int | None
+) -> tuple[object, ...]:
+    """What products of forces and rates add to it."""
+    least, settings = known.members[0].load_factor, Lifted(radius, seconds=_PATIENT)
+    start = lower_bound(Run(scene), least).load_factor
+    bound, seconds = seconds_of(lambda: lifted_bound(Run(scene), start, least, settings))
+    numbers = f"{least:.6f}", f"{start:.6f}", f"{bound.load_factor:.6f}"
+    worth = f"{1.0 - bound.load_factor / least:.1e}", f"{bound.rates:.0e}", f"{seconds:.1f}"
+    within = "all" if radius is None else radius
+    return scene.name, len(scene.contacts), within, associated, *numbers, *worth
+
+
+def below(starts: int) -> Lines:
+    """Bounds that no solution is below, beside the lowest one that was found."""
+    named = map(builtin_scene, ("single-block", "stack", "arch", *PLANE[::2], "tuff-wall"))
+    bond = laid("running bond, 2 by 2", running_bond(2, 2), 0.4, 0.8)
+    yield Title("least thrusts")
+    yield Head("scene", "contacts", "associated", "lowest found", "bound", "problems", "CPU s")
+    for scene in (*named, clamped(), bond):
+        yield thrusts(*lowest(scene, starts))
+    yield Title("products")
+    yield Head("wall", "contacts", "blocks apart", "associated", "lowest found", "least thrusts",
+               "bound", "relative gap", "holds for rates up to", "CPU s")  # fmt: skip
+    for scene in (leaved(courses, first) for courses in (4, 5, 7) for first in (0, 1)):
+        yield products(*lowest(scene, starts), None)
+    tall = lowest(laid("running bond, 2 by 6", running_bond(2, 6), 0.3, 0.6), starts)
+    for radius in (None, 2, 1, 0):
+        yield products(*tall, radius)
+
+
 @experiment(
     Part(1, "--table walls", "dilatancy-walls"),
     Part(6, "--table space", "dilatancy-space"),
     Part(2, "--table unique --number 30", "dilatancy-unique"),
     Part(1, "--table gilbert", "gilbert"),
+    Part(2, "--table below", "dilatancy-below"),
 )
 def dilatancy(
     table: str = "walls", scenes: Sequence[str] = (), starts: int = 4, number: int = 50
 ) -> Lines:
-    """Without dilatancy: walls (Ferris & Tin-Loi), space, unique (random walls), gilbert."""
+    """Without dilatancy: walls (Ferris & Tin-Loi), space, unique (random walls), gilbert, below."""
     tables: dict[str, Callable[[], Lines]] = {
         "walls": lambda: walls(scenes, starts),
         "space": lambda: space(scenes, starts),
         "unique": lambda: unique(number, starts),
         "gilbert": lambda: gilbert(scenes),
+        "below": lambda: below(starts),
     }
     if table not in tables:
         raise SystemExit(f"there is no table {table!r}: {', '.join(tables)}")
