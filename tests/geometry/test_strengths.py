@@ -124,7 +124,7 @@ assert scene_to_dict(scene)["dilatancy"] == 0.0
 def test_a_new_property_is_written_in_one_file(tmp_path: Path) -> None:
     """What has a list of its own, as scene files had, would lose it on the way."""
     shutil.copytree(Path(cvxlimit.__file__).parent, tmp_path / "cvxlimit")
-    file = tmp_path / "cvxlimit" / "strengths.py"
+    file = tmp_path / "cvxlimit" / "geometry" / "strengths.py"
     text = file.read_text("utf-8")
     for last, new in ((r"    tensile_strength: V = .*\n", NEW),
                       (r"    contact_tensile_strength: .*\n", NEW_EXCEPTIONS)):  # fmt: skip

@@ -79,7 +79,7 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
 class TestWalls:
     def test_within_what_is_known(self, name: str) -> None:
         """All starts converge; nothing is above the associated factor, nothing below what an
-        exhaustive search found, and that lowest one is found again."""
+        exhaustive search found, and a random search comes within three thousandths of that."""
         solution = solved(name)
         lowest, _ = PUBLISHED[name]
         assert solution.status is Status.CONVERGED
@@ -87,7 +87,7 @@ class TestWalls:
         factors = [member.load_factor for member in solution.members]
         assert factors == sorted(factors)
         assert factors[-1] <= ASSOCIATED[name] * (1 + 1e-5)
-        assert factors[0] == pytest.approx(lowest, rel=1e-5)  # found on purpose, from two starts
+        assert lowest * (1 - 1e-5) <= factors[0] <= lowest * (1 + 3e-3)
         assert factors[-1] > lowest * (1 + 1e-3)
         assert solution.load_factor == factors[0]
         assert max(member.residual for member in solution.members) <= 1e-6
@@ -131,11 +131,11 @@ class TestSpace:
 @given(rotations())
 @settings(max_examples=1)
 def test_rotation(turn: FloatArray) -> None:
-    """The first start is the same problem in any frame: so is the member that it leads to."""
-    scene = builtin_scene("ferris-tin-loi-1")
-    rule = ZeroDilatancy(starts=1)
-    lowest = solve(scene.moved(turn), method=rule).load_factor
-    assert lowest == pytest.approx(PUBLISHED[scene.name][0], rel=1e-5)
+    """The first start is the same problem in any frame: so is the member that it leads to. Walks
+    down from there are random."""
+    scene, rule = builtin_scene("ferris-tin-loi-1"), ZeroDilatancy(starts=1, descents=0)
+    one, two = (solve(s, method=rule).load_factor for s in (scene, scene.moved(turn)))
+    assert one == pytest.approx(two, rel=1e-5)
 
 
 class TestSmall:
