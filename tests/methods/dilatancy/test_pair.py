@@ -178,16 +178,3 @@ def test_interrupted_runs_return_members() -> None:
     assert 0 < len(solution.members) < len(whole.members)
     assert solution.load_factor == solution.members[0].load_factor
     assert solution.bracket.upper_is_proved
-
-
-@pytest.mark.parametrize("share", [0.5, 2.0])
-def test_a_first_look(share: float) -> None:
-    """Default answers: blocks that rock owe nothing, and of one that slides all holds without."""
-    scene = builtin_scene("single-block").with_friction(0.4 * share)
-    found = solve(scene).dilatancy
-    assert found is not None
-    if share > 1.0:
-        assert found.nearly is None
-        return
-    assert found.nearly == pytest.approx(0.4 * share, rel=1e-4)
-    assert found.lacks == pytest.approx(0.0, abs=1e-4)
