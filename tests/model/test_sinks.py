@@ -120,6 +120,16 @@ def test_safe_steps_at_random_points(name: str, moments: str) -> None:
         assert_same_rows(stated.problem)
 
 
+def takes_nothing() -> bool:
+    """True if CVXPY has variables without entries, as its lowest version here has not."""
+    try:
+        cp.Variable(0)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not takes_nothing(), reason="this CVXPY has no variables without entries")
 @everywhere(("single-block", "arch"))
 @pytest.mark.parametrize("moments", READINGS)
 @pytest.mark.parametrize("price", [None, 2.0])
