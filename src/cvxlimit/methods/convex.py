@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.base.checks import not_negative, ratio
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
-from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
+from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
 from cvxlimit.solution.kinematics import Dilatancy
@@ -56,6 +56,6 @@ class Convex(Method):
 
 def _with_proof(run: Run, found: Dilatancy) -> Dilatancy:
     """With the load factor below which nothing slides without dilatancy, as far as it is proved in
-    the time that the answer has taken so far."""
-    bound = lower_bound(run, np.inf, seconds=run.clock.elapsed).load_factor
+    the time that the answer has taken so far, or in two seconds."""
+    bound = lower_bound(run, np.inf, seconds=max(PATIENCE, run.clock.elapsed)).load_factor
     return found if run.is_boundless(bound) else replace(found, safe=bound)

@@ -37,6 +37,11 @@ from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import number, stated, times
 
+PATIENCE = 2.0
+"""Seconds that an answer may always spend on this bound, else as many as it has taken so far: ten
+times what scenes of some fifty joints need, whose bounds must not hang on what else the machine
+does."""
+
 _LOST = 1e-5
 """Of the total dead load, spread over all joints: what is known of a least thrust to so much is not
 asked again. All of them together change friction by that share of the load at most."""

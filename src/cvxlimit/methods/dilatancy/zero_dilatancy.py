@@ -16,7 +16,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
-from cvxlimit.methods.dilatancy.least_thrust import is_covered, lower_bound
+from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
@@ -194,7 +194,7 @@ class _Search:
             else tuple((member.forces, member.load_factor) for member, _ in self.found)
         )
         run.tell("bounding solutions without dilatancy from below")
-        found = lower_bound(run, lowest, states, run.clock.elapsed)
+        found = lower_bound(run, lowest, states, max(PATIENCE, run.clock.elapsed))
         if found.load_factor > 0.0:
             bracket = run.best.bracket.raised(found.load_factor, True)
             run.best = replace(run.best, bracket=bracket)
