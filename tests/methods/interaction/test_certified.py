@@ -196,7 +196,8 @@ def prism(name: str, outline: Sequence[tuple[float, float]], low: float, high: f
 @pytest.mark.parametrize("moments", ["signed", slow("paper")])
 def test_layers_of_hexagons(moments: str) -> None:
     """Contacts of other shapes than rectangles are searched with their own arms: signed moments
-    close to the 1 % that is asked for by default; inscribed rectangles would leave both wider."""
+    close to the 1 % that is asked for by default; inscribed rectangles would leave both wider. The
+    paper's are given three times the usual budget: in that they come to 10 % on a slow machine."""
     blocks, r = [Block.box("ground", (-3, -3, -0.5), (6, 6, 0))], 0.5
     for layer, i, j in product(range(3), range(2), range(2)):
         x, y = np.sqrt(3.0) * r * (i + 0.5 * j), 1.5 * r * j + r * (layer % 2)
@@ -205,9 +206,8 @@ def test_layers_of_hexagons(moments: str) -> None:
         level = 0.4 * layer
         blocks.append(prism(f"b{layer}{i}{j}", outline, level, level + 0.4))
     live = Load(acceleration=(0.38, 0.92, 0.07))
-    solution = solve(
-        Scene(blocks, ["ground"], live, friction=0.6), method="certified", moments=moments
-    )
+    rule = Certified(moments=moments, budget=None if moments == "signed" else 30.0)
+    solution = solve(Scene(blocks, ["ground"], live, friction=0.6), method=rule)
     assert solution.is_proved
     assert solution.gap <= (0.01 if moments == "signed" else 0.1)
 
