@@ -79,7 +79,8 @@ def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor
 class TestWalls:
     def test_within_what_is_known(self, name: str) -> None:
         """All starts converge; nothing is above the associated factor, nothing below what an
-        exhaustive search found, and a random search comes within three thousandths of that."""
+        exhaustive search found, and that lowest one is found again: a known gap on wall 2, where
+        walks end up to two thousandths above it."""
         solution = solved(name)
         lowest, _ = PUBLISHED[name]
         assert solution.status is Status.CONVERGED
@@ -87,10 +88,13 @@ class TestWalls:
         factors = [member.load_factor for member in solution.members]
         assert factors == sorted(factors)
         assert factors[-1] <= ASSOCIATED[name] * (1 + 1e-5)
-        assert lowest * (1 - 1e-5) <= factors[0] <= lowest * (1 + 3e-3)
+        assert factors[0] >= lowest * (1 - 1e-5)
         assert factors[-1] > lowest * (1 + 1e-3)
         assert solution.load_factor == factors[0]
         assert max(member.residual for member in solution.members) <= 1e-6
+        if name == "ferris-tin-loi-2" and factors[0] > lowest * (1 + 1e-5):
+            pytest.xfail(f"the lowest one found is {factors[0]}")
+        assert factors[0] == pytest.approx(lowest, rel=1e-5)  # found on purpose, from two starts
 
     def test_extremes_by_hand(self, name: str) -> None:
         for member in (solved(name).members[0], solved(name).members[-1]):
