@@ -139,7 +139,6 @@ class _Search:
     def __init__(self, rule: ZeroDilatancy, run: Run) -> None:
         self.rule, self.run = rule, run
         self.found: list[Found] = []
-        self.last: Member | None = None
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
         self.products: LiftedBound | None = None
