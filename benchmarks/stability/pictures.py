@@ -87,9 +87,10 @@ def map_of_wrong(rows: Sequence[Row]) -> Figure:
     raw = [row for row in rows if row["method"].startswith("raw/")]
     names = list(dict.fromkeys(row["method"] for row in raw))
     bad = {row["family"] for row in raw if row["outcome"] == Outcome.WRONG}
-    families = [f for f in FAMILIES if f in bad]
+    shown = bad or {row["family"] for row in raw}  # where no answer is wrong, all stay white
+    families = [f for f in FAMILIES if f in shown]
     wrong, of = (np.zeros((len(families), len(names))) for _ in range(2))
-    for row in raw:
+    for row in (row for row in raw if row["family"] in shown):
         at = families.index(row["family"]), names.index(row["method"])
         of[at] += 1
         wrong[at] += row["outcome"] == Outcome.WRONG

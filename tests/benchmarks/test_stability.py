@@ -330,6 +330,20 @@ def test_a_study_goes_on_where_it_stopped(
     assert {path.name for path in tmp_path.glob("*.png")} == {*pictures.PICTURES}
 
 
+@pytest.mark.parametrize("wrong", [[], ["walls"], ["walls", "domes"]])
+def test_the_map_of_wrong_answers_shows_who_believed_them(wrong: list[str]) -> None:
+    """Families with a wrong answer; where none is wrong all that were asked, in white."""
+    asked = ["walls", "arches", "domes"]
+    outcomes = {of: Outcome.WRONG if of in wrong else Outcome.RIGHT for of in asked}
+    rows = [
+        {"family": of, "method": "raw/octagon/CLARABEL", "outcome": outcome}
+        for of, outcome in outcomes.items()
+    ]
+    [axes] = pictures.map_of_wrong(rows).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == (wrong or asked)
+    assert [text.get_text() for text in axes.texts] == ["1/1"] * len(wrong)
+
+
 # --- models against each other --------------------------------------------------------------------
 
 
