@@ -7,6 +7,7 @@ from cvxlimit import io as io
 from cvxlimit import masonry as masonry
 from cvxlimit import methods as methods
 from cvxlimit import model as model
+from cvxlimit import paths as paths
 from cvxlimit import plotting as plotting
 from cvxlimit import proof as proof
 from cvxlimit import reductions as reductions
@@ -33,6 +34,9 @@ from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
 from cvxlimit.methods.settlement import settlement as settlement
 from cvxlimit.methods.solving import solve as solve
 from cvxlimit.model.problem import LimitProblem as LimitProblem
+from cvxlimit.paths.following import pushover as pushover
+from cvxlimit.paths.path import Configuration as Configuration
+from cvxlimit.paths.path import Path as Path
 from cvxlimit.proof.certificate import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier
 from cvxlimit.reductions.choice import explain as explain

@@ -12,6 +12,7 @@ import os
 from typing import Any
 
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.paths.path import Path
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -72,6 +73,13 @@ def solution_table(solution: Solution, what: str) -> Any:
     from cvxlimit.plotting.frames import table_of
 
     return table_of(solution, what)
+
+
+def path_table(path: Path) -> Any:
+    """:meth:`cvxlimit.Path.to_dataframe`."""
+    from cvxlimit.plotting.frames import path_table
+
+    return path_table(path)
 
 
 def solution_problem(solution: Solution) -> LimitProblem:

@@ -13,9 +13,11 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.plotting.movement import motion
+from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.readings.utilisation import BENDING, contact_forces, utilisations
 from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import ContactKind
 
 if TYPE_CHECKING:
@@ -44,6 +46,30 @@ def table_of(solution: Solution, what: str) -> DataFrame:
         "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
         "description": {name: text for name, (_, _, text) in columns.items()},
     }
+    return table
+
+
+def path_table(path: Path) -> DataFrame:
+    """A path's configurations, one row each."""
+    pandas = needed("pandas", "frames", "tables")
+    brackets = [c.bracket or Bracket(np.nan, np.nan) for c in path]
+    columns: Columns = {
+        "w": (path.w, path.scene.units.length, "mean displacement of the live load"),
+        "displacement": (path.displacement, path.scene.units.length, "of the control block"),
+        "load_factor": (path.load_factor, "", "with friction at points"),
+        "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
+        "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
+        "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
+        "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "among closed points"),
+        "residual": ([c.residual for c in path], "", "last movement over the contact size"),
+        "iterates": ([c.iterates for c in path], "", "convex problems solved"),
+    }  # fmt: skip
+    table = pandas.DataFrame({name: values for name, (values, _, _) in columns.items()})
+    table.attrs = {
+        "status": path.status, "reason": path.reason, "snaps": path.snaps, "proof": PROVES,
+        "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
+        "description": {name: text for name, (_, _, text) in columns.items()},
+    }  # fmt: skip
     return table
 
 

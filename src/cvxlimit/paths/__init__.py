@@ -1,0 +1,1 @@
+"""After the collapse load factor: the path of a structure in finite displacements."""

@@ -1,0 +1,251 @@
+"""What :func:`cvxlimit.pushover` returns: a path, and the configurations on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.attached import attached
+from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load
+from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import Bracket
+
+Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
+
+PROVES = "a bracket proves the load factor of its configuration, not that the structure gets there"
+"""What every table and picture of a path says."""
+
+ZERO = 1e-8
+"""Load factors below this share of the first are zero: a path ends as near to it as that."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The k points at which blocks of a configuration touch or are about to.
+
+    Attributes
+    ----------
+    a, b : (k,) array of int
+        Blocks, as numbers in ``scene.blocks``; forces act on b, their opposites on a.
+    at : (k, 3) array
+        Places, in the scene's unit of length.
+    axes : (k, 3, 3) array
+        Rows t1, t2, n of a right-handed frame; n points from a into b.
+    gap : (k,) array
+        Distance along n; negative where blocks are in each other.
+    slip : (k, 2) array
+        Of b against a along t1 and t2 since the step's start, where the point was closed then.
+    friction : (k,) array
+    """
+
+    a: IntArray
+    b: IntArray
+    at: FloatArray
+    axes: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    friction: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Gap less friction times slip (k,): what a point has to close, opened by its own slip."""
+        return np.asarray(self.gap - self.friction * np.linalg.norm(self.slip, axis=1))
+
+    def take(self, which: NDArray[Any]) -> Points:
+        """Some of the points, by number or by a truth value for each."""
+        return Points(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+class Work(NamedTuple):
+    """The area under the curve, load factor times the live load's work, and the energy that the
+    dead load has taken up on the way, which it equals while joints rock without sliding."""
+
+    area: float
+    potential: float
+
+    @property
+    def difference(self) -> float:
+        """Area less potential, over the larger of both."""
+        return (self.area - self.potential) / max(abs(self.area), abs(self.potential), 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """Displaced blocks in equilibrium, the forces at their points, and the bracket.
+
+    Attributes
+    ----------
+    start : Scene
+        The scene that the path began with.
+    w : float
+        Mean displacement of the live load, in the scene's unit of length.
+    load_factor : float
+    displacements : mapping of block id to (6,) array
+        Of every free block: translation of its centroid and rotation vector (radians), from where
+        it was at first.
+    points : Points
+    forces : (k, 3) array
+        Compression n and friction v1, v2 along t1 and t2 at every point, on block b.
+    bracket : Bracket or None
+        Of the largest load factor of this configuration, with friction at its closed points; None
+        where none was asked for.
+    widest_gap : float
+        The widest gap, less friction times slip, among points that count as closed.
+    residual : float
+        How far the last iterate would still move a point, over the typical contact size.
+    iterates : int
+        Convex problems solved to find it.
+    """
+
+    start: Scene
+    w: float
+    load_factor: float
+    displacements: Mapping[str, FloatArray]
+    points: Points
+    forces: FloatArray
+    bracket: Bracket | None = None
+    widest_gap: float = 0.0
+    residual: float = 0.0
+    iterates: int = 0
+
+    def scene(self) -> Scene:
+        """The scene with moved blocks, and point loads that moved with them."""
+        return moved_scene(self.start, self.displacements)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Load factor against displacement, configuration by configuration.
+
+    A bracket proves the load factor of its configuration, not that the structure gets there.
+
+    Attributes
+    ----------
+    initial : Solution
+        What :func:`cvxlimit.solve` says of the scene as it is given. Its load factor differs from
+        the path's first one, since the path has friction at points and not on whole contacts.
+    configurations : tuple of Configuration
+        The first at w = 0; also ``path[3]``.
+    status : str
+        ``"zero"`` where the load factor asked for (0) is reached; ``"falls"`` where no equilibrium
+        follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
+        out; ``"not-converged"``; ``"interrupted"``.
+    reason : str
+        The same in a sentence, with the names of blocks.
+    flow : str
+    step : float
+        Step of w, as it was chosen at first.
+    snaps : tuple of float
+        Where no neighbouring equilibrium exists, and the structure jumps: w before the jump.
+    work : Work or None
+    slides : bool
+        True if joints slid on the way: the curve then depends on the step.
+    control : (block id, (3,) direction) or None
+    """
+
+    initial: Solution
+    configurations: tuple[Configuration, ...]
+    status: Ending
+    reason: str
+    flow: str = "associated"
+    step: float = 0.0
+    snaps: tuple[float, ...] = ()
+    work: Work | None = None
+    slides: bool = False
+    control: tuple[str, tuple[float, float, float]] | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.configurations)
+
+    def __getitem__(self, i: int) -> Configuration:
+        return self.configurations[i]
+
+    def __iter__(self) -> Iterator[Configuration]:
+        return iter(self.configurations)
+
+    def __repr__(self) -> str:
+        first, last = self.load_factor[0], self.load_factor[-1]
+        return (
+            f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
+            f"{last:.5g}, {self.status})"
+        )
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that the path began with."""
+        return self.configurations[0].start
+
+    @cached_property
+    def w(self) -> FloatArray:
+        """Mean displacement of the live load (steps + 1,)."""
+        return np.array([c.w for c in self.configurations])
+
+    @cached_property
+    def load_factor(self) -> FloatArray:
+        """(steps + 1,), the first that of the scene as given with friction at points."""
+        return np.array([c.load_factor for c in self.configurations])
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        """Of the control block's centroid along its direction (steps + 1,); w without one."""
+        if self.control is None:
+            return self.w
+        block, direction = self.control
+        along = np.asarray(direction, dtype=float)
+        along = along / np.linalg.norm(along)
+        return np.array([c.displacements[block][:3] @ along for c in self.configurations])
+
+    @cached_property
+    def d0(self) -> float:
+        """Displacement at which the load factor is first zero; NaN where the path ends before."""
+        found = np.flatnonzero(self.load_factor <= ZERO * abs(self.load_factor[0]))
+        return float(self.displacement[found[0]]) if len(found) else float("nan")
+
+    def to_dataframe(self) -> Any:
+        """One row for each configuration, as a pandas DataFrame."""
+        return attached("path_table")(self)
+
+
+def rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    half = np.sinc(angle / (2.0 * np.pi))  # sinc keeps all digits near 0
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross)
+
+
+def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
+    """``scene`` with blocks moved by (6,) displacements; point loads move with their blocks."""
+    turns = {name: rotation(d[3:]) for name, d in displacements.items()}
+    blocks = []
+    for block in scene.blocks:
+        if block.id in displacements:
+            turn, d = turns[block.id], displacements[block.id]
+            block = block.moved(turn, block.centroid + d[:3] - turn @ block.centroid)
+        blocks.append(block)
+    centre = {block.id: block.centroid for block in scene.blocks}
+
+    def moved(load: Load) -> Load:
+        points: Sequence[Any] = [
+            replace(p, at=tuple(
+                centre[p.block] + displacements[p.block][:3]
+                + turns[p.block] @ (p.at - centre[p.block])
+            ))
+            for p in load.points
+        ]  # fmt: skip
+        return replace(load, points=points)
+
+    return replace(scene, blocks=tuple(blocks), dead=moved(scene.dead), live=moved(scene.live))
