@@ -7,15 +7,15 @@ A module is loaded when a name of it is first asked for: CVXPY and SciPy take a 
 the command line must be able to answer Ctrl-C. Public names are the lines of ``__init__.pyi``.
 """
 
+import pathlib
 import re
 import sys
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from cvxlimit.base.versions import __version__
 
-_STUB = Path(__file__).with_suffix(".pyi").read_text("utf-8")
+_STUB = pathlib.Path(__file__).with_suffix(".pyi").read_text("utf-8")
 _HOME = {
     name: module for module, name in re.findall(r"^from (\S+) import (\w+) as \w+$", _STUB, re.M)
 }

@@ -34,6 +34,8 @@ from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
 from cvxlimit.methods.settlement import settlement as settlement
 from cvxlimit.methods.solving import solve as solve
 from cvxlimit.model.problem import LimitProblem as LimitProblem
+from cvxlimit.paths.code_check import CodeCheck as CodeCheck
+from cvxlimit.paths.code_check import code_check as code_check
 from cvxlimit.paths.following import pushover as pushover
 from cvxlimit.paths.path import Configuration as Configuration
 from cvxlimit.paths.path import Path as Path

@@ -103,3 +103,26 @@ def problem_solve(
     from cvxlimit.methods.modelling import solved
 
     return solved(problem, solver, tolerance, verbose, options)
+
+
+def check_plot(check: Any, path: str | os.PathLike[str] | None, options: dict[str, Any]) -> Any:
+    """:meth:`cvxlimit.CodeCheck.plot`."""
+    from cvxlimit.plotting.paths import draw_check
+
+    return draw_check(check, path, options)
+
+
+def path_save(path: Path, file: str | os.PathLike[str]) -> None:
+    """:meth:`cvxlimit.Path.save`."""
+    from cvxlimit.io import write_path
+
+    write_path(path, file)
+
+
+def path_plot(
+    path: Path, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
+) -> Any:
+    """:meth:`cvxlimit.Path.plot`."""
+    from cvxlimit.plotting.paths import draw_path
+
+    return draw_path(path, kind, file, options)

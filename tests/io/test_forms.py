@@ -281,7 +281,7 @@ def test_the_command_line_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_another_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="kind must be 'scene' or 'result', got 'wall'"):
+    with pytest.raises(InputError, match="kind must be 'scene', 'result' or 'path'"):
         json_schema("wall")
 
 

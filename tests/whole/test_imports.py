@@ -32,8 +32,8 @@ LAYERS = (
 """Rooms, lowest first: each sees lower ones only. Give a new one its place."""
 
 OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
-"""All that files and pictures see besides themselves, and ``paths.path``; pictures also see how much
-of their strength contacts use, as surfaces and readings of Eq. 30 have it."""
+"""All that files and pictures see besides themselves, and ``paths.path``; pictures also see how
+much of their strength contacts use, as surfaces and readings of Eq. 30 have it."""
 
 OWN_PICKLES = {"methods.interaction.branching.workers", "studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""

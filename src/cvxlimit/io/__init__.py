@@ -1,8 +1,8 @@
-"""Reading and writing scene files and result files: JSON, UTF-8, without loss.
+"""Reading and writing files of scenes, results and paths: JSON, UTF-8, without loss.
 
-Two formats, ``cvxlimit-scene`` and ``cvxlimit-result``, both version 1. Everything given by
-the user comes back bit for bit; :func:`json_schema` describes both. Geometry of other programs is
-read by :func:`import_geometry`. What cannot be read is refused with an
+Three formats, ``cvxlimit-scene``, ``cvxlimit-result`` and ``cvxlimit-path``, all version 1.
+Everything given by the user comes back bit for bit; :func:`json_schema` describes them. Geometry of
+other programs is read by :func:`import_geometry`. What cannot be read is refused with an
 :class:`~cvxlimit.errors.InputError` of one line; nothing is padded, clipped or guessed.
 """
 
@@ -11,6 +11,7 @@ from typing import Any
 from cvxlimit.errors import InputError
 from cvxlimit.io.geometry.export import export
 from cvxlimit.io.geometry.importing import Imported, import_geometry, read_bodies
+from cvxlimit.io.paths import PATH, read_path, write_path
 from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
 from cvxlimit.io.scenes import (
     SCENE,
@@ -27,6 +28,7 @@ __all__ = [
     "import_geometry",
     "json_schema",
     "read_bodies",
+    "read_path",
     "read_result",
     "read_scene",
     "result_from_dict",
@@ -34,13 +36,14 @@ __all__ = [
     "scene_digest",
     "scene_from_dict",
     "scene_to_dict",
+    "write_path",
     "write_result",
     "write_scene",
 ]
 
 
 def json_schema(kind: str = "scene") -> dict[str, Any]:
-    """JSON Schema of a scene or result file, for editors and validators.
+    """JSON Schema of a file of a scene, result or path, for editors and validators.
 
     It knows keys, kinds and numbers of entries; relations between entries (a support that is no
     block, an open mesh, a load on nothing) are checked by reading only. ``cvxlimit scenes
@@ -49,7 +52,7 @@ def json_schema(kind: str = "scene") -> dict[str, Any]:
 
     Parameters
     ----------
-    kind : "scene" or "result"
+    kind : "scene", "result" or "path"
 
     Raises
     ------
@@ -61,7 +64,7 @@ def json_schema(kind: str = "scene") -> dict[str, Any]:
     >>> json_schema()["required"]
     ['format', 'version', 'blocks', 'supports', 'friction', 'loads']
     """
-    for document in (SCENE, RESULT):
+    for document in (SCENE, RESULT, PATH):
         if document.kind == kind:
             return document.schema
-    raise InputError(f"kind must be 'scene' or 'result', got {kind!r}")
+    raise InputError(f"kind must be 'scene', 'result' or 'path', got {kind!r}")

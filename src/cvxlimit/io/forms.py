@@ -87,6 +87,13 @@ def choice(words: Iterable[str]) -> Form:
     return plain(read, {"enum": [*kind]}, lambda value, _: str(value))
 
 
+def _truth(value: Any, where: str) -> bool:
+    return choice(("yes", "no")).read(value, where, "") == "yes"
+
+
+FLAG = plain(_truth, {"enum": ["yes", "no"]}, lambda value, _: "yes" if value else "no")
+
+
 def nullable(form: Form, none: float | None = None) -> Form:
     """``null`` stands for ``none``."""
 
@@ -239,6 +246,11 @@ class Document(Generic[T]):
         with refusals(file_prefix(path)):
             data = encoded(self.to_dict(value))
         write_file(path, data)
+
+    @property
+    def inside(self) -> Form:
+        """Inside another document, with its own header."""
+        return Form(lambda x, *_: self.from_dict(x), lambda x, *_: self.to_dict(x), self.schema)
 
     @property
     def schema(self) -> JsonObject:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -211,6 +212,53 @@ class Path:
         """Displacement at which the load factor is first zero; NaN where the path ends before."""
         found = np.flatnonzero(self.load_factor <= ZERO * abs(self.load_factor[0]))
         return float(self.displacement[found[0]]) if len(found) else float("nan")
+
+    @property
+    def pieces(self) -> tuple[tuple[int, int], ...]:
+        """Rows from and to, exclusive, between which the structure does not jump."""
+        ends = [int(np.flatnonzero(self.w == w)[-1]) + 1 for w in self.snaps]
+        return tuple(zip([0, *ends], [*ends, len(self)], strict=True))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the path with its scene to a JSON file, complete or not at all;
+        :func:`cvxlimit.io.read_path` reads it, and :func:`cvxlimit.prove` proves it again.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        attached("path_save")(self, path)
+
+    def plot(
+        self, kind: str = "curve", path: str | os.PathLike[str] | None = None, **options: Any
+    ) -> Any:
+        """Draw the path: a figure, a film or a page; with ``path``, a file.
+
+        Parameters
+        ----------
+        kind : "curve", "film" or "page"
+            The load factor over the displacement with the brackets, and snaps as drops; the
+            structure in motion; both on a page with a slider over the configurations.
+        path : path or None
+            ``.png``, ``.svg`` or ``.pdf`` of the curve, ``.gif`` or ``.mp4`` of the film, ``.html``
+            of the page.
+        options
+            ``ax``, ``figsize``, ``title`` and ``legend`` of the curve, see
+            :func:`cvxlimit.plotting.picture`; ``viewer`` of the film.
+
+        Raises
+        ------
+        InputError
+            For another kind or suffix.
+        ModelError
+            If Matplotlib is not installed, which pages do not need.
+        """
+        return attached("path_plot")(self, kind, path, options)
+
+    def animate(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """The film of :meth:`plot`: every configuration as it is, from rest to the end and back."""
+        return self.plot("film", path, **options)
 
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""

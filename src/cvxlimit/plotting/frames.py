@@ -12,8 +12,8 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
-from cvxlimit.plotting.movement import motion
 from cvxlimit.paths.path import PROVES, Path
+from cvxlimit.plotting.movement import motion
 from cvxlimit.readings.utilisation import BENDING, contact_forces, utilisations
 from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution
@@ -60,7 +60,7 @@ def path_table(path: Path) -> DataFrame:
         "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
         "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
         "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
-        "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "among closed points"),
+        "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "of closed points"),
         "residual": ([c.residual for c in path], "", "last movement over the contact size"),
         "iterates": ([c.iterates for c in path], "", "convex problems solved"),
     }  # fmt: skip

@@ -60,6 +60,7 @@ CULPRIT_COLOUR = "#ee6c5b"
 """Blocks to blame for a refusal."""
 
 SPEED_TEXT = "largest corner speed of the block / largest of all"
+WAY_TEXT = "way of the block's farthest corner / farthest of all"
 
 USE_STOPS = ("#f7e8c8", "#f0b56b", "#d9743f", "#9e3251", "#4a1a5c")
 """Share of strength in use, from none to all: light to dark, so that it also reads in grey and to

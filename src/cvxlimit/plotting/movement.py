@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,6 +11,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
+from cvxlimit.paths.path import rotation
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import (
@@ -47,6 +49,9 @@ class Motion:
     contacts : ContactMotion
     is_solved : bool
         False for a scene that is drawn before it is solved.
+    is_finite : bool
+        True if ``rates`` are displacements: translations of centroids and rotation vectors, by
+        which blocks are moved as they are, in place of rates that are drawn enlarged.
     """
 
     rates: FloatArray
@@ -55,6 +60,7 @@ class Motion:
     scale: float
     contacts: ContactMotion
     is_solved: bool = True
+    is_finite: bool = False
 
     @property
     def moves(self) -> bool:
@@ -85,12 +91,35 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     return Motion(rates, largest, speeds / largest, scale, contacts(VISIBLE * largest))
 
 
+_NOTHING = np.empty(0)
+_NO_CONTACTS = ContactMotion(_NOTHING, _NOTHING, _NOTHING, _NOTHING, np.empty(0, dtype=np.int64))
+
+
 def still(scene: Scene) -> Motion:
     """No movement; nothing is asked about contacts, so that a refused scene can be drawn."""
-    nothing = np.empty(0)
-    contacts = ContactMotion(nothing, nothing, nothing, nothing, np.empty(0, dtype=np.int64))
     count = len(scene.blocks)
-    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, contacts, is_solved=False)
+    return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, _NO_CONTACTS, is_solved=False)
+
+
+def moved_by(scene: Scene, displacements: Mapping[str, FloatArray]) -> Motion:
+    """Blocks moved by displacements (6,) by id; speeds are the ways of their farthest corners."""
+    ways = np.array([displacements.get(block.id, np.zeros(6)) for block in scene.blocks])
+    corners = [block.vertices for block in scene.blocks]
+    owner = np.repeat(np.arange(len(corners)), [*map(len, corners)])
+    points = np.concatenate(corners)
+    far = np.linalg.norm(points_moved(scene, ways, points, owner) - points, axis=1)
+    speed = np.zeros(len(corners))
+    np.maximum.at(speed, owner, far)
+    largest = float(speed.max())
+    share = speed / largest if largest > 0.0 else speed
+    return Motion(ways, largest, share, 1.0, _NO_CONTACTS, is_finite=True)
+
+
+def points_moved(scene: Scene, ways: FloatArray, points: FloatArray, block: IntArray) -> FloatArray:
+    """Points (p, 3), each carried by a block (p,), after displacements (n_blocks, 6)."""
+    centroids = np.array([each.centroid for each in scene.blocks])[block]
+    turned = np.einsum("pij,pj->pi", rotation(ways[:, 3:])[block], points - centroids)
+    return np.asarray(centroids + ways[block, :3] + turned)
 
 
 def free_bounds(scene: Scene) -> FloatArray:
@@ -104,6 +133,8 @@ def free_size(scene: Scene) -> float:
 
 
 def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray) -> FloatArray:
+    if moving.is_finite:
+        return points_moved(scene, moving.rates, points, block)
     return points + moving.scale * velocity_of(scene, moving.rates, points, block)
 
 

@@ -1,7 +1,9 @@
 """Scenes: blocks, supports, friction, loads and ties."""
 
 from cvxlimit.scene.loads import GRAVITY, Load, PointForce, Pressure
-from cvxlimit.scene.scene import Scene, Units, check_scene
+from cvxlimit.scene.scene import METRES, Scene, Units, check_scene
 from cvxlimit.scene.ties import Tie
 
-__all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Tie", "Units", "check_scene"]
+__all__ = [
+    "GRAVITY", "METRES", "Load", "PointForce", "Pressure", "Scene", "Tie", "Units", "check_scene",
+]  # fmt: skip

@@ -28,6 +28,9 @@ from cvxlimit.scene.ties import Tie, with_ties
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
 
+METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""Units of length that can be converted, in metres."""
+
 
 @dataclass(frozen=True)
 class Units:

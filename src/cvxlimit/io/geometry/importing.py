@@ -35,12 +35,11 @@ from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
 from cvxlimit.io.geometry.supports import supports_of
 from cvxlimit.io.geometry.tables import read_table
-from cvxlimit.scene import Scene, Units
+from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.scene.loads import Load
 
 AXES = ("x", "y", "z")
 
-METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
 
 STONE = (5.0, 40.0)

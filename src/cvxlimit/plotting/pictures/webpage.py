@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+from collections.abc import Sequence
 from functools import reduce
 from importlib.resources import files
 from typing import Any
@@ -18,7 +19,7 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
 from cvxlimit.plotting.camera import default_camera, thin_axis, upright
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.movement import Motion, free_size, motion, still
+from cvxlimit.plotting.movement import Motion, displaced, free_size, motion, still
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
 from cvxlimit.plotting.pictures.forces import thrust_of_blocks
 from cvxlimit.plotting.pictures.utilisation import used_shares
@@ -96,7 +97,7 @@ def _said(solution: Solution) -> tuple[str, str]:
     """What the number is worth, in one or two short sentences, and the note, which says why."""
     note, unsafe = solution.note, solution.dilatancy
     if not solution.status.has_answer:  # what to do is in the note
-        return _sentences(solution.standing, note), ""
+        return sentences(solution.standing, note), ""
     if solution.status is Status.CERTIFIED:
         lower = rounded_down(solution.lower, look.DIGITS)
         upper = rounded_up(solution.upper, look.DIGITS)
@@ -109,10 +110,10 @@ def _said(solution: Solution) -> tuple[str, str]:
     second = ""
     if unsafe is not None and unsafe.is_worth_a_word:
         second = "on the unsafe side: joints slide, and open by dilatancy"
-    return _sentences(first, second), _sentences(note)
+    return sentences(first, second), sentences(note)
 
 
-def _sentences(*said: str) -> str:
+def sentences(*said: str) -> str:
     return " ".join(f"{each[0].upper()}{each[1:]}." for each in said if each)
 
 
@@ -152,6 +153,20 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
     advice = f"refused: {reason}" if reason else counts + weight
     data |= {"title": look.scene_title(scene), "advice": advice, "refused": reason is not None}
+    return framed("viewer.html", data)
+
+
+def path_page(scene: Scene, motions: Sequence[Motion], said: dict[str, Any]) -> Page:
+    """The configurations of a path, one at each stop of a slider, beside the curve of its load
+    factor; ``said`` are title, advice, and the ``path`` with its texts."""
+    farthest = max(motions, key=lambda moving: moving.largest)
+    data = _page_data(scene, farthest, None, Annotations())
+    mesh = drawn_mesh(scene)
+    points = [displaced(scene, moving, mesh.points, mesh.point_block) for moving in motions]
+    reach = np.concatenate([shown_bounds(scene), *points])
+    data["bounds"] = _coordinates(scene, np.stack([reach.min(axis=0), reach.max(axis=0)]))
+    ways = [_short(moving.rates) for moving in motions]
+    data |= said | {"path": said["path"] | {"ways": ways}, "speedText": look.WAY_TEXT}
     return framed("viewer.html", data)
 
 

@@ -10,6 +10,7 @@ from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import ANY_FINITE, Path, items, shown, text
 from cvxlimit.io.forms import (
+    FLAG,
     HEADER,
     TEXT,
     WHOLE,
@@ -20,7 +21,6 @@ from cvxlimit.io.forms import (
     keyed,
     listed,
     nullable,
-    plain,
     record,
     row,
 )
@@ -31,21 +31,10 @@ from cvxlimit.solution import Status
 from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.supports import Support
 
-
-def _truth(value: Any, where: str) -> bool:
-    return choice(("yes", "no")).read(value, where, "") == "yes"
-
-
-FLAG = plain(_truth, {"enum": ["yes", "no"]}, lambda value, _: "yes" if value else "no")
 VECTOR = listed(FIGURE, made=lambda numbers: np.array(numbers, dtype=float))
-SOLUTION = Form(
-    lambda value, *_: RESULT.from_dict(value),
-    lambda value, *_: RESULT.to_dict(value),
-    RESULT.schema,
-)
 _FORMS: dict[str, Form] = {
     "point": nullable(VECTOR), "ray": nullable(VECTOR), "loaded": nullable(VECTOR),
-    "offset": FIGURE, "solution": nullable(SOLUTION), "direction": VECTOR, "normal": VECTOR,
+    "offset": FIGURE, "solution": nullable(RESULT.inside), "direction": VECTOR, "normal": VECTOR,
 }  # fmt: skip
 _ROWS = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}")
 RATES = Form(
